@@ -1,0 +1,70 @@
+# Everything here needs only python3 (3.11 or later) and make; .venv is made from nothing.
+# PYTHON=python3.12 make test   uses another interpreter for a new .venv.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= results/reproduce
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.PHONY: help demo test check bench evidence format figures lower-bounds clean
+help:
+	@echo "make demo      reproduce the paper: table on the terminal, files in $(OUT)"
+	@echo "make test      run the tests, with coverage"
+	@echo "make check     formatting, ruff, mypy, import directions"
+	@echo "make bench     speed, as ratios"
+	@echo "make evidence  slow evidence: Pinocchio, long runs, long fuzz"
+	@echo "make format    format the code"
+	@echo "make figures   draw the pictures of README and docs again"
+	@echo "make lower-bounds  the tests under the oldest versions that pyproject.toml admits"
+
+demo: $(VENV)/run
+	$(BIN)/gough-stewart reproduce --out $(OUT)
+
+test: $(VENV)/dev
+	$(BIN)/python -m pytest --cov --cov-report=term
+	$(BIN)/python -m coverage report --include='model/*' --fail-under=95 --format=total
+
+check: $(VENV)/dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/bench
+	$(BIN)/python benchmarks/run.py
+
+evidence: $(VENV)/evidence
+	$(BIN)/python -m pytest -m evidence -rA --durations=0
+
+format: $(VENV)/dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+figures: $(VENV)/run
+	$(BIN)/python docs/figures/draw.py
+
+lower-bounds:
+	$(PYTHON) -m venv $(VENV)-lowest
+	$(VENV)-lowest/bin/python -m pip install --quiet uv
+	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct -e '.[dev]'
+	$(VENV)-lowest/bin/python -m pytest -q
+
+clean:
+	rm -rf $(VENV) $(VENV)-lowest results build *.egg-info
+
+# Stamps: each extra is installed once per change of what it depends on.
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or later is needed; this is " + sys.version.split()[0] + " (try PYTHON=python3.12 make ...)")'
+	$(PYTHON) -m venv $(VENV)
+$(VENV)/run: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(PIP) -e .
+	@touch $@
+$(VENV)/dev: $(VENV)/run
+	$(PIP) -e '.[dev]'
+	@touch $@
+$(VENV)/bench: $(VENV)/run
+	$(PIP) -e '.[bench,evidence]'
+	@touch $@
+$(VENV)/evidence: $(VENV)/dev
+	$(PIP) -e '.[dev,evidence]'
+	@touch $@

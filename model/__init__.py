@@ -1,0 +1,1 @@
+"""Physics of the Gough–Stewart platform: geometry, kinematics, dynamics, kernel and stepping model."""
