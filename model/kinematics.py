@@ -1,0 +1,103 @@
+"""Kinematics of the six legs: vectors, lengths, directions, rates, and the leg Jacobian.
+
+Closure of leg i (paper, fig. 1): l_i = t + R p_i − B_i, with t the position of Op, R from platform to world.
+All functions broadcast over leading axes and are traceable, except `conditioning`, which is NumPy only.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import Array, cross, dot, transpose
+
+
+class LegGeometry(NamedTuple):
+    """The legs at one pose."""
+
+    arm: Array  # c_i = R p_i, from Op to P_i in world components (..., 6, 3) [m]
+    vector: Array  # l_i = P_i − B_i (..., 6, 3) [m]
+    length: Array  # L_i = |l_i| (..., 6) [m]
+    direction: Array  # u_i = l_i / L_i, from base to platform (..., 6, 3)
+
+
+class LegRates(NamedTuple):
+    """First derivatives of the leg geometry."""
+
+    joint_velocity: Array  # Ṗ_i (..., 6, 3) [m/s]
+    length_rate: Array  # L̇_i (..., 6) [m/s]; the paper's sliding velocity
+    direction_rate: Array  # u̇_i (..., 6, 3) [1/s]
+
+
+class Conditioning(NamedTuple):
+    """Closeness to a singular pose, from the leg Jacobian with angles scaled to lengths."""
+
+    condition_number: Array  # σ_max / σ_min (...); infinite at a singular pose
+    smallest_singular_value: Array  # σ_min (...), 0 at a singular pose; at most √2
+    characteristic_length: Array  # ρ (...) [m], the scale of angles
+
+
+def leg_geometry(parameters: Parameters, position: Array, orientation: Array) -> LegGeometry:
+    """Vectors, lengths and directions of the legs at a pose.
+
+    l_i = t + R p_i − B_i, L_i = |l_i|, u_i = l_i / L_i; position [m], orientation [rad] (..., 3).
+    """
+    # (..., 1, 3, 3) rotations on (..., 6, 3) points: R_ab p_ib summed over b
+    R = matrix_from_orientation(orientation)[..., None, :, :]
+    c = np.asarray((R * parameters.platform_points[..., None, :]).sum(axis=-1))
+    l = position[..., None, :] + c - parameters.base_points
+    L = np.sqrt(dot(l, l))
+    return LegGeometry(c, l, L, l / L[..., None])
+
+
+def leg_rates(parameters: Parameters, state: State) -> LegRates:
+    """Rates of the legs.
+
+    Ṗ = v + ω×c, L̇ = u·Ṗ, u̇ = (Ṗ − L̇ u)/L; see eqs. (21)–(22) of the paper for Ṗ.
+    """
+    return rates_of_legs(leg_geometry(parameters, state.position, state.orientation), state)
+
+
+def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
+    """`leg_rates` where the geometry is known already."""
+    velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
+    length_rate = dot(legs.direction, velocity)
+    direction_rate = (velocity - length_rate[..., None] * legs.direction) / legs.length[..., None]
+    return LegRates(velocity, length_rate, direction_rate)
+
+
+def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) -> Array:
+    """Leg Jacobian J (..., 6, 6) with L̇ = J [v; ω], and wrench [force; torque about Op] = Jᵀ F.
+
+    Row i is [u_iᵀ, (c_i × u_i)ᵀ], [1] and [m].
+    """
+    return jacobian_of_legs(leg_geometry(parameters, position, orientation))
+
+
+def jacobian_of_legs(legs: LegGeometry) -> Array:
+    """`leg_jacobian` where the geometry is known already."""
+    return np.concatenate([legs.direction, cross(legs.arm, legs.direction)], axis=-1)
+
+
+def conditioning(parameters: Parameters, position: Array, orientation: Array) -> Conditioning:
+    """Condition number and smallest singular value of the leg Jacobian, dimensionless.
+
+    J mixes 1 and m, so its angular columns are divided by ρ, the root-mean-square distance of the platform
+    joints from Op: L̇ = (J diag(1, 1/ρ)) [v; ρ ω].
+    """
+    return conditioning_of_legs(leg_geometry(parameters, position, orientation))
+
+
+def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
+    """`conditioning` where the geometry is known already."""
+    rho = np.sqrt(dot(legs.arm, legs.arm).mean(axis=-1))
+    scale = np.stack([np.ones_like(rho)] * 3 + [1 / rho] * 3, axis=-1)
+    sigma = np.linalg.svd(jacobian_of_legs(legs) * scale[..., None, :], compute_uv=False)
+    with np.errstate(divide="ignore"):
+        return Conditioning(np.asarray(sigma[..., 0] / sigma[..., -1]), np.asarray(sigma[..., -1]), rho)
+
+
+def wrench_from_leg_forces(legs: LegGeometry, force: Array) -> Array:
+    """Wrench (..., 6) at Op of axial leg forces (..., 6): Jᵀ F."""
+    return np.asarray((transpose(jacobian_of_legs(legs)) * force[..., None, :]).sum(axis=-1))

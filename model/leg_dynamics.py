@@ -1,0 +1,75 @@
+"""One leg seen from its platform joint: the force it needs there, and its energy.
+
+A leg is two slender parts that turn together about B and slide on each other along u, without spin about u
+(paper, eq. (25)). Its inertia about B is I = m1 r1² + J1 + J2 + m2 (L − d)², its first moment
+h = m1 r1 + m2 (L − d), with r1 = `leg_lower_com`, d = `leg_upper_com`.
+
+Transverse, from the angular momentum I u×u̇ about B:   I ü⊥ + İ u̇ − h g⊥ = L f⊥,  İ = 2 m2 (L − d) L̇
+Axial, upper part alone:   m2 (u·P̈ + d |u̇|² − u·g) = f∥ + F − friction
+with u̇ = Ṗ⊥/L and ü⊥ = (P̈⊥ − 2 L̇ u̇)/L. So f = E P̈ + b − F u is the force that the leg needs at P.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from gough_stewart.model.kinematics import LegGeometry, LegRates
+from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.vectors import Array, dot, per_leg
+
+
+class LegMoments(NamedTuple):
+    """Mass moments of the whole leg about its base joint; each (..., 6)."""
+
+    first: Array  # h [kg m]
+    second: Array  # I, transverse [kg m2]
+
+
+def leg_moments(parameters: Parameters, length: Array) -> LegMoments:
+    """First and second mass moment of the legs about B at leg lengths (..., 6) [m]."""
+    m1, r1 = per_leg(parameters.leg_lower_mass), per_leg(parameters.leg_lower_com)
+    m2, s2 = per_leg(parameters.leg_upper_mass), length - per_leg(parameters.leg_upper_com)
+    J = per_leg(parameters.leg_lower_inertia) + per_leg(parameters.leg_upper_inertia)
+    return LegMoments(m1 * r1 + m2 * s2, m1 * r1 * r1 + J + m2 * s2 * s2)
+
+
+def friction_force(parameters: Parameters, length_rate: Array) -> Array:
+    """Friction (..., 6) [N] against the sliding velocity (..., 6) [m/s]: c L̇ + C tanh(L̇/v_s).
+
+    `leg_viscous_friction` c, `leg_coulomb_friction` C, `leg_friction_velocity` v_s, over which the sign of the
+    Coulomb part is smoothed.
+    """
+    return np.asarray(
+        per_leg(parameters.leg_viscous_friction) * length_rate
+        + per_leg(parameters.leg_coulomb_friction) * np.tanh(length_rate / per_leg(parameters.leg_friction_velocity))
+    )
+
+
+def transverse_mass(parameters: Parameters, length: Array) -> Array:
+    """Mass (..., 6) [kg] that a leg opposes to acceleration of its platform joint across u: t = I/L²."""
+    return np.asarray(leg_moments(parameters, length).second / (length * length))
+
+
+def inertia_force(parameters: Parameters, legs: LegGeometry, joint_acceleration: Array) -> Array:
+    """Force (..., 6, 3) [N] that accelerates the legs' platform joints by P̈ (..., 6, 3) [m/s²].
+
+    E P̈ with E = t 1 + (m2 − t) u uᵀ: transverse mass across u, mass of the upper part along u.
+    """
+    u, t = legs.direction, transverse_mass(parameters, legs.length)
+    along = (per_leg(parameters.leg_upper_mass) - t) * dot(u, joint_acceleration)
+    return np.asarray(t[..., None] * joint_acceleration + along[..., None] * u)
+
+
+def bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
+    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0.
+
+    b = (m2 d |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
+    """
+    u, L, du, dL = legs.direction, legs.length, rates.direction_rate, rates.length_rate
+    m2, d = per_leg(parameters.leg_upper_mass), per_leg(parameters.leg_upper_com)
+    g = parameters.gravity[..., None, :]
+    h, I = leg_moments(parameters, L)
+    ug = dot(u, g)
+    per_g = h / L
+    along_u = m2 * d * dot(du, du) + (per_g - m2) * ug + friction_force(parameters, dL)
+    along_du = 2 * dL / L * (m2 * (L - d) - I / L)
+    return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)

@@ -1,0 +1,105 @@
+"""Orientation of the platform: roll, pitch, yaw about the fixed world axes X, then Y, then Z.
+
+The paper (section IV): "rotated about the X-axis first, then about the Y-axis, and finally about the Z-axis".
+The first three functions are traceable (see `gough_stewart.model.kernel`); the others are NumPy only.
+"""
+
+import numpy as np
+from gough_stewart.model.errors import OrientationError
+from gough_stewart.model.vectors import Array, cross, dot, skew, transpose
+
+# Closer to ±90° than this, roll and yaw can no longer be told apart in double precision [rad].
+PITCH_MARGIN = 1e-6
+
+
+def matrix_from_orientation(orientation: Array) -> Array:
+    """Rotation matrix that maps platform components to world components.
+
+    R = Rz(γ) Ry(β) Rx(α), for orientation (..., 3) = (α, β, γ) [rad]; shape (..., 3, 3).
+    """
+    ca, cb, cg = (np.cos(orientation[..., i]) for i in range(3))
+    sa, sb, sg = (np.sin(orientation[..., i]) for i in range(3))
+    return np.stack(
+        [
+            np.stack([cg * cb, cg * sb * sa - sg * ca, cg * sb * ca + sg * sa], axis=-1),
+            np.stack([sg * cb, sg * sb * sa + cg * ca, sg * sb * ca - cg * sa], axis=-1),
+            np.stack([-sb, cb * sa, cb * ca], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def angular_velocity_from_orientation_rate(orientation: Array, rate: Array) -> Array:
+    """Angular velocity in world components from the rates of roll, pitch and yaw.
+
+    ω = γ̇ e_z + Rz(γ) (β̇ e_y + Ry(β) α̇ e_x); orientation [rad] and rate [rad/s] (..., 3).
+    """
+    cb, sb = np.cos(orientation[..., 1]), np.sin(orientation[..., 1])
+    cg, sg = np.cos(orientation[..., 2]), np.sin(orientation[..., 2])
+    da, db, dg = rate[..., 0], rate[..., 1], rate[..., 2]
+    return np.stack([cg * cb * da - sg * db, sg * cb * da + cg * db, dg - sb * da], axis=-1)
+
+
+def orientation_rate_from_angular_velocity(orientation: Array, angular_velocity: Array) -> Array:
+    """Rates of roll, pitch and yaw from the angular velocity in world components; inverse of the above.
+
+    α̇ = (ω_x cos γ + ω_y sin γ) / cos β,  β̇ = ω_y cos γ − ω_x sin γ,  γ̇ = ω_z + α̇ sin β.
+    Unbounded at |β| = π/2: callers that integrate check the pitch (see `gough_stewart.model.stepping`).
+    """
+    cb, sb = np.cos(orientation[..., 1]), np.sin(orientation[..., 1])
+    cg, sg = np.cos(orientation[..., 2]), np.sin(orientation[..., 2])
+    wx, wy, wz = angular_velocity[..., 0], angular_velocity[..., 1], angular_velocity[..., 2]
+    da = (cg * wx + sg * wy) / cb
+    return np.stack([da, cg * wy - sg * wx, wz + sb * da], axis=-1)
+
+
+def orientation_from_matrix(rotation: Array) -> Array:
+    """Roll, pitch, yaw (..., 3) [rad] of rotation matrices (..., 3, 3); |β| < π/2, α and γ in (−π, π].
+
+    Raises
+    ------
+    OrientationError
+        The matrix is not a rotation, or its pitch is within `PITCH_MARGIN` of ±90°.
+    """
+    rotation = np.asarray(rotation, dtype=float)
+    if rotation.shape[-2:] != (3, 3):
+        raise OrientationError(f"rotation has shape {rotation.shape}; expected (..., 3, 3)")
+    defect = np.abs(rotation @ transpose(rotation) - np.eye(3)).max(initial=0.0)
+    if not defect < 1e-8 or np.any(np.linalg.det(rotation) < 0):
+        raise OrientationError(
+            f"not a rotation matrix: |R Rᵀ − 1| = {defect:.3g}, det {np.linalg.det(rotation)}; "
+            "expected orthonormal columns and determinant +1"
+        )
+    cos_pitch = np.hypot(rotation[..., 0, 0], rotation[..., 1, 0])
+    if np.any(cos_pitch < PITCH_MARGIN):
+        raise OrientationError(
+            f"pitch within {PITCH_MARGIN:g} rad of ±90°: roll and yaw are not defined there; "
+            "keep |pitch| below 90° (no Stewart platform reaches it)"
+        )
+    return np.stack(
+        [
+            np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+            np.arctan2(-rotation[..., 2, 0], cos_pitch),
+            np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
+        ],
+        axis=-1,
+    )
+
+
+def matrix_from_quaternion(quaternion: Array) -> Array:
+    """Rotation matrix (..., 3, 3) of quaternions (..., 4), scalar last, of any length but zero.
+
+    R = 1 + 2 (w ṽ + ṽ ṽ)/|q|² for q = (v, w): the unit quaternion's matrix, so that a drift of |q| in an
+    integration turns nothing.
+    """
+    v, w = quaternion[..., :3], quaternion[..., 3]
+    x = skew(v)
+    share = 2 / dot(quaternion, quaternion)
+    return np.asarray(np.eye(3) + share[..., None, None] * (w[..., None, None] * x + x @ x))
+
+
+def quaternion_rate(quaternion: Array, angular_velocity: Array) -> Array:
+    """Rate (..., 4) of a quaternion, scalar last, for ω in world components: q̇ = ½ (ω, 0) ∘ q."""
+    v, w = quaternion[..., :3], quaternion[..., 3]
+    vector = w[..., None] * angular_velocity + cross(angular_velocity, v)
+    return 0.5 * np.concatenate([vector, -dot(angular_velocity, v)[..., None]], axis=-1)

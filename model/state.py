@@ -1,0 +1,47 @@
+"""State and inputs of the platform as the equations take them."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from gough_stewart.model.vectors import Array
+
+
+class State(NamedTuple):
+    """Minimal state, 12 numbers: pose and twist of the platform frame; each (..., 3)."""
+
+    position: Array  # of Op in world [m]
+    orientation: Array  # roll, pitch, yaw about fixed X, Y, Z [rad]
+    velocity: Array  # of Op in world [m/s]
+    angular_velocity: Array  # in world components [rad/s]
+
+    @classmethod
+    def from_vector(cls, x: Array) -> Self:
+        """Split a (..., 12) vector."""
+        return cls(x[..., 0:3], x[..., 3:6], x[..., 6:9], x[..., 9:12])
+
+    def to_vector(self) -> Array:
+        """Join to a (..., 12) vector; leading axes must agree."""
+        return np.concatenate(self, axis=-1)
+
+
+class Inputs(NamedTuple):
+    """Forces that act from outside: six actuators and one wrench at Op in world components."""
+
+    actuator_force: Array  # (..., 6) [N], positive extends the leg
+    external_force: Array  # (..., 3) [N]
+    external_torque: Array  # (..., 3) [N m], about Op
+
+    @classmethod
+    def from_vector(cls, u: Array) -> Self:
+        """Split a (..., 12) vector."""
+        return cls(u[..., 0:6], u[..., 6:9], u[..., 9:12])
+
+    @classmethod
+    def from_actuators(cls, actuator_force: Array) -> Self:
+        """Actuator forces (..., 6) alone; no external wrench."""
+        f = np.asarray(actuator_force)
+        return cls(f, 0 * f[..., 0:3], 0 * f[..., 0:3])
+
+    def to_vector(self) -> Array:
+        """Join to a (..., 12) vector; leading axes must agree."""
+        return np.concatenate(self, axis=-1)

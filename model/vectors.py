@@ -1,0 +1,57 @@
+"""Vector algebra over leading axes, the same for NumPy floats and for CasADi symbols in object arrays."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Numbers or CasADi symbols: the algebra is the same, so the element type stays open.
+Array = NDArray[Any]
+Scalars = Array | float
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar product a·b of (..., n) vectors, shape (...)."""
+    return np.asarray((a * b).sum(axis=-1))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector product a×b of (..., 3) vectors."""
+    return np.stack(
+        [
+            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
+            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
+        ],
+        axis=-1,
+    )
+
+
+def skew(a: Array) -> Array:
+    """Matrix ã (..., 3, 3) with ã b = a×b; eq. (4) of Liu, Li & Li (2000)."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    o = 0 * x
+    return np.stack(
+        [np.stack([o, -z, y], axis=-1), np.stack([z, o, -x], axis=-1), np.stack([-y, x, o], axis=-1)],
+        axis=-2,
+    )
+
+
+def apply(matrix: Array, vector: Array) -> Array:
+    """Product of (..., m, n) matrices and (..., n) vectors, shape (..., m)."""
+    return np.asarray((matrix * vector[..., None, :]).sum(axis=-1))
+
+
+def outer(a: Array, b: Array) -> Array:
+    """Dyadic product a bᵀ of (..., m) and (..., n) vectors, shape (..., m, n)."""
+    return a[..., :, None] * b[..., None, :]
+
+
+def transpose(matrix: Array) -> Array:
+    """Transpose of the last two axes."""
+    return np.swapaxes(matrix, -1, -2)
+
+
+def per_leg(value: Scalars) -> Array:
+    """One value for all six legs: (...) to (..., 1), ready to broadcast against (..., 6)."""
+    return np.asarray(value)[..., None]
