@@ -1,0 +1,122 @@
+"""Forward kinematics: the pose near a guess that has given leg lengths, by Newton's method."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from gough_stewart.model import interface
+from gough_stewart.model.errors import InterfaceError, NoPoseError, OrientationError
+from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacobian
+from gough_stewart.model.platform import FloatArray, Platform
+from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
+from scipy.spatial.transform import Rotation
+
+# One Newton step moves the platform by no more than this share of its size, and turns it by no more than this [rad].
+LARGEST_STEP = 0.5
+SINGULAR_CONDITION_NUMBER = 1e8
+
+
+@dataclass(frozen=True)
+class ForwardKinematics:
+    """Where the iteration ended."""
+
+    position: FloatArray  # (3,) [m]
+    orientation: FloatArray  # (3,) [rad]
+    converged: bool
+    iterations: int
+    residual: float  # largest |L − L_wanted| [m]
+    residual_history: tuple[float, ...]  # before each iteration and after the last; squares once it is near
+
+
+def forward_kinematics(
+    platform: Platform,
+    leg_length: FloatArray,
+    position: FloatArray | None = None,
+    orientation: FloatArray | None = None,
+    tolerance: float = 1e-12,
+    max_iterations: int = 50,
+) -> ForwardKinematics:
+    """Pose with the wanted leg lengths, in the assembly mode of the guess.
+
+    Newton on L(pose) = L_wanted with the leg Jacobian: J [δt; δφ] = L_wanted − L, t ← t + δt, R ← exp(δφ~) R;
+    quadratic near the solution. Steps are shortened while they would not reduce the residual, so that a far guess
+    creeps rather than jumps; the iteration never crosses a singular pose, beyond which another assembly mode lies.
+
+    Parameters
+    ----------
+    leg_length
+        Wanted lengths (6,) [m].
+    position, orientation
+        Guess; the home pose by default.
+    tolerance
+        Converged when every length is met to this share of the longest wanted leg.
+
+    Raises
+    ------
+    NoPoseError
+        No pose near this guess; the error's `result` says where the iteration stopped.
+    InterfaceError
+        Lengths or guess of a wrong shape, not finite, or lengths ≤ 0.
+    """
+    wanted = interface.checked_value(interface.BY_NAME["leg_length"], leg_length)
+    if wanted.min() <= 0:
+        raise InterfaceError("leg_length", f"is {wanted.tolist()} m; expected lengths > 0")
+    t = platform.home_position if position is None else position
+    o = platform.home_orientation if orientation is None else orientation
+    t = interface.checked_value(interface.BY_NAME["position"], t)
+    R = matrix_from_orientation(interface.checked_value(interface.BY_NAME["orientation"], o))
+    o = _orientation(R)
+    side = _handedness(platform, t, o)
+    error = wanted - leg_geometry(platform, t, o).length
+    history = [float(np.abs(error).max())]
+    close = tolerance * float(wanted.max())
+
+    for iteration in range(max_iterations + 1):
+        if history[-1] <= close:
+            return ForwardKinematics(t, o, True, iteration, history[-1], tuple(history))
+        if iteration == max_iterations:
+            break
+        worst = float(conditioning(platform, t, o).condition_number)
+        if not worst < SINGULAR_CONDITION_NUMBER:
+            _fail("the leg Jacobian is singular there", t, o, history)
+        step = np.linalg.solve(leg_jacobian(platform, t, o), error)
+        size = max(float(np.linalg.norm(step[:3])) / platform.characteristic_length, float(np.linalg.norm(step[3:])))
+        share = min(1.0, LARGEST_STEP / size)
+        # Backtracking: the residual must fall, on this side of every singular pose.
+        while True:
+            t_next = t + share * step[:3]
+            R_next = Rotation.from_rotvec(share * step[3:]).as_matrix() @ R
+            o_next = _orientation(R_next)
+            error_next = wanted - leg_geometry(platform, t_next, o_next).length
+            residual = float(np.abs(error_next).max())
+            falls = np.linalg.norm(error_next) < (1 - 1e-4 * share) * np.linalg.norm(error)
+            if falls and _handedness(platform, t_next, o_next) == side:
+                break
+            share /= 2
+            if share < 1e-4:
+                _fail("no step reduces the error in the lengths", t, o, history)
+        t, R, o, error = t_next, R_next, o_next, error_next
+        history.append(residual)
+    return _fail(f"not met after {max_iterations} iterations", t, o, history)
+
+
+def _handedness(platform: Platform, position: FloatArray, orientation: FloatArray) -> float:
+    """Sign of det J: constant within an assembly mode, changes at singular poses."""
+    return float(np.sign(np.linalg.det(leg_jacobian(platform, position, orientation))))
+
+
+def _orientation(rotation: FloatArray) -> FloatArray:
+    try:
+        return orientation_from_matrix(rotation)
+    except OrientationError:
+        # Only the iteration passes here, never a solution: any pose beside the pole will do.
+        return orientation_from_matrix(Rotation.from_euler("y", -1e-5).as_matrix() @ rotation)
+
+
+def _fail(reason: str, t: FloatArray, o: FloatArray, history: list[float]) -> ForwardKinematics:
+    result = ForwardKinematics(t, o, False, len(history) - 1, history[-1], tuple(history))
+    raise NoPoseError(
+        f"no pose near this guess: {reason}; lengths are off by {history[-1]:.3g} m at position "
+        f"{np.round(t, 6).tolist()} m, orientation {np.round(o, 6).tolist()} rad after {result.iterations} "
+        "iterations; check the lengths, or start nearer",
+        result,
+    )

@@ -1,0 +1,173 @@
+"""What makes a platform impossible: every check with its own message (value, expectation, remedy)."""
+
+from typing import Protocol
+
+import numpy as np
+from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.kinematics import conditioning, leg_geometry
+from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.vectors import Array
+
+# A home pose with a larger condition number of the (scaled) leg Jacobian is singular for every practical purpose.
+SINGULAR_CONDITION_NUMBER = 1e8
+# Rounding of published inertias: relative slack of symmetry and of the triangle inequality.
+INERTIA_SLACK = 1e-9
+# Joints closer than this fraction of their circle are one joint.
+COINCIDENCE = 1e-6
+
+
+class Checkable(Parameters, Protocol):
+    """A platform whose fields have the right shapes and are finite."""
+
+    @property
+    def home_position(self) -> Array: ...
+    @property
+    def home_orientation(self) -> Array: ...
+    @property
+    def leg_length_min(self) -> float | None: ...
+    @property
+    def leg_length_max(self) -> float | None: ...
+    @property
+    def actuator_force_max(self) -> float | None: ...
+    @property
+    def joint_angle_max(self) -> float | None: ...
+
+
+def check(platform: Checkable) -> None:
+    """Raise `PlatformError` at the first thing that no platform can have."""
+    check_masses(platform)
+    check_inertia(platform)
+    check_friction(platform)
+    check_joints(platform)
+    check_home_pose(platform)
+    check_com_offsets(platform)
+    check_limits(platform)
+
+
+def check_masses(platform: Checkable) -> None:
+    """Masses are positive; transverse inertias of the legs are not negative."""
+    for name in ("platform_mass", "leg_lower_mass", "leg_upper_mass"):
+        value = getattr(platform, name)
+        if not value > 0:
+            raise PlatformError(name, f"is {value:g} kg; expected a mass > 0")
+    for name in ("leg_lower_inertia", "leg_upper_inertia"):
+        value = getattr(platform, name)
+        if not value >= 0:
+            raise PlatformError(name, f"is {value:g} kg m²; expected an inertia ≥ 0 (0 is a point mass)")
+
+
+def check_inertia(platform: Checkable) -> None:
+    """The platform's inertia is symmetric, positive definite, and that of a body with positive mass."""
+    J, field = platform.platform_inertia, "platform_inertia"
+    size = np.abs(J).max()
+    asymmetry = np.abs(J - J.T)
+    if asymmetry.max() > INERTIA_SLACK * size:
+        a, b = (int(i) + 1 for i in np.unravel_index(asymmetry.argmax(), (3, 3)))
+        raise PlatformError(
+            field,
+            f"is not symmetric: [{a},{b}] = {J[a - 1, b - 1]:g} but [{b},{a}] = {J[b - 1, a - 1]:g} kg m²; "
+            "give both the same value (minus the product of inertia)",
+        )
+    moments = np.linalg.eigvalsh(J)
+    if not moments[0] > 0:
+        raise PlatformError(
+            field, f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0"
+        )
+    if moments[2] > (moments[0] + moments[1]) * (1 + INERTIA_SLACK):
+        raise PlatformError(
+            field,
+            f"no body has principal moments {_list(moments)} kg m²: the largest exceeds the sum of the others "
+            "(triangle inequality); check units, and that they are about the centre of mass",
+        )
+
+
+def check_friction(platform: Checkable) -> None:
+    """Friction is not negative and is smoothed over a positive velocity."""
+    for name, unit in (("leg_viscous_friction", "N s/m"), ("leg_coulomb_friction", "N")):
+        value = getattr(platform, name)
+        if not value >= 0:
+            raise PlatformError(name, f"is {value:g} {unit}; expected friction ≥ 0")
+    value = platform.leg_friction_velocity
+    if not value > 0:
+        raise PlatformError("leg_friction_velocity", f"is {value:g} m/s; expected a velocity > 0, say 1e-3")
+
+
+def check_joints(platform: Checkable) -> None:
+    """No two joints of one side are in the same place."""
+    for field in ("base_points", "platform_points"):
+        points = getattr(platform, field)
+        distance = np.linalg.norm(points[:, None] - points[None, :], axis=-1)
+        i, j = np.unravel_index((distance + np.diag(np.full(6, np.inf))).argmin(), (6, 6))
+        if distance[i, j] <= COINCIDENCE * distance.max():
+            raise PlatformError(
+                field,
+                f"joints {i + 1} and {j + 1} coincide at {_list(points[i])} m; expected six places apart "
+                "(an idealised double joint needs a small offset)",
+            )
+
+
+def check_home_pose(platform: Checkable) -> None:
+    """The home pose has legs of some length, a pitch well below 90°, and a regular leg Jacobian."""
+    pitch = platform.home_orientation[1]
+    if not abs(pitch) < np.pi / 2 - 1e-3:
+        raise PlatformError("home_orientation", f"has pitch {pitch:g} rad; expected less than ±90°")
+    lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    shortest = int(lengths.argmin())
+    if lengths[shortest] <= COINCIDENCE * np.abs(platform.base_points).max():
+        raise PlatformError(
+            "home_position",
+            f"base joint and platform joint {shortest + 1} coincide in the home pose; raise home_position",
+        )
+    worst = float(conditioning(platform, platform.home_position, platform.home_orientation).condition_number)
+    if not worst < SINGULAR_CONDITION_NUMBER:
+        raise PlatformError(
+            "base_points, platform_points",
+            f"the leg Jacobian is singular at the home pose (condition number {worst:.3g}, expected below "
+            f"{SINGULAR_CONDITION_NUMBER:g}): the legs cannot hold the platform there; give base and platform "
+            "joints different azimuths or choose another home pose",
+        )
+
+
+def check_com_offsets(platform: Checkable) -> None:
+    """Centres of mass lie on the legs, and near the platform."""
+    shortest = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.min())
+    for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
+        value = getattr(platform, name)
+        if not 0 <= value <= shortest:
+            raise PlatformError(
+                name,
+                f"is {value:g} m from the {end} joint; expected between 0 and the shortest leg of the home pose, "
+                f"{shortest:g} m",
+            )
+    reach = float(np.linalg.norm(platform.platform_points, axis=1).max())
+    offset = float(np.linalg.norm(platform.platform_com))
+    if offset > 10 * reach:
+        raise PlatformError(
+            "platform_com",
+            f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units",
+        )
+
+
+def check_limits(platform: Checkable) -> None:
+    """Limits, where given, are positive and admit the home pose."""
+    low, high = platform.leg_length_min, platform.leg_length_max
+    lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    for name in ("leg_length_min", "leg_length_max", "actuator_force_max", "joint_angle_max"):
+        value = getattr(platform, name)
+        if value is not None and not value > 0:
+            raise PlatformError(name, f"is {value:g}; expected a limit > 0, or leave it out")
+    if low is not None and high is not None and not low < high:
+        raise PlatformError("leg_length_min", f"is {low:g} m; expected below leg_length_max = {high:g} m")
+    if low is not None and lengths.min() < low:
+        raise PlatformError("leg_length_min", f"is {low:g} m, but a home leg is {lengths.min():g} m long")
+    if high is not None and lengths.max() > high:
+        raise PlatformError("leg_length_max", f"is {high:g} m, but a home leg is {lengths.max():g} m long")
+    if platform.joint_angle_max is not None and platform.joint_angle_max > np.pi:
+        raise PlatformError(
+            "joint_angle_max",
+            f"is {platform.joint_angle_max:g} rad; expected at most π (radians, not degrees)",
+        )
+
+
+def _list(values: Array) -> str:
+    return "(" + ", ".join(f"{v:g}" for v in values) + ")"

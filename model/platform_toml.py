@@ -1,0 +1,136 @@
+"""Platforms as TOML files, and the presets that ship with the package.
+
+A file is flat: the fields of `Platform` by name, SI units. Numbers are written with the shortest digits that read
+back to the same float, so that TOML → Platform → TOML changes nothing.
+"""
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+from gough_stewart.model.errors import PlatformError, PlatformFileError
+from gough_stewart.model.files import write_whole
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.platform import OPTIONAL_LIMITS, SHAPES, Platform
+
+KEYS = ("name", "source", *SHAPES)
+_DEFAULTED = (
+    "name",
+    "source",
+    "platform_com",
+    "home_orientation",
+    "leg_viscous_friction",
+    "leg_coulomb_friction",
+    "leg_friction_velocity",
+    "gravity",
+    *OPTIONAL_LIMITS,
+)
+
+
+def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
+    """The platform that a TOML text describes; `where` names the text in errors.
+
+    Raises
+    ------
+    PlatformFileError
+        Not TOML, an unknown key (the nearest known one is named), or a missing one.
+    PlatformError
+        Values that no platform can have.
+    """
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise PlatformFileError(where, f"is not TOML: {error}") from error
+    for key in values:
+        if key not in KEYS:
+            raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, KEYS)}")
+    missing = [key for key in KEYS if key not in values and key not in _DEFAULTED]
+    if missing:
+        raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
+    for key, value in values.items():
+        if key in SHAPES and _holds_other_than_numbers(value):
+            raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
+    try:
+        return Platform(**values)
+    except PlatformError as error:
+        raise PlatformFileError(where, str(error)) from error
+
+
+def platform_to_toml(platform: Platform) -> str:
+    """TOML text of a platform; reads back to an equal one."""
+    document = tomlkit.document()
+    for key, value in platform.as_dict().items():
+        document.add(key, _item(value))
+    return tomlkit.dumps(document)
+
+
+def load_platform(path: Path | str) -> Platform:
+    """Read a platform file.
+
+    Raises
+    ------
+    PlatformFileError
+        The file cannot be read, or as `platform_from_toml`.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise PlatformFileError(str(path), f"cannot read this platform file: {reason}") from error
+    return platform_from_toml(text, str(path))
+
+
+def save_platform(platform: Platform, path: Path | str) -> None:
+    """Write a platform file, whole or not at all."""
+    write_whole(Path(path), platform_to_toml(platform).encode())
+
+
+def preset_names() -> tuple[str, ...]:
+    """Names of the platforms that ship with the package."""
+    files = resources.files("gough_stewart.model").joinpath("presets").iterdir()
+    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+
+
+def preset_text(name: str) -> str:
+    """The TOML file of a preset as it ships, with its comments: a start for a platform file of your own.
+
+    Raises
+    ------
+    PlatformFileError
+        No preset of that name.
+    """
+    if name not in preset_names():
+        raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
+    file = resources.files("gough_stewart.model").joinpath("presets", f"{name}.toml")
+    return file.read_text(encoding="utf-8")
+
+
+def load_preset(name: str) -> Platform:
+    """The platform that ships under this name, for instance `liu2000`.
+
+    Raises
+    ------
+    PlatformFileError
+        No preset of that name.
+    """
+    return platform_from_toml(preset_text(name), f"preset '{name}'")
+
+
+def _holds_other_than_numbers(value: object) -> bool:
+    """TOML has texts, truth values and dates, which NumPy would turn into numbers or fail on obscurely."""
+    if isinstance(value, list):
+        return any(_holds_other_than_numbers(v) for v in value)
+    return isinstance(value, bool) or not isinstance(value, int | float)
+
+
+def _item(value: Any) -> Any:
+    """Matrices with one row a line."""
+    if not isinstance(value, np.ndarray):
+        return value
+    array = tomlkit.array()
+    array.extend(value.tolist())
+    return array.multiline(value.ndim == 2)
