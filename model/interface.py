@@ -1,0 +1,222 @@
+"""The ONE table of variables: names, shapes, units, meaning. Stepping model, kernel, files and FMU share it.
+
+Names are a promise to users. Arrays are also reachable element by element under their FMI 2.0 names, 1-based:
+`leg_length[3]`, `joint_force[2,1]`.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from gough_stewart.model.errors import InterfaceError
+from gough_stewart.model.vectors import Array
+from numpy.typing import NDArray
+
+Causality = Literal["input", "output", "local", "parameter"]
+Variability = Literal["continuous", "fixed", "tunable"]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One row of the table."""
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    causality: Causality
+    variability: Variability
+    description: str
+    # A number for every element, the name of the `Platform` field that holds it, or None where it is computed.
+    start: float | str | None = None
+    is_state: bool = False
+
+    @property
+    def size(self) -> int:
+        """Number of scalars."""
+        return math.prod(self.shape)
+
+    @property
+    def scalar_names(self) -> tuple[str, ...]:
+        """FMI 2.0 names of the elements in row-major order; the name itself for a scalar."""
+        if not self.shape:
+            return (self.name,)
+        indices = product(*(range(1, n + 1) for n in self.shape))
+        return tuple(f"{self.name}[{','.join(map(str, index))}]" for index in indices)
+
+
+def _input(name: str, shape: tuple[int, ...], unit: str, description: str) -> Variable:
+    return Variable(name, shape, unit, "input", "continuous", description, start=0.0)
+
+
+def _state(name: str, unit: str, description: str, start: float | str) -> Variable:
+    return Variable(name, (3,), unit, "output", "continuous", description, start, is_state=True)
+
+
+def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, description: str) -> Variable:
+    return Variable(name, shape, unit, causality, "continuous", description)
+
+
+def _parameter(name: str, shape: tuple[int, ...], unit: str, variability: Variability, description: str) -> Variable:
+    return Variable(name, shape, unit, "parameter", variability, description, start=name)
+
+
+VARIABLES: tuple[Variable, ...] = (
+    _input("actuator_force", (6,), "N", "force of each actuator, positive extends the leg"),
+    _input("external_force", (3,), "N", "external force at Op, world components"),
+    _input("external_torque", (3,), "N.m", "external torque about Op, world components"),
+    _state("position", "m", "origin Op of the platform frame in world", "home_position"),
+    _state(
+        "orientation",
+        "rad",
+        "roll, pitch, yaw about the fixed world axes X, then Y, then Z",
+        "home_orientation",
+    ),
+    _state("velocity", "m/s", "velocity of Op in world", 0.0),
+    _state("angular_velocity", "rad/s", "angular velocity of the platform, world components", 0.0),
+    _result("leg_length", (6,), "m", "output", "distance from base joint to platform joint"),
+    _result("leg_velocity", (6,), "m/s", "output", "rate of the leg length"),
+    _result("acceleration", (3,), "m/s2", "output", "acceleration of Op in world"),
+    _result("angular_acceleration", (3,), "rad/s2", "output", "angular acceleration, world components"),
+    _result(
+        "joint_force",
+        (6, 3),
+        "N",
+        "local",
+        "force of leg i on the platform at platform joint i, world components",
+    ),
+    _result("kinetic_energy", (), "J", "local", "kinetic energy of platform and legs"),
+    _result(
+        "potential_energy",
+        (),
+        "J",
+        "local",
+        "potential energy of platform and legs in gravity, zero at world z = 0",
+    ),
+    _parameter("base_points", (6, 3), "m", "fixed", "base joints in world"),
+    _parameter("platform_points", (6, 3), "m", "fixed", "platform joints in platform axes, from Op"),
+    _parameter("platform_mass", (), "kg", "tunable", "mass of the platform with payload"),
+    _parameter("platform_com", (3,), "m", "tunable", "platform's centre of mass in platform axes, from Op"),
+    _parameter(
+        "platform_inertia",
+        (3, 3),
+        "kg.m2",
+        "tunable",
+        "platform's inertia about its centre of mass, platform axes",
+    ),
+    _parameter("leg_lower_mass", (), "kg", "fixed", "mass of a leg's lower part"),
+    _parameter("leg_upper_mass", (), "kg", "fixed", "mass of a leg's upper part"),
+    _parameter("leg_lower_com", (), "m", "fixed", "lower part's centre of mass, from the base joint along the leg"),
+    _parameter("leg_upper_com", (), "m", "fixed", "upper part's centre of mass, from the platform joint back"),
+    _parameter(
+        "leg_lower_inertia",
+        (),
+        "kg.m2",
+        "fixed",
+        "lower part's transverse inertia about its centre of mass",
+    ),
+    _parameter(
+        "leg_upper_inertia",
+        (),
+        "kg.m2",
+        "fixed",
+        "upper part's transverse inertia about its centre of mass",
+    ),
+    _parameter("leg_viscous_friction", (), "N.s/m", "tunable", "viscous friction between the leg parts"),
+    _parameter("leg_coulomb_friction", (), "N", "tunable", "Coulomb friction between the leg parts"),
+    _parameter("leg_friction_velocity", (), "m/s", "tunable", "velocity over which Coulomb friction is smoothed"),
+    _parameter("gravity", (3,), "m/s2", "tunable", "acceleration of gravity in world"),
+    Variable(
+        "fixed_step_size",
+        (),
+        "s",
+        "parameter",
+        "fixed",
+        "of the FMU: 0 for error-controlled steps, > 0 for classical RK4 with that step",
+        start=0.0,
+    ),
+)
+
+BY_NAME: Mapping[str, Variable] = {v.name: v for v in VARIABLES}
+INPUTS = tuple(v for v in VARIABLES if v.causality == "input")
+STATES = tuple(v for v in VARIABLES if v.is_state)
+OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
+LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
+RESULTS = OUTPUTS + LOCALS
+# The platform's own parameters, which the kernel takes as run-time inputs; `fixed_step_size` is the FMU's.
+PLATFORM_PARAMETERS = tuple(v for v in VARIABLES if v.causality == "parameter" and v.name != "fixed_step_size")
+
+RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
+_ELEMENTS: Mapping[str, tuple[Variable, int]] = {
+    name: (v, k) for v in VARIABLES for k, name in enumerate(v.scalar_names)
+}
+
+
+def size_of(variables: Iterable[Variable]) -> int:
+    """Length of the vector that `pack` makes of these variables."""
+    return sum(v.size for v in variables)
+
+
+def pack(variables: Iterable[Variable], values: Mapping[str, Array | float]) -> NDArray[np.float64]:
+    """One vector of all values, variables in table order, elements in row-major order."""
+    return np.concatenate([np.asarray(values[v.name], dtype=float).reshape(-1) for v in variables])
+
+
+def unpack(variables: Iterable[Variable], vector: Array) -> dict[str, Array]:
+    """Inverse of `pack` over leading axes: (..., n) to one (..., *shape) array per name (views)."""
+    values, at = {}, 0
+    for v in variables:
+        values[v.name] = vector[..., at : at + v.size].reshape((*vector.shape[:-1], *v.shape))
+        at += v.size
+    return values
+
+
+def find(name: str) -> tuple[Variable, int | None]:
+    """The variable of a name, and which flat element, or None for the whole of it.
+
+    Raises
+    ------
+    InterfaceError
+        No such name; the nearest known one is suggested.
+    """
+    if name in BY_NAME:
+        return BY_NAME[name], None
+    if name in _ELEMENTS:
+        return _ELEMENTS[name]
+    raise InterfaceError(str(name), f"no such variable{nearest(str(name), [*BY_NAME, *_ELEMENTS])}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A hint for an unknown name: '; did you mean …?', or the names there are."""
+    known = list(known)
+    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    if close:
+        return f"; did you mean '{close[0]}'?"
+    return f"; expected one of {', '.join(k for k in known if '[' not in k)}"
+
+
+def checked_value(variable: Variable, value: object, shape: tuple[int, ...] | None = None) -> Array:
+    """The value as a float array of the variable's shape (or of `shape`).
+
+    Raises
+    ------
+    InterfaceError
+        Not numbers, another shape, or not finite; says which element has which value.
+    """
+    shape = variable.shape if shape is None else shape
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InterfaceError(
+            variable.name, f"expected numbers [{variable.unit}] of shape {shape}, found {value!r}"
+        ) from None
+    if array.shape != shape:
+        raise InterfaceError(variable.name, f"has shape {array.shape}; expected {shape}, {variable.description}")
+    bad = np.flatnonzero(~np.isfinite(array.reshape(-1)))
+    if bad.size:
+        element = variable.scalar_names[bad[0]] if shape else variable.name
+        raise InterfaceError(element, f"is {array.reshape(-1)[bad[0]]}; expected a finite number [{variable.unit}]")
+    return array

@@ -1,0 +1,174 @@
+"""The kernel: the task-space dynamics traced once into CasADi Functions, parameters as run-time inputs.
+
+    ẋ = f(x, u, p),  y = g(x, u, p),  and the exact Jacobians A, B, C, D of (ẋ, y) by (x, u)
+
+x (12): position, orientation, velocity, angular_velocity. u (12): the inputs of the interface table. p: its
+platform parameters. y: its outputs and locals. Every vector in table order (`gough_stewart.model.interface`).
+
+The Functions are made by calling the very functions of `dynamics`, `kinematics` and `energy` with object arrays of
+`casadi.SX` scalars; a leading axis of length 1 is kept, since NumPy turns 0-d object arrays into bare scalars.
+"""
+
+from collections.abc import Iterable
+from functools import cache
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+from gough_stewart.model import dynamics, energy, interface, kinematics
+from gough_stewart.model.parameters import ParameterArrays, Parameters
+from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
+from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.vectors import Array
+from numpy.typing import NDArray
+
+N_STATES = interface.size_of(interface.STATES)
+N_INPUTS = interface.size_of(interface.INPUTS)
+N_PARAMETERS = interface.size_of(interface.PLATFORM_PARAMETERS)
+N_RESULTS = interface.size_of(interface.RESULTS)
+
+
+class Linearisation(NamedTuple):
+    """Exact Jacobians of δẋ = A δx + B δu, δy = C δx + D δu."""
+
+    A: Array  # (12, 12)
+    B: Array  # (12, 12)
+    C: Array  # (N_RESULTS, 12)
+    D: Array  # (N_RESULTS, 12)
+
+
+def parameter_vector(parameters: Parameters) -> NDArray[np.float64]:
+    """The kernel's p of a platform: its parameters in table order, flat, row by row."""
+    names = [v.name for v in interface.PLATFORM_PARAMETERS]
+    return interface.pack(interface.PLATFORM_PARAMETERS, {n: getattr(parameters, n) for n in names})
+
+
+@cache
+def derivatives_function() -> casadi.Function:
+    """CasADi Function `derivatives`: (x, u, p) -> xdot."""
+    x, u, p = _arguments()
+    xdot, _ = _trace(x, u, p)
+    return _function("derivatives", [x, u, p], [xdot], ["xdot"])
+
+
+@cache
+def outputs_function() -> casadi.Function:
+    """CasADi Function `outputs`: (x, u, p) -> y, all outputs and locals of the interface."""
+    x, u, p = _arguments()
+    _, y = _trace(x, u, p)
+    return _function("outputs", [x, u, p], [y], ["y"])
+
+
+@cache
+def jacobians_function(sparse: bool = False) -> casadi.Function:
+    """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D; dense unless the structural zeros are wanted."""
+    x, u, p = _arguments()
+    xdot, y = _trace(x, u, p)
+    blocks = [casadi.jacobian(f, z) for f in (xdot, y) for z in (x, u)]
+    if not sparse:
+        blocks = [casadi.densify(block) for block in blocks]
+    return _function("jacobians", [x, u, p], blocks, ["A", "B", "C", "D"])
+
+
+class Kernel:
+    """The traced Functions behind fixed buffers: calls copy into them and allocate nothing.
+
+    Every method returns a view of a buffer that its next call overwrites: copy what is to be kept. The arguments
+    are the state x (12,), the inputs u (12,), and the parameters p (`parameter_vector`). Not for use from two
+    threads at once: make a Kernel each; the Functions behind are shared.
+    """
+
+    def __init__(self) -> None:
+        self._x = np.zeros(N_STATES)
+        self._u = np.zeros(N_INPUTS)
+        self._p = np.zeros(N_PARAMETERS)
+        self._xdot = np.zeros(N_STATES)
+        self._y = np.zeros(N_RESULTS)
+        # CasADi is column-major
+        self._blocks = Linearisation(
+            *(np.zeros((m, n), order="F") for m in (N_STATES, N_RESULTS) for n in (N_STATES, N_INPUTS))
+        )
+        # The buffer objects must outlive the calls.
+        self._buffers: list[Any] = []
+        self._call_derivatives = self._bind(derivatives_function(), [self._xdot])
+        self._call_outputs = self._bind(outputs_function(), [self._y])
+        self._call_jacobians: Any = None  # traced when first asked for
+
+    def derivatives(self, x: Array, u: Array, p: Array) -> NDArray[np.float64]:
+        """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
+        self._x[:], self._u[:], self._p[:] = x, u, p
+        self._call_derivatives()
+        return self._xdot
+
+    def outputs(self, x: Array, u: Array, p: Array) -> NDArray[np.float64]:
+        """Outputs and locals y (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`."""
+        self._x[:], self._u[:], self._p[:] = x, u, p
+        self._call_outputs()
+        return self._y
+
+    def jacobians(self, x: Array, u: Array, p: Array) -> Linearisation:
+        """Exact Jacobians at (x, u)."""
+        if self._call_jacobians is None:
+            self._call_jacobians = self._bind(
+                jacobians_function(), [block.reshape(-1, order="F") for block in self._blocks]
+            )
+        self._x[:], self._u[:], self._p[:] = x, u, p
+        self._call_jacobians()
+        return self._blocks
+
+    def _bind(self, function: casadi.Function, results: Iterable[Array]) -> Any:
+        buffer: Any
+        buffer, call = function.buffer()
+        for i, argument in enumerate((self._x, self._u, self._p)):
+            buffer.set_arg(i, argument.data)
+        for i, result in enumerate(results):
+            buffer.set_res(i, result.data)
+        self._buffers.append(buffer)
+        return call
+
+
+def _arguments() -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+    return casadi.SX.sym("x", N_STATES), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", N_PARAMETERS)
+
+
+def _function(name: str, arguments: list[Any], results: list[Any], names: list[str]) -> casadi.Function:
+    return casadi.Function(name, arguments, casadi.cse(results), ["x", "u", "p"], names)
+
+
+def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+    """The equations with symbols in the place of numbers: (ẋ, y)."""
+    state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
+    parameters = ParameterArrays(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
+    a = dynamics.forward_dynamics(parameters, state, inputs, solve=_solve_symbolically)
+    rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+    xdot = State(state.velocity, rate, a.linear, a.angular).to_vector()
+
+    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    values = {
+        **state._asdict(),
+        "leg_length": legs.length,
+        "leg_velocity": kinematics.rates_of_legs(legs, state).length_rate,
+        "acceleration": a.linear,
+        "angular_acceleration": a.angular,
+        "joint_force": dynamics.joint_forces(parameters, state, inputs.actuator_force, a),
+        "kinetic_energy": energy.kinetic_energy(parameters, state),
+        "potential_energy": energy.potential_energy(parameters, state.position, state.orientation),
+    }
+    return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in interface.RESULTS))
+
+
+def _symbols(vector: casadi.SX) -> Array:
+    """(1, n) object array of the elements."""
+    return np.array([[vector[i] for i in range(vector.numel())]], dtype=object)
+
+
+def _column(array: Array) -> Any:
+    """casadi.SX (n, 1) of an object array's elements, row by row."""
+    return casadi.vertcat(*array.reshape(-1))
+
+
+def _solve_symbolically(matrix: Array, vector: Array) -> Array:
+    """LDLᵀ without pivoting: the mass matrix is symmetric and positive definite."""
+    M = casadi.vertcat(*(casadi.horzcat(*row) for row in matrix[0]))
+    D, LT, order = casadi.ldl(M)
+    return _symbols(casadi.ldl_solve(_column(vector), D, LT, order))

@@ -1,0 +1,51 @@
+"""Poses that no motion may pass: a collapsed leg, a pitch of ±90°, a singular leg Jacobian."""
+
+import numpy as np
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.kinematics import conditioning_of_legs, jacobian_of_legs, leg_geometry
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import Array
+
+# 0.06° short of the singularity of roll and yaw [rad].
+LARGEST_PITCH = np.pi / 2 - 1e-3
+# A leg this short has collapsed; as a share of the platform's characteristic length.
+SHORTEST_LEG = 1e-3
+# Of the leg Jacobian with angles scaled to lengths.
+SINGULAR_CONDITION_NUMBER = 1e8
+
+
+def check_pose(platform: Platform, x: Array, time: float, handedness: float | None = None) -> float:
+    """Sign of det J at a state x (12,), which tells the sides of a singular pose apart.
+
+    Parameters
+    ----------
+    time
+        For the error [s].
+    handedness
+        The sign at an earlier state of the same motion, if there is one: a change means that a singular pose lies
+        between.
+
+    Raises
+    ------
+    StepError
+        The pose is one that no motion may pass; says which quantity has which value.
+    """
+    position, orientation = x[0:3], x[3:6]
+    if not abs(orientation[1]) < LARGEST_PITCH:
+        raise StepError("orientation[2]", float(orientation[1]), time, "the pitch has reached ±90°")
+    legs = leg_geometry(platform, position, orientation)
+    leg = int(legs.length.argmin())
+    if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
+        raise StepError(f"leg_length[{leg + 1}]", float(legs.length[leg]), time, "the leg has collapsed")
+    number = float(conditioning_of_legs(legs).condition_number)
+    sign = float(np.sign(np.linalg.det(jacobian_of_legs(legs))))
+    passed = handedness is not None and sign != handedness
+    if passed or not number < SINGULAR_CONDITION_NUMBER:
+        since = " (passed since the last internal step)" if passed else ""
+        raise StepError(
+            "condition number of the leg Jacobian",
+            number,
+            time,
+            f"the platform has reached a singular pose, where the legs cannot hold it{since}",
+        )
+    return sign

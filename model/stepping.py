@@ -1,0 +1,278 @@
+"""The stepping model: the platform as a plant with FMI-style inputs, steps and outputs, in process.
+
+It is to Python what the FMU is to a simulator; both share names, meaning and failure behaviour.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from gough_stewart.model import interface
+from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.interface import Variable
+from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
+from gough_stewart.model.vectors import Array
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything that a stepping model needs to go on as if it had never left; made by `save_state`."""
+
+    time: float
+    x: tuple[float, ...]
+    u: tuple[float, ...]
+    platform: Platform
+    internal_step: float | None
+    started: bool
+
+
+class SteppingModel:
+    """The platform as a plant that is stepped from outside.
+
+    The contract:
+
+    1. A model starts at time 0 in the home pose of its platform, at rest, with all inputs 0.
+    2. Variables go by the names of the interface table, whole (`actuator_force`) or one element by its FMI 2.0 name
+       (`actuator_force[3]`, 1-based).
+    3. `set` takes inputs and tunable parameters (payload, friction, gravity) at any time; states (`position`,
+       `orientation`, `velocity`, `angular_velocity`) and the other parameters only before the first step.
+       Values are checked where they are set: shape, finite, and, for parameters, a platform that can exist. A
+       refused value changes nothing.
+    4. `get` returns any variable of the table, as a copy: outputs and locals at the present time under the present
+       inputs. It changes nothing.
+    5. `do_step(time, step)` goes from `time`, which must be the model's time, to `time + step`, with inputs and
+       parameters held constant. The step is free to vary from call to call.
+    6. Integration is error-controlled (Dormand–Prince 8(5,3)) with `tolerance` relative, and absolute in SI units;
+       the internal step size carries over between calls, so that short communication steps cost little.
+    7. A step fails, with `StepError`, when at an internal step a leg has collapsed, |pitch| reaches 90°, the leg
+       Jacobian is singular (or was passed through singularity), or the tolerance cannot be held. The error
+       names quantity, value and time. Wrong arguments (step ≤ 0, another time, not finite) are errors too.
+    8. A failed call leaves the model exactly as before it.
+    9. `save_state` and `restore_state` take and bring back everything; a restored model repeats its future to the
+       last bit. `reset` goes back to 1., with the platform the model was made with.
+    10. The limits of a platform (stroke, force, joint angle) are not enforced: that is for who drives the plant.
+
+    Parameters
+    ----------
+    platform
+        The plant's parameters and home pose.
+    tolerance
+        Of the integration, in (0, 1e-2].
+    """
+
+    def __init__(self, platform: Platform, tolerance: float = 1e-8) -> None:
+        if not 0 < tolerance <= 1e-2:
+            raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-2], say 1e-8")
+        self._initial_platform = platform
+        self._tolerance = float(tolerance)
+        self._kernel = Kernel()
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to time 0 in the home pose, at rest, inputs 0, parameters as at construction (rules 1, 9)."""
+        self._time = 0.0
+        self._started = False
+        self._internal_step: float | None = None
+        self._u = np.zeros(interface.size_of(interface.INPUTS))
+        self._use(self._initial_platform)
+        self._x = _home_state(self._initial_platform)
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self._time
+
+    @property
+    def platform(self) -> Platform:
+        """The platform with the parameters as they are now."""
+        return self._platform
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """State vector x (12,): position, orientation, velocity, angular velocity; a copy."""
+        return self._x.copy()
+
+    # --- variables ---------------------------------------------------------------------------------------------
+
+    def set(self, name: str, value: object) -> None:
+        """Set an input, a parameter, or before the first step a state (rules 2, 3).
+
+        Raises
+        ------
+        InterfaceError
+            Unknown name, a variable that cannot be set (now), a wrong shape, or a value that is not finite.
+        PlatformError
+            A parameter that no platform can have.
+        """
+        variable, element = interface.find(name)
+        self._refuse_unsettable(variable)
+        whole = self._whole_value(variable, element, value)
+        if variable.causality == "input":
+            self._u[_position_in(interface.INPUTS, variable)] = whole.reshape(-1)
+        elif variable.is_state:
+            self._check_orientation(variable, whole)
+            self._x[_position_in(interface.STATES, variable)] = whole
+        else:
+            changed: dict[str, Any] = {variable.name: whole}
+            self._use(replace(self._platform, **changed))
+
+    def set_many(self, values: Mapping[str, object]) -> None:
+        """`set` for several variables: all of them, or on an error none."""
+        before = self.save_state()
+        try:
+            for name, value in values.items():
+                self.set(name, value)
+        except Exception:
+            self.restore_state(before)
+            raise
+
+    def get(self, name: str) -> NDArray[np.float64] | float:
+        """Value of a variable: an array of its shape, or a float for a scalar or an element (rules 2, 4).
+
+        Raises
+        ------
+        InterfaceError
+            Unknown name.
+        """
+        variable, element = interface.find(name)
+        whole = self._value(variable)
+        if element is not None:
+            return float(whole.reshape(-1)[element])
+        return whole if variable.shape else float(whole)
+
+    def results(self) -> dict[str, NDArray[np.float64]]:
+        """All outputs and locals at the present time, by name; one evaluation."""
+        y = self._kernel.outputs(self._x, self._u, self._p).copy()
+        return interface.unpack(interface.RESULTS, y)
+
+    def result_vector(self) -> NDArray[np.float64]:
+        """As `results`, one vector in the order of `interface.RESULT_COLUMNS`."""
+        return self._kernel.outputs(self._x, self._u, self._p).copy()
+
+    def linearise(self) -> Linearisation:
+        """Exact Jacobians of state derivatives and results by states and inputs, here and now."""
+        return Linearisation(*(block.copy() for block in self._kernel.jacobians(self._x, self._u, self._p)))
+
+    # --- time --------------------------------------------------------------------------------------------------
+
+    def do_step(self, time: float, step: float) -> None:
+        """Go from `time` to `time + step` with inputs held constant (rules 5 to 8); both in s.
+
+        Raises
+        ------
+        StepError
+            Rule 7; the model is as before.
+        """
+        if not np.isfinite(step) or step <= 0:
+            raise StepError("step", step, self._time, "expected a finite communication step > 0 s")
+        if not abs(time - self._time) <= 1e-9 * max(1.0, abs(self._time)):
+            raise StepError("time", time, self._time, "expected the model's present time; steps follow each other")
+        end = time + step
+        if not end > self._time:
+            raise StepError("step", step, self._time, "too small to advance the time in double precision")
+        u, p = self._u.copy(), self._p
+        handedness = check_pose(self._platform, self._x, self._time)
+
+        def derivatives(_time: float, x: Array) -> Array:
+            return self._kernel.derivatives(x, u, p).copy()
+
+        length = end - self._time
+        # A pole may be met at a trial step: infinities there are a rejected step, not a warning to the user.
+        with np.errstate(all="ignore"):
+            solver = DOP853(
+                derivatives,
+                self._time,
+                self._x.copy(),
+                end,
+                rtol=max(self._tolerance, 100 * np.finfo(float).eps),
+                atol=self._tolerance,
+                first_step=None if self._internal_step is None else min(self._internal_step, length),
+            )
+            proposed = float(solver.h_abs)
+            while solver.t < end:
+                proposed = float(solver.h_abs)
+                solver.step()
+                if solver.status == "failed" or not np.isfinite(solver.y).all():
+                    raise StepError(
+                        "internal step size",
+                        float(solver.h_abs),
+                        float(solver.t),
+                        f"the tolerance {self._tolerance:g} cannot be held; forces too large, or nearly singular",
+                    )
+                check_pose(self._platform, solver.y, float(solver.t), handedness)
+        # The last step was cut to end on time: what it would have been carries over.
+        self._internal_step = max(proposed, float(solver.h_abs))
+        self._x, self._time, self._started = solver.y, end, True
+
+    def save_state(self) -> Snapshot:
+        """Everything, to come back to (rule 9)."""
+        return Snapshot(
+            self._time,
+            tuple(self._x.tolist()),
+            tuple(self._u.tolist()),
+            self._platform,
+            self._internal_step,
+            self._started,
+        )
+
+    def restore_state(self, snapshot: Snapshot) -> None:
+        """Back to a snapshot of this model, or of any other of the same tolerance (rule 9)."""
+        self._use(snapshot.platform)
+        self._time, self._started = snapshot.time, snapshot.started
+        self._x, self._u = np.array(snapshot.x), np.array(snapshot.u)
+        self._internal_step = snapshot.internal_step
+
+    # --- inside ------------------------------------------------------------------------------------------------
+
+    def _use(self, platform: Platform) -> None:
+        self._platform = platform
+        self._p = parameter_vector(platform)
+
+    def _value(self, variable: Variable) -> NDArray[np.float64]:
+        if variable in interface.RESULTS:
+            return self.results()[variable.name]
+        if variable.causality == "input":
+            return self._u[_position_in(interface.INPUTS, variable)].copy()
+        if variable in interface.PLATFORM_PARAMETERS:
+            return np.array(getattr(self._platform, variable.name))
+        raise InterfaceError(variable.name, f"{variable.description}; the stepping model has none")
+
+    def _whole_value(self, variable: Variable, element: int | None, value: object) -> NDArray[np.float64]:
+        if element is None:
+            return interface.checked_value(variable, value)
+        scalar = interface.checked_value(replace(variable, name=variable.scalar_names[element], shape=()), value)
+        whole = np.array(self._value(variable))
+        whole.reshape(-1)[element] = scalar
+        return whole
+
+    def _refuse_unsettable(self, variable: Variable) -> None:
+        name = variable.name
+        if variable.name == "fixed_step_size":
+            raise InterfaceError(name, "is a parameter of the FMU; the stepping model is error-controlled")
+        if variable in interface.RESULTS and not variable.is_state:
+            raise InterfaceError(name, f"is computed ({variable.causality}); only inputs, parameters and states")
+        if self._started and variable.is_state:
+            raise InterfaceError(name, "is a state and only settable before the first step; call reset() first")
+        if self._started and variable.variability == "fixed":
+            raise InterfaceError(name, "is a fixed parameter, only settable before the first step; call reset()")
+
+    def _check_orientation(self, variable: Variable, value: Array) -> None:
+        if variable.name == "orientation" and not abs(value[1]) < LARGEST_PITCH:
+            raise InterfaceError(
+                "orientation[2]", f"is {value[1]:g} rad; expected a pitch within ±{LARGEST_PITCH:g} rad"
+            )
+
+
+def _home_state(platform: Platform) -> NDArray[np.float64]:
+    return np.concatenate([platform.home_position, platform.home_orientation, np.zeros(6)])
+
+
+def _position_in(variables: tuple[Variable, ...], variable: Variable) -> slice:
+    """Where a variable lies in the packed vector of these variables."""
+    before = interface.size_of(variables[: variables.index(variable)])
+    return slice(before, before + variable.size)
