@@ -1,0 +1,96 @@
+"""Do the formulations agree? Each row is a measured figure with the bound it is held against."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from gough_stewart.harness.cases import OpenLoopCase
+from gough_stewart.harness.open_loop import FloatArray, Trajectory
+from gough_stewart.model import dynamics, kane, newton_euler
+from gough_stewart.model.kane_simulation import KaneTrajectory
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.state import Inputs, State
+
+
+@dataclass(frozen=True)
+class Row:
+    """One comparison."""
+
+    what: str
+    measured: float
+    bound: float
+    unit: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether the figure is within its bound; never for a NaN."""
+        return bool(self.measured <= self.bound)
+
+
+def agreement(case: OpenLoopCase, kernel: Trajectory, kane_run: KaneTrajectory, stepping: FloatArray) -> list[Row]:
+    """All comparisons of an open-loop case."""
+    return [
+        *instantaneous(case, kernel),
+        Row(
+            "final pose: Kane's DAE (RK45, rtol 1e-10) against kernel (DOP853, 1e-12)",
+            float(np.abs(kane_run.platform.to_vector()[-1, :6] - kernel.states[-1, :6]).max()),
+            1e-8,
+            "m, rad",
+        ),
+        Row(
+            "final pose: stepping model (tolerance 1e-8) against kernel",
+            float(np.abs(stepping[-1, :6] - kernel.states[-1, :6]).max()),
+            1e-6,
+            "m, rad",
+        ),
+        Row(
+            "joint forces along the run: multipliers of Kane's DAE against task space",
+            _relative(kane_run.joint_force, kernel["joint_force"]),
+            1e-6,
+            "relative",
+        ),
+        Row(
+            "energy minus work of the forces, largest over the run",
+            energy_error(case, kernel),
+            1e-9,
+            "relative",
+        ),
+    ]
+
+
+def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Row]:
+    """Platform accelerations and joint forces at the states of a run, by four formulations."""
+    platform, state = case.platform, State.from_vector(kernel.states)
+    n = len(kernel.time)
+    inputs = Inputs(*(np.broadcast_to(part, (n, *part.shape)) for part in case.inputs))
+    by_kernel = np.concatenate([kernel["acceleration"], kernel["angular_acceleration"]], axis=-1)
+
+    task = dynamics.forward_dynamics(platform, state, inputs)
+    R = matrix_from_orientation(state.orientation)
+    configuration, y = kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
+    by_kane = kane.solve(platform, configuration, y, inputs.actuator_force)
+    by_newton = newton_euler.solve(platform, state.position, R, state.velocity, state.angular_velocity, *inputs)
+    accelerations = {
+        "task space (NumPy)": np.concatenate(task, axis=-1),
+        "Kane": by_kane.platform_acceleration,
+        "Newton–Euler": np.concatenate([by_newton.linear, by_newton.angular], axis=-1),
+    }
+    rows = [
+        Row(f"platform acceleration: {name} against kernel", _relative(a, by_kernel), 1e-10, "relative")
+        for name, a in accelerations.items()
+    ]
+    forces = _relative(by_newton.joint_force, kernel["joint_force"])
+    return [*rows, Row("joint forces: Newton–Euler against kernel", forces, 1e-10, "relative")]
+
+
+def energy_error(case: OpenLoopCase, run: Trajectory) -> float:
+    """Max |E(t) − E(0) − W(t)| / max |W|, W = Σ F_i (L_i(t) − L_i(0)) less the work lost in friction."""
+    energy = run["kinetic_energy"] + run["potential_energy"]
+    stroke = run["leg_length"] - run["leg_length"][0]
+    work = stroke @ case.actuator_force - run.friction_work
+    return float(np.abs(energy - energy[0] - work).max() / np.abs(work).max())
+
+
+def _relative(a: FloatArray, b: FloatArray) -> float:
+    """Largest over the rows of |a − b| / |b|."""
+    a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
+    return float((np.linalg.norm(a - b, axis=1) / np.linalg.norm(b, axis=1)).max())

@@ -1,0 +1,103 @@
+"""Open-loop cases: a platform, a start, constant actuator forces, a duration."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.state import Inputs, State
+from numpy.typing import NDArray
+
+PAPER_PRESET = "liu2000"
+ROWS = 101
+# Section IV of the paper.
+_PAPER_START = State(
+    position=np.array([0.0, 0.0, 3.0]),
+    orientation=np.array([0.0, 0.0, -0.1]),
+    velocity=np.array([0.0, 0.2, 0.0]),
+    angular_velocity=np.array([0.0, 0.1, 0.0]),
+)
+_PAPER_FORCES = np.array([55.0, 49.5, 55.0, 49.5, 55.0, 49.5])
+_PAPER_DURATION = 1.0
+
+
+@dataclass(frozen=True)
+class OpenLoopCase:
+    """Constant forces on a platform from a given start."""
+
+    title: str
+    platform: Platform
+    start: State
+    actuator_force: NDArray[np.float64]  # (6,) [N]
+    duration: float  # [s]
+    is_published: bool = False  # the paper's own plant, start and forces
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """The 101 result times [s]."""
+        return np.linspace(0.0, self.duration, ROWS)
+
+    @property
+    def inputs(self) -> Inputs:
+        """Actuator forces, and no external wrench."""
+        return Inputs.from_actuators(self.actuator_force)
+
+
+def paper_case(minus_first: bool = False) -> OpenLoopCase:
+    """The simulation of section IV of the paper.
+
+    `minus_first` reads the "±" of its appendix as − first, which swaps the legs of each pair under the same forces.
+    """
+    platform = load_preset(PAPER_PRESET)
+    title = "open-loop case of Liu, Li & Li (2000)"
+    if minus_first:
+        platform, title = with_pairs_swapped(platform), f"{title}, − before + in the appendix"
+    return OpenLoopCase(title, platform, _PAPER_START, _PAPER_FORCES, _PAPER_DURATION, is_published=True)
+
+
+def case_of(platform: Platform) -> OpenLoopCase:
+    """The paper's case on another platform: the same motion in the sense of Froude's scaling.
+
+    With λ the mean home leg length over that of the paper's platform: start in the home pose turned by the paper's
+    yaw, velocities × √λ, angular velocities / √λ, duration × √λ; every leg pushes with its static force in the home
+    pose times the paper's force over the paper platform's static force. The paper's own platform gives its own case.
+    """
+    paper = paper_case()
+    if _same_plant(platform, paper.platform):
+        return replace(paper, platform=platform)
+    scale = np.sqrt(_mean_home_length(platform) / _mean_home_length(paper.platform))
+    turned = platform.home_orientation + paper.start.orientation
+    start = State(
+        platform.home_position.copy(),
+        turned,
+        paper.start.velocity * scale,
+        paper.start.angular_velocity / scale,
+    )
+    ratio = paper.actuator_force / _home_forces(paper.platform)
+    return OpenLoopCase(
+        f"open-loop case of Liu, Li & Li (2000), scaled to {platform.name}",
+        platform,
+        start,
+        _home_forces(platform) * ratio,
+        float(paper.duration * scale),
+    )
+
+
+def with_pairs_swapped(platform: Platform) -> Platform:
+    """Legs 1 and 2, 3 and 4, 5 and 6 change names; the mechanism is the same."""
+    order = [1, 0, 3, 2, 5, 4]
+    return replace(platform, base_points=platform.base_points[order], platform_points=platform.platform_points[order])
+
+
+def _same_plant(one: Platform, other: Platform) -> bool:
+    return replace(one, name="", source="") == replace(other, name="", source="")
+
+
+def _mean_home_length(platform: Platform) -> float:
+    return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+
+
+def _home_forces(platform: Platform) -> NDArray[np.float64]:
+    return np.asarray(static_leg_forces(platform, platform.home_position, platform.home_orientation))

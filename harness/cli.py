@@ -1,0 +1,148 @@
+"""The command line: `gough-stewart`."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from gough_stewart.harness import cases
+from gough_stewart.harness.report import to_terminal
+from gough_stewart.harness.reproduce import check_output_folder, reproduce, write
+from gough_stewart.model import kinematics
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform_toml import load_platform, load_preset, preset_names, preset_text
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+app = typer.Typer(
+    name="gough-stewart",
+    help="Dynamics of the Gough–Stewart platform (Liu, Li & Li 2000): a plant for simulation and control.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+_errors = Console(stderr=True)
+
+
+class Order(StrEnum):
+    """How to read the "±" of the paper's appendix."""
+
+    plus_first = "plus-first"
+    minus_first = "minus-first"
+
+
+class UsageError(GoughStewartError):
+    """Options that contradict each other."""
+
+
+@app.callback()
+def _global(
+    show_version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    if show_version:
+        typer.echo(f"gough-stewart {version('gough-stewart')}")
+        raise typer.Exit
+
+
+@app.command("reproduce")
+def reproduce_command(
+    out: Annotated[
+        Path, typer.Option(help="Folder for table, figures and report; made if needed.", metavar="DIR")
+    ] = Path("results/reproduce"),
+    order: Annotated[
+        Order | None,
+        typer.Option(
+            help="How to read the ± of the paper's appendix: legs 1, 3, 5 are the + joints (the default), or the − "
+            "joints. Of the preset liu2000 only.",
+        ),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(help="A platform that ships with the package; see `gough-stewart presets`.", metavar="NAME"),
+    ] = None,
+    platform: Annotated[Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE")] = None,
+) -> None:
+    """Reproduce the paper's open-loop simulation, and prove it by independent formulations.
+
+    Runs the published 1.0 s under constant actuator forces by Kane's equations as in the paper, by the task-space
+    kernel and by the stepping model; compares them with each other, with Newton–Euler and with the energy balance.
+
+    Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
+    **drift.png**, **report.md** and **report.json**. Exit code 1 if a comparison misses its bound.
+
+    On another platform the case is scaled to its size (Froude's scaling), so that the motion is alike.
+
+    Examples
+    --------
+    - `gough-stewart reproduce --out results`
+
+    - `gough-stewart reproduce --order minus-first`
+
+    - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
+    """
+    with _clear_errors():
+        check_output_folder(out)
+        case = _chosen_case(order, preset, platform)
+        result = reproduce(case, _errors)
+        write(result, out)
+        console = Console()
+        console.print(to_terminal(result.report))
+        console.print(f"Wrote {', '.join(result.files)} to {out}", style="dim", highlight=False)
+        if not result.agrees:
+            raise GoughStewartError("a comparison misses its bound; see the table above and report.md")
+
+
+@app.command("presets")
+def presets_command(
+    name: Annotated[str | None, typer.Argument(help="Print this preset's TOML file.", metavar="[NAME]")] = None,
+) -> None:
+    """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
+    with _clear_errors():
+        if name is not None:
+            typer.echo(preset_text(name), nl=False)
+            return
+        table = Table("name", "platform kg", "home leg m", "condition", "source")
+        for each in preset_names():
+            p = load_preset(each)
+            home = (p, p.home_position, p.home_orientation)
+            length = kinematics.leg_geometry(*home).length.mean()
+            number = kinematics.conditioning(*home).condition_number
+            table.add_row(each, f"{p.platform_mass:g}", f"{length:.4g}", f"{number:.2f}", p.source)
+        Console().print(table)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()
+
+
+def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> cases.OpenLoopCase:
+    if preset is not None and platform is not None:
+        raise UsageError("--preset and --platform exclude each other; give one")
+    if order is not None and (platform is not None or preset not in (None, cases.PAPER_PRESET)):
+        raise UsageError(f"--order is a reading of the paper's own platform; leave it out, or use {cases.PAPER_PRESET}")
+    if order is not None:
+        return cases.paper_case(minus_first=order is Order.minus_first)
+    return cases.case_of(load_platform(platform) if platform is not None else load_preset(preset or cases.PAPER_PRESET))
+
+
+@contextmanager
+def _clear_errors() -> Iterator[None]:
+    """One clear line and an exit code instead of a traceback."""
+    try:
+        yield
+    except GoughStewartError as error:
+        _errors.print(f"[bold red]error:[/bold red] {escape(str(error))}", soft_wrap=True, highlight=False)
+        raise typer.Exit(1) from error
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        _errors.print(f"[bold red]error:[/bold red] {escape(where)}{error.strerror}", soft_wrap=True)
+        raise typer.Exit(1) from error
+    except KeyboardInterrupt:
+        _errors.print("interrupted; nothing written", style="bold red")
+        raise typer.Exit(130) from None

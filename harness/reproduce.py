@@ -1,0 +1,114 @@
+"""The reproduction: run everything of an open-loop case, then write all files; progress on the way."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gough_stewart.harness import figures, readings, report
+from gough_stewart.harness.agreement import agreement
+from gough_stewart.harness.cases import OpenLoopCase
+from gough_stewart.harness.open_loop import run_kane, run_kernel, run_stepping
+from gough_stewart.harness.record import csv_of
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.files import write_whole
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+# Tolerance and (α, β) of the runs that show the drift; 1e-3 is ode45's default.
+_DRIFT_RUNS = {
+    "without Baumgarte, rtol 1e-3": (1e-3, (0.0, 0.0)),
+    "Baumgarte α = β = 10/s, rtol 1e-3": (1e-3, (10.0, 10.0)),
+    "without Baumgarte, rtol 1e-6": (1e-6, (0.0, 0.0)),
+    "Baumgarte α = β = 10/s, rtol 1e-6": (1e-6, (10.0, 10.0)),
+}
+
+
+class OutputError(GoughStewartError):
+    """The results cannot be written where they were asked for."""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What `reproduce` makes, before it is written."""
+
+    report: dict[str, Any]
+    files: dict[str, bytes]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every comparison is within its bound."""
+        return all(row["holds"] for row in self.report["agreement"])
+
+
+def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
+    """Run the case by all formulations and make report, table and figures; writes nothing.
+
+    Raises
+    ------
+    StepError
+        The plant cannot go through the case.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+
+        def over_time(description: str) -> Callable[[float], None]:
+            task = progress.add_task(description, total=case.duration)
+            return lambda time: progress.update(task, completed=time)
+
+        def each(description: str, total: int) -> Callable[[], None]:
+            task = progress.add_task(description, total=total)
+            return lambda: progress.advance(task)
+
+        # first the one that knows the poses a plant cannot pass
+        stepping = run_stepping(case, progress=over_time("stepping model"))
+        kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
+        kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
+        drawn = each("drift", len(_DRIFT_RUNS))
+        drift = {}
+        for label, (rtol, baumgarte) in _DRIFT_RUNS.items():
+            drift[label] = run_kane(case, baumgarte, rtol, own_steps=True)
+            drawn()
+        others, weight = [], None
+        if case.is_published:
+            others = readings.other_readings(each("other readings of the paper", readings.NUMBER_OF_RUNS))
+            weight = readings.weight_of_the_published_forces()
+        draw = each("figures", 2)
+        pictures = figures.open_loop_figures(case, kernel)
+        draw()
+        pictures["drift.png"] = figures.drift_figure(drift)
+        draw()
+
+    said = report.record(case, kernel, agreement(case, kernel, kane, stepping), others, weight, drift)
+    files = {
+        "open_loop.csv": csv_of(kernel),
+        **pictures,
+        "report.md": report.to_markdown(said),
+        "report.json": report.to_json(said),
+    }
+    return Reproduction(said, files)
+
+
+def check_output_folder(folder: Path) -> None:
+    """Refuse a place that cannot be written, before anything is computed.
+
+    Raises
+    ------
+    OutputError
+        It is a file, or neither it nor a folder above it can be written.
+    """
+    place = folder.absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not place.is_dir():
+        raise OutputError(f"--out {folder}: {place} is a file; expected a folder, existing or new")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise OutputError(f"--out {folder}: no permission to write in {place}; choose another folder")
+
+
+def write(reproduction: Reproduction, folder: Path) -> None:
+    """Write the files, each whole, into a folder that is made if needed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in reproduction.files.items():
+        write_whole(folder / name, content)
