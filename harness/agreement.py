@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from gough_stewart.harness.cases import OpenLoopCase
 from gough_stewart.harness.open_loop import FloatArray, Trajectory
 from gough_stewart.model import dynamics, kane, newton_euler

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from gough_stewart.harness import cases
-from gough_stewart.harness.report import to_terminal
-from gough_stewart.harness.reproduce import check_output_folder, reproduce, write
-from gough_stewart.model import kinematics
-from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.platform_toml import load_platform, load_preset, preset_names, preset_text
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+
+from gough_stewart.harness import cases
+from gough_stewart.model import kinematics
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform_toml import load_platform, load_preset, preset_names, preset_text
 
 app = typer.Typer(
     name="gough-stewart",
@@ -40,13 +39,19 @@ class UsageError(GoughStewartError):
     """Options that contradict each other."""
 
 
-@app.callback()
-def _global(
-    show_version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-) -> None:
-    if show_version:
+def _show_version(wanted: bool) -> None:
+    if wanted:
         typer.echo(f"gough-stewart {version('gough-stewart')}")
         raise typer.Exit
+
+
+@app.callback()
+def _global(
+    _version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
 
 
 @app.command("reproduce")
@@ -86,6 +91,10 @@ def reproduce_command(
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
     with _clear_errors():
+        # here, not above: --help need not wait for CasADi and matplotlib
+        from gough_stewart.harness.report import to_terminal
+        from gough_stewart.harness.reproduce import check_output_folder, reproduce, write
+
         check_output_folder(out)
         case = _chosen_case(order, preset, platform)
         result = reproduce(case, _errors)

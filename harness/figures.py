@@ -5,11 +5,12 @@ from io import BytesIO
 from typing import Any
 
 import matplotlib.style as mpl_style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
 from gough_stewart.harness.cases import OpenLoopCase
 from gough_stewart.harness.open_loop import FloatArray, Trajectory
 from gough_stewart.model.kane_simulation import KaneTrajectory
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 # Distinct in print and for colour-blind readers (Okabe & Ito, Color Universal Design, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")

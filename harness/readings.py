@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
+
 from gough_stewart.harness.cases import OpenLoopCase, paper_case
 from gough_stewart.harness.open_loop import FloatArray, run_kernel
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
-from scipy.spatial.transform import Rotation
 
 # Enough for differences that are shown with three digits.
 _RTOL = 1e-9

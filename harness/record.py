@@ -2,6 +2,7 @@
 
 import numpy as np
 import polars
+
 from gough_stewart.harness.open_loop import Trajectory
 from gough_stewart.model import interface
 

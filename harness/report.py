@@ -7,6 +7,10 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
 from gough_stewart.harness.agreement import Row
 from gough_stewart.harness.cases import OpenLoopCase
 from gough_stewart.harness.open_loop import Trajectory
@@ -14,9 +18,6 @@ from gough_stewart.harness.readings import Reading
 from gough_stewart.model.kane_simulation import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.state import State
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "polars", "matplotlib")
 

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
 from gough_stewart.harness import figures, readings, report
 from gough_stewart.harness.agreement import agreement
 from gough_stewart.harness.cases import OpenLoopCase
@@ -13,8 +16,6 @@ from gough_stewart.harness.open_loop import run_kane, run_kernel, run_stepping
 from gough_stewart.harness.record import csv_of
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.files import write_whole
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 # Tolerance and (α, β) of the runs that show the drift; 1e-3 is ode45's default.
 _DRIFT_RUNS = {

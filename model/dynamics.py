@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+
 from gough_stewart.model.errors import SingularPoseError
 from gough_stewart.model.kinematics import (
     LegGeometry,

@@ -1,6 +1,7 @@
 """Kinetic and potential energy of platform and legs, and the power of actuators and friction."""
 
 import numpy as np
+
 from gough_stewart.model.kinematics import leg_geometry, leg_rates, rates_of_legs
 from gough_stewart.model.leg_dynamics import friction_force, leg_moments
 from gough_stewart.model.parameters import Parameters

@@ -12,9 +12,10 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
+
 from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.vectors import Array
-from numpy.typing import NDArray
 
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "fixed", "tunable"]

@@ -16,6 +16,7 @@ Batches: every array may have leading axes.
 from typing import NamedTuple
 
 import numpy as np
+
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg, skew, transpose
 

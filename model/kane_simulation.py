@@ -9,6 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
 from gough_stewart.model import kane
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.parameters import Parameters
@@ -20,8 +23,6 @@ from gough_stewart.model.rotations import (
 )
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array, apply
-from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
 
 N_STATES = 67
 
@@ -55,14 +56,29 @@ def simulate(
     own_steps: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> KaneTrajectory:
-    """Integrate eq. (31) under constant inputs from a consistent start.
+    """Integrate eq. (31) from the pose and twist of the platform, (3,) arrays; see `integrate`."""
+    R = matrix_from_orientation(start.orientation)
+    consistent = kane.consistent_start(parameters, start.position, R, start.velocity, start.angular_velocity)
+    return integrate(parameters, *consistent, inputs, time, baumgarte, rtol, own_steps, progress)
+
+
+def integrate(
+    parameters: Parameters,
+    configuration: kane.Configuration,
+    speeds: Array,
+    inputs: Inputs,
+    time: Array,
+    baumgarte: tuple[float, float] = (10.0, 10.0),
+    rtol: float = 1e-10,
+    own_steps: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> KaneTrajectory:
+    """Integrate eq. (31) under constant inputs from a configuration and speeds y (30,), consistent or not.
 
     Parameters
     ----------
-    start, inputs
-        Unbatched, (3,) and (6,) arrays.
     time
-        Increasing times (n,) [s]; the first is that of `start`.
+        Increasing times (n,) [s]; the first is that of the start.
     baumgarte
         (α, β) [1/s]; the paper takes both between 1 and 20.
     rtol
@@ -90,12 +106,10 @@ def simulate(
         turning = quaternion_rate(x[:24].reshape(6, 4), omega).reshape(24)
         return np.concatenate([turning, slide_rate, velocity, quaternion_rate(x[33:37], omega_p), ydot])
 
-    R = matrix_from_orientation(start.orientation)
-    consistent = kane.consistent_start(parameters, start.position, R, start.velocity, start.angular_velocity)
     solution = solve_ivp(
         derivative,
         (time[0], time[-1]),
-        _pack(*consistent),
+        _pack(configuration, speeds),
         method="RK45",
         t_eval=None if own_steps else time,
         rtol=rtol,

@@ -15,12 +15,13 @@ from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
+from numpy.typing import NDArray
+
 from gough_stewart.model import dynamics, energy, interface, kinematics
 from gough_stewart.model.parameters import ParameterArrays, Parameters
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array
-from numpy.typing import NDArray
 
 N_STATES = interface.size_of(interface.STATES)
 N_INPUTS = interface.size_of(interface.INPUTS)

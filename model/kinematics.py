@@ -7,6 +7,7 @@ All functions broadcast over leading axes and are traceable, except `conditionin
 from typing import NamedTuple
 
 import numpy as np
+
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State

@@ -12,6 +12,7 @@ with u̇ = Ṗ⊥/L and ü⊥ = (P̈⊥ − 2 L̇ u̇)/L. So f = E P̈ + b − F
 from typing import NamedTuple
 
 import numpy as np
+
 from gough_stewart.model.kinematics import LegGeometry, LegRates
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.vectors import Array, dot, per_leg

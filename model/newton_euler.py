@@ -10,6 +10,7 @@ gives 13·6 = 78 equations, the joints 12 per leg.
 from typing import NamedTuple
 
 import numpy as np
+
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.vectors import Array
 

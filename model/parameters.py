@@ -1,7 +1,10 @@
 """What the equations need to know of a platform: the parameters of the interface, as arrays or symbols."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Protocol
+
+import numpy as np
 
 from gough_stewart.model.vectors import Array, Scalars
 
@@ -64,3 +67,9 @@ class ParameterArrays:
     leg_coulomb_friction: Scalars
     leg_friction_velocity: Scalars
     gravity: Array
+
+
+def stack(parameters: Sequence[Parameters]) -> ParameterArrays:
+    """Many platforms as one batch: every parameter gets a leading axis of their number."""
+    names = [f.name for f in fields(ParameterArrays)]
+    return ParameterArrays(**{name: np.stack([np.asarray(getattr(p, name)) for p in parameters]) for name in names})

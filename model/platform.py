@@ -5,9 +5,10 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from gough_stewart.model import platform_checks
 from gough_stewart.model.errors import PlatformError
-from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 

@@ -3,6 +3,7 @@
 from typing import Protocol
 
 import numpy as np
+
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.parameters import Parameters
@@ -121,7 +122,7 @@ def check_home_pose(platform: Checkable) -> None:
     worst = float(conditioning(platform, platform.home_position, platform.home_orientation).condition_number)
     if not worst < SINGULAR_CONDITION_NUMBER:
         raise PlatformError(
-            "base_points, platform_points",
+            "base_points, platform_points, home_position, home_orientation",
             f"the leg Jacobian is singular at the home pose (condition number {worst:.3g}, expected below "
             f"{SINGULAR_CONDITION_NUMBER:g}): the legs cannot hold the platform there; give base and platform "
             "joints different azimuths or choose another home pose",

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import tomlkit
+
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest

@@ -1,6 +1,7 @@
 """Poses that no motion may pass: a collapsed leg, a pitch of ±90°, a singular leg Jacobian."""
 
 import numpy as np
+
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.kinematics import conditioning_of_legs, jacobian_of_legs, leg_geometry
 from gough_stewart.model.platform import Platform
@@ -33,7 +34,8 @@ def check_pose(platform: Platform, x: Array, time: float, handedness: float | No
     position, orientation = x[0:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:
         raise StepError("orientation[2]", float(orientation[1]), time, "the pitch has reached ±90°")
-    legs = leg_geometry(platform, position, orientation)
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction; that is for the next line to say
+        legs = leg_geometry(platform, position, orientation)
     leg = int(legs.length.argmin())
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
         raise StepError(f"leg_length[{leg + 1}]", float(legs.length[leg]), time, "the leg has collapsed")

@@ -5,6 +5,7 @@ The first three functions are traceable (see `gough_stewart.model.kernel`); the 
 """
 
 import numpy as np
+
 from gough_stewart.model.errors import OrientationError
 from gough_stewart.model.vectors import Array, cross, dot, skew, transpose
 
@@ -67,8 +68,7 @@ def orientation_from_matrix(rotation: Array) -> Array:
     defect = np.abs(rotation @ transpose(rotation) - np.eye(3)).max(initial=0.0)
     if not defect < 1e-8 or np.any(np.linalg.det(rotation) < 0):
         raise OrientationError(
-            f"not a rotation matrix: |R Rᵀ − 1| = {defect:.3g}, det {np.linalg.det(rotation)}; "
-            "expected orthonormal columns and determinant +1"
+            f"not a rotation matrix: |R Rᵀ − 1| = {defect:.3g}; expected orthonormal columns and determinant +1"
         )
     cos_pitch = np.hypot(rotation[..., 0, 0], rotation[..., 1, 0])
     if np.any(cos_pitch < PITCH_MARGIN):

@@ -3,6 +3,7 @@
 from typing import NamedTuple, Self
 
 import numpy as np
+
 from gough_stewart.model.vectors import Array
 
 

@@ -8,6 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.interface import Variable
@@ -15,8 +18,6 @@ from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.vectors import Array
-from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,267 @@
+"""Task-space dynamics: invariants, closed forms, and a Lagrangian by automatic differentiation."""
+
+from dataclasses import replace
+from functools import cache
+
+import casadi
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gough_stewart.model import dynamics, energy, interface, kinematics
+from gough_stewart.model.errors import SingularPoseError
+from gough_stewart.model.kernel import N_PARAMETERS, parameter_vector
+from gough_stewart.model.leg_dynamics import friction_force
+from gough_stewart.model.parameters import ParameterArrays
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import (
+    angular_velocity_from_orientation_rate,
+    matrix_from_orientation,
+    orientation_from_matrix,
+    orientation_rate_from_angular_velocity,
+)
+from gough_stewart.model.state import Inputs, State
+from tests.random_platforms import Sample, random_inputs, random_platform, random_state, relative_difference
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def test_mass_matrix_is_symmetric_and_positive_definite(thousand: Sample) -> None:
+    M = dynamics.mass_matrix(thousand.parameters, thousand.state.position, thousand.state.orientation)
+    assert np.allclose(M, np.swapaxes(M, -1, -2), atol=1e-12 * np.abs(M).max())
+    assert np.linalg.eigvalsh(M).min() > 0
+
+
+def test_kinetic_energy_is_the_quadratic_form_of_the_mass_matrix(thousand: Sample) -> None:
+    """Expected: T = ½ [v; ω]ᵀ M [v; ω]; `energy` sums over the bodies instead."""
+    state = thousand.state
+    M = dynamics.mass_matrix(thousand.parameters, state.position, state.orientation)
+    twist = np.concatenate([state.velocity, state.angular_velocity], axis=-1)
+    expected = 0.5 * np.einsum("na,nab,nb->n", twist, M, twist)
+    assert np.allclose(energy.kinetic_energy(thousand.parameters, state), expected, rtol=1e-12)
+
+
+def test_inverse_dynamics_undoes_forward_dynamics(thousand: Sample) -> None:
+    a = dynamics.forward_dynamics(thousand.parameters, thousand.state, thousand.inputs)
+    wrench = np.concatenate(thousand.inputs[1:], axis=-1)
+    F = dynamics.inverse_dynamics(thousand.parameters, thousand.state, a, wrench)
+    assert relative_difference(F, thousand.inputs.actuator_force) <= 1e-10
+
+
+def test_static_forces_keep_the_platform_at_rest(thousand: Sample) -> None:
+    p, state, wrench = thousand.parameters, thousand.state, np.concatenate(thousand.inputs[1:], axis=-1)
+    F = dynamics.static_leg_forces(p, state.position, state.orientation, wrench)
+    rest = State(state.position, state.orientation, 0 * state.velocity, 0 * state.velocity)
+    a = dynamics.forward_dynamics(p, rest, thousand.inputs._replace(actuator_force=F))
+    scale = np.abs(F).max() / np.min(p.platform_mass)
+    assert max(np.abs(a.linear).max(), np.abs(a.angular).max()) <= 1e-10 * scale
+
+
+@given(seeds)
+def test_static_forces_are_the_gradient_of_the_potential_energy(seed: int) -> None:
+    """Expected: virtual work, δV = Σ F δL, by central differences of V along each degree of freedom."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    position, orientation = random_state(platform, rng)[:2]
+    F = dynamics.static_leg_forces(platform, position, orientation)
+    wrench = kinematics.leg_jacobian(platform, position, orientation).T @ F
+    h = 1e-5
+    R = Rotation.from_matrix(matrix_from_orientation(orientation))
+
+    def potential(shift: np.ndarray) -> float:
+        turned = orientation_from_matrix((Rotation.from_rotvec(shift[3:]) * R).as_matrix())
+        return float(energy.potential_energy(platform, position + shift[:3], turned))
+
+    gradient = [(potential(h * e) - potential(-h * e)) / (2 * h) for e in np.eye(6)]
+    assert np.allclose(wrench, gradient, atol=1e-6 * np.abs(gradient).max())
+
+
+def test_published_platform_at_zero_yaw_is_held_by_equal_forces(paper: Platform) -> None:
+    """Expected: vertical balance by hand, with cos θ = 3/L the legs' inclination.
+
+    Each leg rests on P with m2 g cos θ along u and (h/L) g sin θ across u, and carries a sixth of the platform.
+    """
+    L = np.sqrt(14 - 2 * np.sqrt(3))
+    cos = 3 / L
+    h = 2 * 0.4144 + 1 * (L - 0.4144)
+    vertical = 10 * 9.81 / 6 + 1 * 9.81 * cos**2 + h / L * 9.81 * (1 - cos**2)
+    F = dynamics.static_leg_forces(paper, paper.home_position, paper.home_orientation)
+    assert np.allclose(F, vertical / cos, rtol=1e-14)
+
+
+def test_without_legs_the_platform_is_a_rigid_body() -> None:
+    """Expected: Newton–Euler of one rigid body about its centre of mass, written out here."""
+    rng = np.random.default_rng(7)
+    platform = random_platform(rng)
+    state, inputs = random_state(platform, rng), random_inputs(platform, rng)
+    inputs = inputs._replace(actuator_force=np.zeros(6))
+    massless = ParameterArrays(
+        **{v.name: getattr(platform, v.name) for v in interface.PLATFORM_PARAMETERS if not v.name.startswith("leg_")},
+        leg_lower_mass=0.0,
+        leg_upper_mass=0.0,
+        leg_lower_com=0.0,
+        leg_upper_com=0.0,
+        leg_lower_inertia=0.0,
+        leg_upper_inertia=0.0,
+        leg_viscous_friction=0.0,
+        leg_coulomb_friction=0.0,
+        leg_friction_velocity=1.0,
+    )
+    a = dynamics.forward_dynamics(massless, state, inputs)
+    R = Rotation.from_euler("xyz", state.orientation).as_matrix()
+    r, J, w = R @ platform.platform_com, R @ platform.platform_inertia @ R.T, state.angular_velocity
+    a_G = platform.gravity + inputs.external_force / platform.platform_mass
+    alpha = np.linalg.solve(J, inputs.external_torque - np.cross(r, inputs.external_force) - np.cross(w, J @ w))
+    assert np.allclose(a.angular, alpha, rtol=1e-10)
+    assert np.allclose(a.linear, a_G - np.cross(alpha, r) - np.cross(w, np.cross(w, r)), rtol=1e-10)
+
+
+@cache
+def lagrangian_residual() -> casadi.Function:
+    """d/dt ∂(T−V)/∂q̇ − ∂(T−V)/∂q for q = (position, orientation), by CasADi from the energies alone."""
+    q, dq, ddq = (casadi.SX.sym(name, 6) for name in ("q", "dq", "ddq"))
+    p = casadi.SX.sym("p", N_PARAMETERS)
+
+    def symbols(vector: casadi.SX) -> np.ndarray:
+        return np.array([[vector[i] for i in range(vector.numel())]], dtype=object)
+
+    qs, dqs = symbols(q), symbols(dq)
+    parameters = ParameterArrays(**interface.unpack(interface.PLATFORM_PARAMETERS, symbols(p)))
+    omega = angular_velocity_from_orientation_rate(qs[:, 3:], dqs[:, 3:])
+    state = State(qs[:, :3], qs[:, 3:], dqs[:, :3], omega)
+    L = energy.kinetic_energy(parameters, state)[0] - energy.potential_energy(parameters, qs[:, :3], qs[:, 3:])[0]
+    momentum = casadi.gradient(L, dq)
+    rate = casadi.jtimes(momentum, q, dq) + casadi.jtimes(momentum, dq, ddq)
+    return casadi.Function("residual", [q, dq, ddq, p], [rate - casadi.gradient(L, q)])
+
+
+@given(seeds)
+def test_accelerations_satisfy_lagranges_equations(seed: int) -> None:
+    """Expected: generalized forces Q = Σ ∂v/∂q̇ · force, from a Lagrangian that knows no accelerations."""
+    rng = np.random.default_rng(seed)
+    platform = replace(random_platform(rng), leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
+    state, inputs = random_state(platform, rng), random_inputs(platform, rng)
+    a = dynamics.forward_dynamics(platform, state, inputs)
+    rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+    # α = E(o) ö + Ė(o) ȯ, with Ė ȯ by central differences along ȯ
+    E = np.stack([angular_velocity_from_orientation_rate(state.orientation, e) for e in np.eye(3)], axis=1)
+    h = 1e-6
+    turning = [angular_velocity_from_orientation_rate(state.orientation + s * h * rate, rate) for s in (1, -1)]
+    angle_acceleration = np.linalg.solve(E, a.angular - (turning[0] - turning[1]) / (2 * h))
+    residual = lagrangian_residual()(
+        np.concatenate([state.position, state.orientation]),
+        np.concatenate([state.velocity, rate]),
+        np.concatenate([a.linear, angle_acceleration]),
+        parameter_vector(platform),
+    )
+    legs = kinematics.leg_geometry(platform, state.position, state.orientation)
+    wrench = kinematics.wrench_from_leg_forces(legs, inputs.actuator_force)
+    wrench = wrench + np.concatenate(inputs[1:])
+    Q = np.concatenate([wrench[:3], E.T @ wrench[3:]])
+    assert np.allclose(np.array(residual).ravel(), Q, atol=1e-7 * np.abs(Q).max())
+
+
+@given(seeds)
+def test_energy_changes_by_the_power_of_forces_less_friction(seed: int) -> None:
+    """Expected: power balance; dE/dt by central differences along the motion."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    state, inputs = random_state(platform, rng), random_inputs(platform, rng)
+    a = dynamics.forward_dynamics(platform, state, inputs)
+    rate = State(
+        state.velocity,
+        orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity),
+        a.linear,
+        a.angular,
+    )
+
+    def total(h: float) -> float:
+        s = State(*(x + h * dx for x, dx in zip(state, rate, strict=True)))
+        kinetic = energy.kinetic_energy(platform, s)
+        return float(kinetic + energy.potential_energy(platform, s.position, s.orientation))
+
+    # h such that the motion of step h stays small also under large accelerations
+    h = 1e-6
+    power = energy.input_power(platform, state, inputs)
+    lost = energy.friction_power(platform, state)
+    scale = abs(float(power)) + float(lost) + abs(total(0.0))
+    assert (total(h) - total(-h)) / (2 * h) == pytest.approx(float(power - lost), abs=1e-6 * scale)
+
+
+@given(seeds)
+def test_joint_forces_move_the_platform(seed: int) -> None:
+    """Expected: Newton's and Euler's laws of the platform body alone, under joint forces, weight, external wrench."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    state, inputs = random_state(platform, rng), random_inputs(platform, rng)
+    a = dynamics.forward_dynamics(platform, state, inputs)
+    forces = dynamics.joint_forces(platform, state, inputs.actuator_force, a)
+    R = Rotation.from_euler("xyz", state.orientation).as_matrix()
+    r, J, w = R @ platform.platform_com, R @ platform.platform_inertia @ R.T, state.angular_velocity
+    a_G = a.linear + np.cross(a.angular, r) + np.cross(w, np.cross(w, r))
+    force = forces.sum(axis=0) + inputs.external_force + platform.platform_mass * platform.gravity
+    assert np.allclose(platform.platform_mass * a_G, force, atol=1e-9 * np.abs(forces).max())
+    arms = platform.platform_points @ R.T - r
+    moment = np.cross(arms, forces).sum(axis=0) + inputs.external_torque - np.cross(r, inputs.external_force)
+    euler = J @ a.angular + np.cross(w, J @ w)
+    assert np.allclose(euler, moment, atol=1e-9 * np.abs(forces).max() * platform.characteristic_length)
+
+
+@given(seeds, st.floats(-np.pi, np.pi))
+def test_dynamics_do_not_depend_on_the_choice_of_the_world_frame(seed: int, azimuth: float) -> None:
+    """Expected: everything turned about Z gives the same accelerations, turned."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    state, inputs = random_state(platform, rng), random_inputs(platform, rng)
+    a = dynamics.forward_dynamics(platform, state, inputs)
+    Z = Rotation.from_euler("z", azimuth).as_matrix()
+    turned_platform = replace(
+        platform,
+        base_points=platform.base_points @ Z.T,
+        gravity=Z @ platform.gravity,
+        home_position=Z @ platform.home_position,
+        home_orientation=platform.home_orientation + np.array([0, 0, azimuth]),
+    )
+    turned_state = State(
+        Z @ state.position,
+        state.orientation + np.array([0, 0, azimuth]),
+        Z @ state.velocity,
+        Z @ state.angular_velocity,
+    )
+    turned_inputs = Inputs(inputs.actuator_force, Z @ inputs.external_force, Z @ inputs.external_torque)
+    b = dynamics.forward_dynamics(turned_platform, turned_state, turned_inputs)
+    assert np.allclose(b.linear, Z @ a.linear, atol=1e-9 * np.abs(a.linear).max())
+    assert np.allclose(b.angular, Z @ a.angular, atol=1e-9 * np.abs(a.angular).max())
+
+
+def test_single_states_and_batches_give_the_same(thousand: Sample) -> None:
+    batch = dynamics.forward_dynamics(thousand.parameters, thousand.state, thousand.inputs)
+    for k in (0, 499, 999):
+        state = State(*(x[k] for x in thousand.state))
+        one = dynamics.forward_dynamics(thousand.platforms[k], state, Inputs(*(u[k] for u in thousand.inputs)))
+        assert np.allclose(one.linear, batch.linear[k], rtol=1e-12)
+        assert np.allclose(one.angular, batch.angular[k], rtol=1e-12)
+
+
+def test_friction_is_viscous_plus_smoothed_coulomb(paper: Platform) -> None:
+    """Expected: limits: slope c + C/v_s at rest, ±C beyond v_s, odd."""
+    p = replace(paper, leg_viscous_friction=3.0, leg_coulomb_friction=5.0, leg_friction_velocity=0.01)
+    v = np.array([1e-9, -1e-9, 1.0, -1.0, 0.0, 0.01])
+    expected = [1e-9 * (3 + 500), -1e-9 * (3 + 500), 8.0, -8.0, 0.0, 0.03 + 5 * np.tanh(1.0)]
+    assert np.allclose(friction_force(p, v), expected, rtol=1e-9)
+
+
+@given(seeds)
+def test_friction_never_feeds_energy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    assert energy.friction_power(platform, random_state(platform, rng)) >= 0
+
+
+def test_leg_forces_at_a_singular_pose_are_refused(paper: Platform) -> None:
+    """Expected: Fichter's singularity at 90° of yaw."""
+    with pytest.raises(SingularPoseError, match="condition number") as caught:
+        dynamics.static_leg_forces(paper, np.array([0, 0, 3.0]), np.array([0, 0, np.pi / 2]))
+    assert caught.value.condition_number > 1e12

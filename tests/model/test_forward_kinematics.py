@@ -1,0 +1,106 @@
+"""Forward kinematics: finds the pose near the guess, or says that there is none."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gough_stewart.model.errors import InterfaceError, NoPoseError
+from gough_stewart.model.forward_kinematics import forward_kinematics
+from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
+from gough_stewart.model.platform import Platform
+from tests.random_platforms import random_platform, random_state
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_finds_the_pose_that_the_lengths_came_from(seed: int) -> None:
+    """Expected: the pose itself, reached from a nearby guess."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    pose = random_state(platform, rng)
+    size = platform.characteristic_length
+    guess = pose.position + 0.02 * size * rng.normal(size=3), pose.orientation + 0.02 * rng.normal(size=3)
+    lengths = leg_geometry(platform, pose.position, pose.orientation).length
+    found = forward_kinematics(platform, lengths, *guess)
+    assert found.converged
+    assert np.allclose(found.position, pose.position, atol=1e-9 * size)
+    assert np.allclose(found.orientation, pose.orientation, atol=1e-9)
+    assert found.residual == pytest.approx(
+        np.abs(leg_geometry(platform, found.position, found.orientation).length - lengths).max(), abs=1e-14
+    )
+
+
+def test_converges_quadratically(paper: Platform) -> None:
+    """Expected: Newton's order 2: near the solution, residuals r_k+1 ≤ C r_k² with a moderate C."""
+    lengths = leg_geometry(paper, np.array([0.2, -0.1, 3.2]), np.array([0.1, 0.2, -0.3])).length
+    found = forward_kinematics(paper, lengths)
+    r = np.array(found.residual_history)
+    steps = [(a, b) for a, b in pairwise(r) if 1e-7 < a < 0.1]
+    assert len(steps) >= 2
+    assert all(b <= a**2 for a, b in steps)
+    assert found.iterations <= 6
+
+
+def test_home_lengths_need_no_iteration(paper: Platform) -> None:
+    found = forward_kinematics(paper, leg_geometry(paper, paper.home_position, paper.home_orientation).length)
+    assert (found.converged, found.iterations) == (True, 0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_from_a_far_guess_either_the_right_lengths_on_this_side_or_an_error(paper: Platform, seed: int) -> None:
+    """Expected: never a pose of another assembly mode, told by the sign of det J."""
+    rng = np.random.default_rng(seed)
+    lengths = leg_geometry(paper, np.array([0, 0, 3.0]) + rng.uniform(-1, 1, 3), rng.uniform(-0.5, 0.5, 3)).length
+    guess = np.array([0, 0, 3.0]) + rng.uniform(-2, 2, 3), rng.uniform(-1, 1, 3)
+    try:
+        found = forward_kinematics(paper, lengths, *guess)
+    except NoPoseError:
+        return
+    reached = leg_geometry(paper, found.position, found.orientation).length
+    assert np.allclose(reached, lengths, atol=1e-10)
+    sign_guess, sign_found = (
+        np.sign(np.linalg.det(leg_jacobian(paper, *pose))) for pose in (guess, (found.position, found.orientation))
+    )
+    assert sign_guess == sign_found
+
+
+def test_unreachable_lengths_raise_with_where_it_stopped(paper: Platform) -> None:
+    with pytest.raises(NoPoseError, match="no pose near this guess") as caught:
+        forward_kinematics(paper, np.array([1.4, 3.3, 3.2, 3.3, 3.4, 3.5]))
+    result = caught.value.result
+    assert not result.converged
+    assert result.residual > 1e-3
+    assert result.iterations == len(result.residual_history) - 1
+
+
+def test_a_guess_below_the_base_finds_the_mirror_pose_not_the_upper_one(paper: Platform) -> None:
+    """Expected: the mechanism mirrored in the base plane has the same lengths."""
+    lengths = leg_geometry(paper, np.array([0, 0, 3.0]), np.zeros(3)).length
+    found = forward_kinematics(paper, lengths, np.array([0.1, 0, -2.8]), np.zeros(3))
+    assert np.allclose(found.position, [0, 0, -3], atol=1e-9)
+
+
+def test_a_singular_guess_is_refused(paper: Platform) -> None:
+    with pytest.raises(NoPoseError, match="singular"):
+        forward_kinematics(paper, np.full(6, 3.3), np.array([0, 0, 3.0]), np.array([0, 0, np.pi / 2]))
+
+
+def test_too_few_iterations_raise(paper: Platform) -> None:
+    with pytest.raises(NoPoseError, match="not met after 1 iterations"):
+        forward_kinematics(paper, np.full(6, 3.5), max_iterations=1)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "message"),
+    [
+        ([3.0] * 5, r"shape \(5,\)"),
+        ([3.0] * 5 + [np.nan], r"leg_length\[6\]: is nan"),
+        ([3.0] * 5 + [-1.0], "expected lengths > 0"),
+        ("long", "expected numbers"),
+    ],
+)
+def test_wrong_lengths_are_refused(paper: Platform, lengths: object, message: str) -> None:
+    with pytest.raises(InterfaceError, match=message):
+        forward_kinematics(paper, lengths)  # type: ignore[arg-type]

@@ -1,0 +1,147 @@
+"""The traced kernel: exact Jacobians, run-time parameters, no allocation."""
+
+import tracemalloc
+
+import casadi
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gough_stewart.model import dynamics, interface, kernel, kinematics
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
+from gough_stewart.model.state import Inputs, State
+from tests.random_platforms import random_inputs, random_platform, random_state
+
+seeds = st.integers(0, 2**32 - 1)
+KERNEL = Kernel()
+
+
+def derivative_by_numpy(platform: Platform, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """ẋ by the NumPy functions, also for complex arguments."""
+    state = State.from_vector(x)
+    a = dynamics.forward_dynamics(platform, state, Inputs.from_vector(u))
+    rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+    return np.concatenate([state.velocity, rate, a.linear, a.angular])
+
+
+@given(seeds)
+def test_state_jacobians_are_exact(seed: int) -> None:
+    """Expected: complex-step derivatives of the NumPy functions, which have no rounding of differences."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    x, u = random_state(platform, rng).to_vector(), random_inputs(platform, rng).to_vector()
+    J = KERNEL.jacobians(x, u, parameter_vector(platform))
+    h = 1e-30
+    A = np.stack([derivative_by_numpy(platform, x + 1j * h * e, u).imag / h for e in np.eye(12)], axis=1)
+    B = np.stack(
+        [derivative_by_numpy(platform, x.astype(complex), u + 1j * h * e).imag / h for e in np.eye(12)], axis=1
+    )
+    assert np.abs(J.A - A).max() <= 1e-10 * np.abs(A).max()
+    assert np.abs(J.B - B).max() <= 1e-10 * np.abs(B).max()
+
+
+@given(seeds)
+def test_output_jacobians_match_central_differences(seed: int) -> None:
+    """Expected: central differences of the outputs, ≤ 1e-6 of the largest entry of each output."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    x, u = random_state(platform, rng).to_vector(), random_inputs(platform, rng).to_vector()
+    p = parameter_vector(platform)
+    J = KERNEL.jacobians(x, u, p)
+
+    def differences(at: np.ndarray, of_state: bool) -> np.ndarray:
+        columns = []
+        for k in range(12):
+            h = 1e-6 * max(1.0, abs(at[k]))
+            step = np.zeros(12)
+            step[k] = h
+            moves = [(at + s * step, u) if of_state else (x, at + s * step) for s in (1, -1)]
+            ends = [KERNEL.outputs(x_s, u_s, p).copy() for x_s, u_s in moves]
+            columns.append((ends[0] - ends[1]) / (2 * h))
+        return np.stack(columns, axis=1)
+
+    for block, expected in ((J.C, differences(x, True)), (J.D, differences(u, False))):
+        sizes = np.abs(expected).max()
+        assert np.abs(block - expected).max() <= 1e-6 * sizes
+
+
+def test_parameters_are_run_time_inputs() -> None:
+    """Expected: the NumPy functions on three quite different platforms, by one and the same Function."""
+    for name in ("liu2000", "desktop_hexapod", "motion_base"):
+        platform = load_preset(name)
+        x = np.concatenate([platform.home_position, [0.02, 0.03, -0.1], 0.1 * platform.home_position, [0.1, 0.2, 0.3]])
+        u = np.linspace(10, 20, 12)
+        expected = derivative_by_numpy(platform, x, u)
+        assert np.allclose(KERNEL.derivatives(x, u, parameter_vector(platform)), expected, rtol=1e-11)
+
+
+def test_calls_allocate_nothing(paper: Platform) -> None:
+    kernel_, p = Kernel(), parameter_vector(paper)
+    x, u = np.concatenate([[0, 0, 3.0], np.zeros(9)]), np.ones(12)
+    for call in (kernel_.derivatives, kernel_.outputs, kernel_.jacobians):
+        call(x, u, p)
+        tracemalloc.start()
+        for _ in range(100):
+            call(x, u, p)
+        kept, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        # a few hundred bytes of Python's own frames and slices, far below one 12-vector a call
+        assert peak < 2000, call
+        assert kept < 1000, call
+
+
+def test_results_are_views_of_the_same_buffer(paper: Platform) -> None:
+    kernel_, p = Kernel(), parameter_vector(paper)
+    x = np.concatenate([[0, 0, 3.0], np.zeros(9)])
+    assert kernel_.derivatives(x, np.zeros(12), p) is kernel_.derivatives(x, np.ones(12), p)
+
+
+def test_two_kernels_do_not_disturb_each_other(paper: Platform) -> None:
+    one, other, p = Kernel(), Kernel(), parameter_vector(paper)
+    x = np.concatenate([[0, 0, 3.0], np.zeros(9)])
+    first = one.derivatives(x, np.zeros(12), p)
+    before = first.copy()
+    other.derivatives(x, np.full(12, 50.0), p)
+    assert np.array_equal(first, before)
+
+
+def test_sparse_jacobians_know_what_depends_on_what(paper: Platform) -> None:
+    """Expected: position's rate is velocity alone, leg lengths depend on the pose alone.
+
+    Inputs act at once on accelerations and joint forces only.
+    """
+    f = kernel.jacobians_function(sparse=True)
+    A, B, C, D = (np.array(casadi.DM(f.sparsity_out(k), 1)) != 0 for k in range(4))
+    assert np.array_equal(A[:3], np.hstack([np.zeros((3, 6)), np.eye(3), np.zeros((3, 3))]))
+    assert not B[:6].any()
+    rows = interface.RESULT_COLUMNS
+    lengths = [k for k, name in enumerate(rows) if name.startswith("leg_length")]
+    assert C[np.ix_(lengths, range(6))].all()
+    assert not C[np.ix_(lengths, range(6, 12))].any()
+    direct = {name.split("[")[0] for k, name in enumerate(rows) if D[k].any()}
+    assert direct == {"acceleration", "angular_acceleration", "joint_force"}
+    dense = KERNEL.jacobians(
+        np.concatenate([paper.home_position, np.ones(9) * 0.1]), np.ones(12), parameter_vector(paper)
+    )
+    assert not dense.C[~C].any()
+    assert not dense.D[~D].any()
+
+
+def test_leg_velocity_row_of_the_jacobian_is_the_leg_jacobian(paper: Platform) -> None:
+    """Expected: ∂L̇/∂[v; ω] = J, from `kinematics`."""
+    x = np.concatenate([[0.1, 0.2, 3.0], [0.1, -0.2, 0.3], np.zeros(6)])
+    C = KERNEL.jacobians(x, np.zeros(12), parameter_vector(paper)).C
+    rows = [k for k, name in enumerate(interface.RESULT_COLUMNS) if name.startswith("leg_velocity")]
+    J = kinematics.leg_jacobian(paper, x[:3], x[3:6])
+    assert np.allclose(C[rows][:, 6:], J, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["derivatives", "outputs"])
+def test_functions_carry_names_for_whoever_generates_code(name: str) -> None:
+    f = getattr(kernel, f"{name}_function")()
+    assert f.name() == name
+    assert f.name_in() == ["x", "u", "p"]

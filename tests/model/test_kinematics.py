@@ -1,0 +1,104 @@
+"""Leg kinematics against closed forms, finite differences and known singular poses."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gough_stewart.model import kinematics
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import angular_velocity_from_orientation_rate
+from gough_stewart.model.state import State
+from tests.random_platforms import Sample, random_platform, random_state
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def test_published_legs_have_the_length_of_the_30_degree_pairing(paper: Platform) -> None:
+    """Expected: cosine rule, L² = 2² + 1² − 2·2·1 cos 30° + 3²."""
+    legs = kinematics.leg_geometry(paper, paper.home_position, paper.home_orientation)
+    assert np.allclose(legs.length, np.sqrt(14 - 2 * np.sqrt(3)), rtol=1e-15)
+
+
+def test_directions_are_unit_vectors_from_base_to_platform(thousand: Sample) -> None:
+    state = thousand.state
+    legs = kinematics.leg_geometry(thousand.parameters, state.position, state.orientation)
+    assert np.allclose(np.linalg.norm(legs.direction, axis=-1), 1, atol=1e-15)
+    tip = thousand.parameters.base_points + legs.length[..., None] * legs.direction
+    assert np.allclose(tip, state.position[:, None, :] + legs.arm, atol=1e-13)
+
+
+@given(seeds)
+def test_rates_are_the_derivatives_of_lengths_and_directions(seed: int) -> None:
+    """Expected: central differences along the motion."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    state = random_state(platform, rng)
+    angle_rate = rng.normal(size=3)
+    omega = angular_velocity_from_orientation_rate(state.orientation, angle_rate)
+    state = state._replace(angular_velocity=omega)
+    h = 1e-6
+    ahead, behind = (
+        kinematics.leg_geometry(platform, state.position + s * state.velocity, state.orientation + s * angle_rate)
+        for s in (h, -h)
+    )
+    rates = kinematics.leg_rates(platform, state)
+    assert np.allclose(rates.length_rate, (ahead.length - behind.length) / (2 * h), atol=1e-7)
+    assert np.allclose(rates.direction_rate, (ahead.direction - behind.direction) / (2 * h), atol=1e-7)
+
+
+@given(seeds)
+def test_jacobian_maps_twist_to_leg_velocities(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    state = random_state(platform, rng)
+    twist = np.concatenate([state.velocity, state.angular_velocity])
+    J = kinematics.leg_jacobian(platform, state.position, state.orientation)
+    assert np.allclose(J @ twist, kinematics.leg_rates(platform, state).length_rate, rtol=1e-12)
+
+
+def test_wrench_of_leg_forces_is_the_sum_of_forces_and_moments(thousand: Sample) -> None:
+    """Expected: forces F u at P_i, summed with NumPy's cross product."""
+    legs = kinematics.leg_geometry(thousand.parameters, thousand.state.position, thousand.state.orientation)
+    F = thousand.inputs.actuator_force
+    forces = F[..., None] * legs.direction
+    expected = np.concatenate([forces.sum(axis=1), np.cross(legs.arm, forces).sum(axis=1)], axis=-1)
+    wrench = kinematics.wrench_from_leg_forces(legs, F)
+    assert np.allclose(wrench, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_yaw_of_90_degrees_is_singular(paper: Platform) -> None:
+    """Expected: Fichter's singularity, at ±90° of yaw from the symmetric pose whatever the height."""
+    for yaw in (np.pi / 2, -np.pi / 2):
+        found = kinematics.conditioning(paper, np.array([0, 0, 3.0]), np.array([0, 0, yaw]))
+        assert found.smallest_singular_value < 1e-15
+        assert found.condition_number > 1e15
+
+
+def test_conditioning_worsens_on_the_way_to_the_singular_pose(paper: Platform) -> None:
+    yaw = np.radians([0, 30, 60, 80, 89])
+    orientation = np.stack([0 * yaw, 0 * yaw, yaw], axis=-1)
+    found = kinematics.conditioning(paper, np.array([0, 0, 3.0]), orientation)
+    assert np.all(np.diff(found.condition_number) > 0)
+    assert np.all(np.diff(found.smallest_singular_value) < 0)
+
+
+@given(seeds, st.floats(0.01, 100))
+def test_conditioning_does_not_depend_on_the_unit_of_length(seed: int, scale: float) -> None:
+    """Expected: a dimensionless measure is the same for a scaled copy."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    position, orientation = random_state(platform, rng)[:2]
+    from gough_stewart.model.parameters import stack
+
+    scaled = stack([platform])
+    scaled.base_points[...] *= scale
+    scaled.platform_points[...] *= scale
+    one = kinematics.conditioning(platform, position, orientation)
+    other = kinematics.conditioning(scaled, scale * position[None], orientation[None])
+    assert np.allclose(other.condition_number, one.condition_number, rtol=1e-9)
+    assert np.allclose(other.smallest_singular_value, one.smallest_singular_value, rtol=1e-9)
+
+
+def test_state_vector_round_trip(thousand: Sample) -> None:
+    again = State.from_vector(thousand.state.to_vector())
+    assert all(np.array_equal(a, b) for a, b in zip(again, thousand.state, strict=True))

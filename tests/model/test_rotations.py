@@ -1,0 +1,95 @@
+"""Orientation helpers against SciPy's Rotation and finite differences."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gough_stewart.model import rotations
+from gough_stewart.model.errors import OrientationError
+
+angle = st.floats(-np.pi + 1e-6, np.pi - 1e-6)
+pitch = st.floats(-np.pi / 2 + 1e-3, np.pi / 2 - 1e-3)
+orientations = st.tuples(angle, pitch, angle).map(np.array)
+vectors = st.tuples(*[st.floats(-10, 10)] * 3).map(np.array)
+
+
+@given(orientations)
+def test_matrix_turns_about_fixed_x_then_y_then_z(orientation: np.ndarray) -> None:
+    """Expected: SciPy, lower-case axes are extrinsic."""
+    expected = Rotation.from_euler("xyz", orientation).as_matrix()
+    assert np.allclose(rotations.matrix_from_orientation(orientation), expected, atol=1e-14)
+
+
+@given(orientations)
+def test_orientation_survives_the_round_trip_through_its_matrix(orientation: np.ndarray) -> None:
+    back = rotations.orientation_from_matrix(rotations.matrix_from_orientation(orientation))
+    assert np.allclose(back, orientation, atol=1e-11)
+
+
+@given(orientations, vectors)
+def test_rates_and_angular_velocity_are_inverse_to_each_other(orientation: np.ndarray, rate: np.ndarray) -> None:
+    omega = rotations.angular_velocity_from_orientation_rate(orientation, rate)
+    back = rotations.orientation_rate_from_angular_velocity(orientation, omega)
+    assert np.allclose(back, rate, atol=1e-10 * (1 + np.abs(rate).max()))
+
+
+@given(orientations, vectors)
+def test_angular_velocity_is_that_of_the_turning_matrix(orientation: np.ndarray, rate: np.ndarray) -> None:
+    """Expected: dR/dt Rᵀ = ω~, by central differences."""
+    h = 1e-6
+    ahead, behind = (rotations.matrix_from_orientation(orientation + s * h * rate) for s in (1, -1))
+    turning = (ahead - behind) / (2 * h) @ rotations.matrix_from_orientation(orientation).T
+    omega = rotations.angular_velocity_from_orientation_rate(orientation, rate)
+    assert np.allclose(omega, [turning[2, 1], turning[0, 2], turning[1, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_pitch_of_90_degrees_is_refused(sign: int) -> None:
+    with pytest.raises(OrientationError, match=r"pitch within .* of ±90°"):
+        rotations.orientation_from_matrix(rotations.matrix_from_orientation(np.array([0.3, sign * np.pi / 2, 0.1])))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_pitch_just_short_of_90_degrees_still_converts(sign: int) -> None:
+    orientation = np.array([0.3, sign * (np.pi / 2 - 1e-4), 0.1])
+    back = rotations.orientation_from_matrix(rotations.matrix_from_orientation(orientation))
+    assert np.allclose(back, orientation, atol=1e-9)
+
+
+def test_small_angles_are_the_rotation_vector_to_first_order() -> None:
+    small = np.array([1e-8, -2e-8, 3e-8])
+    assert np.allclose(Rotation.from_matrix(rotations.matrix_from_orientation(small)).as_rotvec(), small, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (np.diag([1.0, 1.0, -1.0]), "not a rotation matrix"),
+        (2 * np.eye(3), "not a rotation matrix"),
+        (np.full((3, 3), np.nan), "not a rotation matrix"),
+        (np.eye(2), r"shape \(2, 2\)"),
+    ],
+)
+def test_what_is_no_rotation_is_refused(matrix: np.ndarray, message: str) -> None:
+    with pytest.raises(OrientationError, match=message):
+        rotations.orientation_from_matrix(matrix)
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1))
+def test_quaternion_matrix_ignores_length(quaternion: np.ndarray) -> None:
+    """Expected: SciPy, which normalises."""
+    expected = Rotation.from_quat(quaternion).as_matrix()
+    assert np.allclose(rotations.matrix_from_quaternion(quaternion), expected, atol=1e-14)
+
+
+@given(orientations, vectors)
+def test_quaternion_rate_turns_with_the_angular_velocity(orientation: np.ndarray, omega: np.ndarray) -> None:
+    """Expected: the exact turn exp(ω~ h) by SciPy."""
+    start, h = Rotation.from_euler("xyz", orientation), 1e-6
+    ahead, behind = ((Rotation.from_rotvec(s * h * omega) * start).as_matrix() for s in (1, -1))
+    q = start.as_quat()
+    dq = rotations.quaternion_rate(q, omega)
+    by_rate = [rotations.matrix_from_quaternion(q + s * h * dq) for s in (1, -1)]
+    assert np.allclose((by_rate[0] - by_rate[1]) / (2 * h), (ahead - behind) / (2 * h), atol=1e-7)

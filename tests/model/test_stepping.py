@@ -1,0 +1,307 @@
+"""The stepping model's contract, rule by rule; numbers are those of its docstring."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gough_stewart.model import interface
+from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.pose_limits import check_pose
+from gough_stewart.model.stepping import Snapshot, SteppingModel
+
+FORCES = [55.0, 49.5] * 3
+PAPER = load_preset("liu2000")
+
+
+def started(forces: Any = FORCES, tolerance: float = 1e-8) -> SteppingModel:
+    """The paper's case, ready for its first step."""
+    model = SteppingModel(PAPER, tolerance)
+    model.set_many(
+        {
+            "orientation": [0, 0, -0.1],
+            "velocity": [0, 0.2, 0],
+            "angular_velocity": [0, 0.1, 0],
+            "actuator_force": forces,
+        }
+    )
+    return model
+
+
+def refused(model: SteppingModel, call: Any, error: type[Exception], message: str) -> Exception:
+    """The call fails with this message and leaves the model as it was (rule 8)."""
+    before = model.save_state()
+    with pytest.raises(error, match=message) as caught:
+        call()
+    assert model.save_state() == before
+    return caught.value
+
+
+def test_rule_1_starts_at_home_at_rest_at_time_zero() -> None:
+    model = SteppingModel(PAPER)
+    assert model.time == 0
+    assert np.array_equal(model.get("position"), PAPER.home_position)
+    assert np.array_equal(model.state[3:], np.zeros(9))
+    assert np.array_equal(model.get("actuator_force"), np.zeros(6))
+
+
+def test_rule_2_variables_go_by_whole_and_by_element() -> None:
+    model = SteppingModel(PAPER)
+    model.set("actuator_force[3]", 7.0)
+    assert np.array_equal(model.get("actuator_force"), [0, 0, 7, 0, 0, 0])
+    assert model.get("actuator_force[3]") == 7.0
+    model.set("base_points[2,3]", 0.01)
+    assert model.get("base_points[2,3]") == 0.01
+    model.set("position[3]", 3.1)
+    assert model.get("position[3]") == 3.1
+    assert isinstance(model.get("kinetic_energy"), float)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error", "message"),
+    [
+        ("actuator_forces", FORCES, InterfaceError, "did you mean 'actuator_force'"),
+        ("actuator_force", FORCES[:5], InterfaceError, r"has shape \(5,\); expected \(6,\)"),
+        ("actuator_force", [1, 2, np.nan, 4, 5, 6], InterfaceError, r"actuator_force\[3\]: is nan"),
+        ("actuator_force[2]", np.inf, InterfaceError, r"actuator_force\[2\]: is inf"),
+        ("actuator_force[2]", FORCES, InterfaceError, "has shape"),
+        ("external_force", "up", InterfaceError, "expected numbers"),
+        ("leg_length", [3.0] * 6, InterfaceError, "is computed"),
+        ("kinetic_energy", 1.0, InterfaceError, "is computed"),
+        ("fixed_step_size", 1e-3, InterfaceError, "parameter of the FMU"),
+        ("orientation", [0, 1.6, 0], InterfaceError, "expected a pitch within"),
+        ("orientation[2]", -1.6, InterfaceError, "expected a pitch within"),
+        ("platform_mass", -1.0, PlatformError, "expected a mass > 0"),
+        ("leg_coulomb_friction", -1.0, PlatformError, "expected friction ≥ 0"),
+    ],
+)
+def test_rule_3_refuses_what_cannot_be_set(name: str, value: Any, error: type[Exception], message: str) -> None:
+    model = started()
+    refused(model, lambda: model.set(name, value), error, message)
+
+
+def test_rule_3_states_and_fixed_parameters_only_before_the_first_step() -> None:
+    model = started()
+    model.set("leg_lower_mass", 2.5)
+    model.do_step(0.0, 0.01)
+    refused(model, lambda: model.set("position", [0, 0, 3]), InterfaceError, "before the first step")
+    refused(model, lambda: model.set("leg_lower_mass", 2.0), InterfaceError, "before the first step")
+    model.set("platform_mass", 12.0)
+    assert model.platform.platform_mass == 12.0
+
+
+def test_rule_3_set_many_sets_all_or_none() -> None:
+    model = started()
+    refused(model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), InterfaceError, "gravity")
+
+
+def test_rule_4_get_gives_every_variable_as_a_copy() -> None:
+    model = started()
+    before = model.save_state()
+    for variable in interface.VARIABLES:
+        if variable.name == "fixed_step_size":
+            continue
+        value = model.get(variable.name)
+        assert np.shape(value) == variable.shape
+        if variable.shape:
+            np.asarray(value)[...] = 99.0
+    assert model.save_state() == before
+    with pytest.raises(InterfaceError, match="stepping model has none"):
+        model.get("fixed_step_size")
+
+
+def test_rule_4_outputs_follow_the_present_inputs() -> None:
+    """Expected: F = M a: a change of force shows in the acceleration at once, before any step."""
+    model = started()
+    first = model.results()["acceleration"]
+    model.set("external_force", [0, 0, 100.0])
+    assert model.results()["acceleration"][2] > first[2] + 1
+    assert np.array_equal(model.result_vector()[:3], model.get("position"))
+
+
+@given(st.lists(st.floats(1e-4, 0.2), min_size=1, max_size=6))
+def test_rule_5_the_motion_does_not_depend_on_how_time_is_cut(steps: list[float]) -> None:
+    """Expected: one step over the same time, within the tolerance."""
+    cut, whole = started(), started()
+    for step in steps:
+        cut.do_step(cut.time, step)
+    whole.do_step(0.0, cut.time)
+    assert np.allclose(cut.state, whole.state, atol=1e-7)
+
+
+def test_rule_5_inputs_are_held_over_a_step() -> None:
+    """Expected: a second model stepped with the same piecewise constant force by other steps."""
+    one, other = started(), started()
+    for model, n in ((one, 1), (other, 4)):
+        for force in (55.0, 20.0):
+            model.set("actuator_force", [force] * 6)
+            for _ in range(n):
+                model.do_step(model.time, 0.2 / n)
+    assert np.allclose(one.state, other.state, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("time", "step", "message"),
+    [
+        (0.0, 0.0, "step = 0 .*expected a finite communication step > 0"),
+        (0.0, -0.1, "expected a finite communication step > 0"),
+        (0.0, np.nan, "expected a finite communication step > 0"),
+        (0.0, np.inf, "expected a finite communication step > 0"),
+        (0.5, 0.1, "expected the model's present time"),
+        (np.nan, 0.1, "expected the model's present time"),
+    ],
+)
+def test_rule_5_refuses_wrong_times(time: float, step: float, message: str) -> None:
+    model = started()
+    refused(model, lambda: model.do_step(time, step), StepError, message)
+
+
+def test_rule_5_refuses_a_step_too_small_to_count() -> None:
+    model = started()
+    model.do_step(0.0, 0.5)
+    refused(model, lambda: model.do_step(0.5, 1e-18), StepError, "too small to advance the time")
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_rule_6_the_error_is_of_the_order_of_the_tolerance(tolerance: float) -> None:
+    """Expected: the same model at tolerance 1e-13."""
+    model, exact = started(tolerance=tolerance), started(tolerance=1e-13)
+    model.do_step(0.0, 1.0)
+    exact.do_step(0.0, 1.0)
+    assert np.abs(model.state - exact.state).max() < 10 * tolerance
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-8, 0.1, np.nan])
+def test_rule_6_refuses_a_tolerance_that_makes_no_sense(tolerance: float) -> None:
+    with pytest.raises(InterfaceError, match="tolerance"):
+        SteppingModel(PAPER, tolerance)
+
+
+def test_rule_6_many_short_steps_use_few_internal_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: 13 evaluations for a short communication step: 12 of one step of DOP853, and one to begin with.
+
+    Without the step size carried over, a search for a first step would come on top.
+    """
+    model = started()
+    model.do_step(0.0, 0.1)
+    calls = 0
+    evaluate = model._kernel.derivatives
+
+    def counted(*arguments: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        return evaluate(*arguments)
+
+    monkeypatch.setattr(model._kernel, "derivatives", counted)
+    for k in range(20):
+        model.do_step(0.1 + k * 1e-3, 1e-3)
+    assert calls == 20 * 13
+
+
+def fails(start: dict[str, Any], forces: Any, quantity: str, message: str, span: float = 5.0) -> None:
+    """A step of this length fails by this quantity, at a time within it, and nothing changes (rules 7, 8)."""
+    model = SteppingModel(PAPER)
+    model.set_many({**start, "actuator_force": forces})
+    model.set("gravity", [0, 0, 0])
+    error = refused(model, lambda: model.do_step(0.0, span), StepError, message)
+    assert isinstance(error, StepError)
+    assert error.quantity == quantity
+    assert 0 <= error.time <= span
+    assert quantity in str(error)
+    # and the model is still good for something
+    model.set("actuator_force", np.zeros(6))
+    model.do_step(0.0, 1e-4)
+
+
+def test_rule_7_a_singular_pose_fails_the_step() -> None:
+    """Legs pulled together lower the platform into the base plane, where they cannot hold it."""
+    fails({}, [-100.0] * 6, "condition number of the leg Jacobian", "singular pose")
+
+
+def test_rule_7_a_yaw_through_the_singular_pose_fails_the_step() -> None:
+    fails({"angular_velocity": [0, 0, 3.0]}, [0.0] * 6, "condition number of the leg Jacobian", "singular pose", 1.0)
+
+
+def test_rule_7_pitch_of_90_degrees_fails_the_step() -> None:
+    start = {"orientation": [0, 1.56, 0], "angular_velocity": [0, 1.0, 0]}
+    fails(start, [0.0] * 6, "orientation[2]", "the pitch has reached ±90°", 0.1)
+
+
+def test_rule_7_a_collapsed_leg_fails_the_step() -> None:
+    """The pose with P_1 on B_1 is the end of leg 1."""
+    model = SteppingModel(PAPER)
+    model.set("position", PAPER.base_points[0] - PAPER.platform_points[0])
+    refused(model, lambda: model.do_step(0.0, 0.1), StepError, r"leg_length\[1\] = .* at time 0 s: the leg has")
+
+
+def test_rule_7_a_tolerance_that_cannot_be_held_fails_the_step() -> None:
+    """Forces beyond what double precision can integrate."""
+    fails({}, [1e300] * 6, "internal step size", "cannot be held", 1e-3)
+
+
+def test_rule_9_a_restored_model_repeats_its_future_to_the_last_bit() -> None:
+    model = started()
+    model.do_step(0.0, 0.3)
+    snapshot = model.save_state()
+    assert isinstance(snapshot, Snapshot)
+
+    def future() -> bytes:
+        model.set("platform_mass", 15.0)
+        for k in range(5):
+            model.set("actuator_force[1]", 40.0 + k)
+            model.do_step(model.time, 0.02)
+        return model.state.tobytes()
+
+    once = future()
+    model.restore_state(snapshot)
+    assert model.time == 0.3
+    assert model.platform == PAPER
+    assert future() == once
+
+
+def test_rule_9_a_snapshot_moves_to_another_model() -> None:
+    model, other = started(), SteppingModel(PAPER)
+    model.do_step(0.0, 0.3)
+    other.restore_state(model.save_state())
+    for each in (model, other):
+        each.do_step(0.3, 0.1)
+    assert model.save_state() == other.save_state()
+
+
+def test_rule_9_reset_is_a_new_model() -> None:
+    model = started()
+    model.set("platform_mass", 12.0)
+    model.do_step(0.0, 0.3)
+    model.reset()
+    assert model.save_state() == SteppingModel(PAPER).save_state()
+
+
+def test_rule_10_limits_are_not_enforced() -> None:
+    limited = replace(PAPER, leg_length_max=3.3, actuator_force_max=1.0)
+    model = SteppingModel(limited)
+    model.set("actuator_force", FORCES)
+    model.do_step(0.0, 0.5)
+    assert model.results()["leg_length"].max() > 3.3
+
+
+def test_linearisation_predicts_a_small_step() -> None:
+    """Expected: x(h) from x + h (f + A h f/2), the second-order Taylor step."""
+    model, h = started(), 1e-4
+    A = model.linearise().A
+    x = model.state
+    f = model._kernel.derivatives(x, model._u, model._p).copy()
+    model.do_step(0.0, h)
+    assert np.allclose(model.state, x + h * f + 0.5 * h * h * A @ f, atol=1e-10)
+
+
+def test_check_pose_tells_the_sides_of_a_singular_pose_apart(paper: Platform) -> None:
+    upright = np.concatenate([paper.home_position, np.zeros(9)])
+    turned = np.concatenate([paper.home_position, [0, 0, 2.0], np.zeros(6)])
+    assert check_pose(paper, upright, 0.0) == -check_pose(paper, turned, 0.0)
+    with pytest.raises(StepError, match="passed since the last internal step"):
+        check_pose(paper, turned, 1.0, handedness=check_pose(paper, upright, 0.0))

@@ -1,0 +1,106 @@
+"""Random platforms, states and inputs: all dissimilar legs, inertias and axes that a Platform admits."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.kinematics import conditioning
+from gough_stewart.model.parameters import ParameterArrays, stack
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import Inputs, State
+
+# Agreement is asked for at regular poses: rounding grows with the condition number.
+REGULAR = 100.0
+
+
+class Sample(NamedTuple):
+    """A batch of n platforms, each in a state of its own."""
+
+    platforms: list[Platform]
+    parameters: ParameterArrays
+    state: State
+    inputs: Inputs
+
+
+def random_platform(rng: np.random.Generator) -> Platform:
+    """Irregular joints and masses over three decades of size; valid by construction or drawn again."""
+    while True:
+        size = 10 ** rng.uniform(-1, 0.7)
+        mass = size**3 * 10 ** rng.uniform(0, 1.5)
+        azimuth = np.radians([15, -15, 135, 105, 255, 225]) + rng.uniform(-0.15, 0.15, 6)
+        twist = np.radians([30, -30] * 3) + rng.uniform(-0.2, 0.2, 6)
+        base = _circle(azimuth, size * rng.uniform(0.8, 1.2, 6), size * rng.uniform(-0.1, 0.1, 6))
+        top = _circle(azimuth + twist, size * rng.uniform(0.4, 0.7, 6), size * rng.uniform(-0.1, 0.1, 6))
+        height = size * rng.uniform(1.0, 1.6)
+        # inertia of random point masses: meets every condition an inertia has to meet
+        points = rng.normal(scale=0.4 * size, size=(8, 3))
+        points -= points.mean(axis=0)
+        inertia = mass / 8 * (np.eye(3) * (points**2).sum() - points.T @ points)
+        try:
+            platform = Platform(
+                base_points=base,
+                platform_points=top,
+                platform_mass=mass,
+                platform_com=rng.normal(scale=0.2 * size, size=3),
+                platform_inertia=inertia,
+                leg_lower_mass=mass * rng.uniform(0.02, 0.3),
+                leg_upper_mass=mass * rng.uniform(0.02, 0.3),
+                leg_lower_com=size * rng.uniform(0.1, 0.5),
+                leg_upper_com=size * rng.uniform(0.1, 0.5),
+                leg_lower_inertia=mass * size**2 * rng.uniform(0.001, 0.02),
+                leg_upper_inertia=mass * size**2 * rng.uniform(0.001, 0.02),
+                leg_viscous_friction=mass * rng.uniform(0, 3),
+                leg_coulomb_friction=mass * rng.uniform(0, 1),
+                leg_friction_velocity=size * rng.uniform(0.01, 0.1),
+                gravity=rng.normal(scale=6.0, size=3),
+                home_position=np.append(size * rng.uniform(-0.1, 0.1, 2), height),
+                home_orientation=rng.uniform(-0.2, 0.2, 3),
+            )
+        except PlatformError:
+            continue
+        if conditioning(platform, platform.home_position, platform.home_orientation).condition_number < REGULAR:
+            return platform
+
+
+def random_state(platform: Platform, rng: np.random.Generator) -> State:
+    """A regular pose about home, and a lively motion."""
+    size = platform.characteristic_length
+    while True:
+        position = platform.home_position + size * rng.uniform(-0.3, 0.3, 3)
+        orientation = platform.home_orientation + rng.uniform(-0.3, 0.3, 3)
+        if conditioning(platform, position, orientation).condition_number < REGULAR:
+            return State(position, orientation, size * rng.normal(size=3), rng.normal(size=3))
+
+
+def random_inputs(platform: Platform, rng: np.random.Generator) -> Inputs:
+    """Forces of the order of the weight."""
+    weight, size = 10 * platform.platform_mass, platform.characteristic_length
+    return Inputs(weight * rng.uniform(-1, 1, 6), weight * rng.uniform(-1, 1, 3), weight * size * rng.uniform(-1, 1, 3))
+
+
+def random_sample(n: int, seed: int) -> Sample:
+    """A batch for comparing formulations."""
+    rng = np.random.default_rng(seed)
+    platforms = [random_platform(rng) for _ in range(n)]
+    states = [random_state(platform, rng) for platform in platforms]
+    inputs = [random_inputs(platform, rng) for platform in platforms]
+    return Sample(
+        platforms,
+        stack(platforms),
+        State(*(np.stack(parts) for parts in zip(*states, strict=True))),
+        Inputs(*(np.stack(parts) for parts in zip(*inputs, strict=True))),
+    )
+
+
+def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Largest over the leading axis of |a − b| / |b|."""
+    a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
+    return float((np.linalg.norm(a - b, axis=1) / np.linalg.norm(b, axis=1)).max())
+
+
+def _circle(
+    azimuth: NDArray[np.float64], radius: NDArray[np.float64], height: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return np.stack([radius * np.sin(azimuth), radius * np.cos(azimuth), height], axis=1)
