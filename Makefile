@@ -34,7 +34,8 @@ bench: $(VENV)/bench
 	$(BIN)/python benchmarks/run.py
 
 evidence: $(VENV)/evidence
-	$(BIN)/python -m pytest -m evidence -rA --durations=0
+	$(BIN)/python -m pytest -m evidence -s
+	HYPOTHESIS_PROFILE=evidence $(BIN)/python -m pytest -q tests/model
 
 format: $(VENV)/dev
 	$(BIN)/ruff format .

@@ -22,7 +22,7 @@ from gough_stewart.model.leg_dynamics import bias_force, inertia_force, transver
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg, skew, transpose
+from gough_stewart.model.vectors import Array, apply, cross, dot, per_leg, skew, transpose
 
 Solve = Callable[[Array, Array], Array]
 
@@ -146,47 +146,71 @@ def joint_forces(parameters: Parameters, state: State, actuator_force: Array, ac
     return np.asarray(F - inertia_force(parameters, legs, ddP) - b)
 
 
+class _LumpedBody(NamedTuple):
+    """The platform with a point mass t_i at each P_i, t_i the leg's transverse mass: one rigid body about Op."""
+
+    mass: Array  # (...) [kg]
+    first: Array  # first moment (..., 3) [kg m]
+    second: Array  # inertia (..., 3, 3) [kg m2]
+
+
+def _lumped_body(parameters: Parameters, orientation: Array, legs: LegGeometry) -> _LumpedBody:
+    R = matrix_from_orientation(orientation)
+    m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
+    J = R @ parameters.platform_inertia @ transpose(R)
+    t = transverse_mass(parameters, legs.length)[..., None]
+    arms = np.concatenate([legs.arm, r[..., None, :]], axis=-2)
+    moments = np.concatenate([t * legs.arm, (m * r)[..., None, :]], axis=-2)
+    return _LumpedBody(
+        mass=(m + t.sum(axis=-2))[..., 0], first=moments.sum(axis=-2), second=J + _points_inertia(moments, arms)
+    )
+
+
+def _points_inertia(moments: Array, arms: Array) -> Array:
+    """Inertia about Op (..., 3, 3) of point masses at `arms` r (..., n, 3) with first moments m r.
+
+    tr(S) 1 − S with S = Σ m r rᵀ, of which only the six different elements are computed.
+    """
+    xx, yy, zz, xy, xz, yz = (
+        (moments[..., a] * arms[..., b]).sum(axis=-1) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    )
+    return np.stack(
+        [
+            np.stack([yy + zz, -xy, -xz], axis=-1),
+            np.stack([-xy, xx + zz, -yz], axis=-1),
+            np.stack([-xz, -yz, xx + yy], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def _beyond_lumped(parameters: Parameters, legs: LegGeometry) -> Array:
+    """What each leg opposes along its axis beyond its point mass: m2 − t (..., 6) [kg]."""
+    return np.asarray(per_leg(parameters.leg_upper_mass) - transverse_mass(parameters, legs.length))
+
+
 def _mass_matrix(parameters: Parameters, orientation: Array, legs: LegGeometry) -> Array:
-    # The platform and, at each P_i, a point mass t_i: one rigid body about Op. What the legs oppose along u_i
-    # beyond t_i comes in by the leg Jacobian, since G_iᵀ u_i is its row i.
-    m, r, J = _platform_body(parameters, orientation)
-    t = transverse_mass(parameters, legs.length)
-    first = m[..., None] * r + (t[..., None] * legs.arm).sum(axis=-2)
-    second = J + m[..., None, None] * _point_inertia(r)
-    second = second + (t[..., None, None] * _point_inertia(legs.arm)).sum(axis=-3)
-    vv = (m + t.sum(axis=-1))[..., None, None] * np.eye(3)
-    wv = skew(first)
-    body = np.concatenate([np.concatenate([vv, -wv], axis=-1), np.concatenate([wv, second], axis=-1)], axis=-2)
+    # G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m2 − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ: a point mass, and row i of the leg Jacobian
+    body = _lumped_body(parameters, orientation, legs)
+    vv = body.mass[..., None, None] * np.eye(3)
+    wv = skew(body.first)
+    rigid = np.concatenate([np.concatenate([vv, -wv], axis=-1), np.concatenate([wv, body.second], axis=-1)], axis=-2)
     rows = jacobian_of_legs(legs)
-    axial = per_leg(parameters.leg_upper_mass) - t
-    return np.asarray(body + transpose(rows) @ (axial[..., None] * rows))
+    return np.asarray(rigid + transpose(rows) @ (_beyond_lumped(parameters, legs)[..., None] * rows))
 
 
 def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry) -> Array:
-    omega = state.angular_velocity
-    # of the legs: what they need at P_i for the centripetal part of P̈_i, and their bias
-    of_legs = bias_force(parameters, legs, rates_of_legs(legs, state))
-    of_legs = of_legs + inertia_force(parameters, legs, _centripetal(omega[..., None, :], legs.arm))
-    # of the platform body about Op
-    m, r, J = _platform_body(parameters, state.orientation)
-    of_body = m[..., None] * (_centripetal(omega, r) - parameters.gravity)
-    force = of_body + of_legs.sum(axis=-2)
-    torque = cross(omega, apply(J, omega)) + cross(r, of_body) + cross(legs.arm, of_legs).sum(axis=-2)
+    # as in the mass matrix: the lumped body's own motion, then what the legs need beyond it
+    omega, body = state.angular_velocity, _lumped_body(parameters, state.orientation, legs)
+    along = _beyond_lumped(parameters, legs) * dot(legs.direction, _centripetal(omega[..., None, :], legs.arm))
+    needed = bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction
+    r = apply(matrix_from_orientation(state.orientation), parameters.platform_com)
+    weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
+    force = _centripetal(omega, body.first) + needed.sum(axis=-2) - weight
+    torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(r, weight)
     return np.concatenate([force, torque], axis=-1)
 
 
-def _platform_body(parameters: Parameters, orientation: Array) -> tuple[Array, Array, Array]:
-    """Mass m (...), r = R r_G (..., 3) and J = R J_p Rᵀ (..., 3, 3) about G, world components."""
-    R = matrix_from_orientation(orientation)
-    J = R @ parameters.platform_inertia @ transpose(R)
-    return np.asarray(parameters.platform_mass), apply(R, parameters.platform_com), J
-
-
-def _point_inertia(arm: Array) -> Array:
-    """Inertia (..., 3, 3) about Op of a unit mass at `arm`: |r|² 1 − r rᵀ."""
-    return np.asarray(dot(arm, arm)[..., None, None] * np.eye(3) - outer(arm, arm))
-
-
 def _centripetal(omega: Array, arm: Array) -> Array:
-    """ω×(ω×r) = ω (ω·r) − r |ω|²."""
-    return np.asarray(omega * dot(omega, arm)[..., None] - arm * dot(omega, omega)[..., None])
+    """ω×(ω×r)."""
+    return cross(omega, cross(omega, arm))

@@ -49,7 +49,8 @@ def leg_geometry(parameters: Parameters, position: Array, orientation: Array) ->
     c = np.asarray((R * parameters.platform_points[..., None, :]).sum(axis=-1))
     l = position[..., None, :] + c - parameters.base_points
     L = np.sqrt(dot(l, l))
-    return LegGeometry(c, l, L, l / L[..., None])
+    # a reciprocal once, since the compiled kernel pays for every division
+    return LegGeometry(c, l, L, l * (1 / L)[..., None])
 
 
 def leg_rates(parameters: Parameters, state: State) -> LegRates:
@@ -64,7 +65,7 @@ def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
     """`leg_rates` where the geometry is known already."""
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
     length_rate = dot(legs.direction, velocity)
-    direction_rate = (velocity - length_rate[..., None] * legs.direction) / legs.length[..., None]
+    direction_rate = (velocity - length_rate[..., None] * legs.direction) * (1 / legs.length)[..., None]
     return LegRates(velocity, length_rate, direction_rate)
 
 

@@ -47,7 +47,7 @@ def friction_force(parameters: Parameters, length_rate: Array) -> Array:
 
 def transverse_mass(parameters: Parameters, length: Array) -> Array:
     """Mass (..., 6) [kg] that a leg opposes to acceleration of its platform joint across u: t = I/L²."""
-    return np.asarray(leg_moments(parameters, length).second / (length * length))
+    return np.asarray(leg_moments(parameters, length).second * (1 / length) * (1 / length))
 
 
 def inertia_force(parameters: Parameters, legs: LegGeometry, joint_acceleration: Array) -> Array:
@@ -70,7 +70,7 @@ def bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Ar
     g = parameters.gravity[..., None, :]
     h, I = leg_moments(parameters, L)
     ug = dot(u, g)
-    per_g = h / L
+    per_g = h * (1 / L)
     along_u = m2 * d * dot(du, du) + (per_g - m2) * ug + friction_force(parameters, dL)
-    along_du = 2 * dL / L * (m2 * (L - d) - I / L)
+    along_du = 2 * dL * (1 / L) * (m2 * (L - d) - I * (1 / L))
     return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)

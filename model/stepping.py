@@ -118,6 +118,7 @@ class SteppingModel:
         elif variable.is_state:
             self._check_orientation(variable, whole)
             self._x[_position_in(interface.STATES, variable)] = whole
+            self._handedness = None
         else:
             changed: dict[str, Any] = {variable.name: whole}
             self._use(replace(self._platform, **changed))
@@ -177,7 +178,8 @@ class SteppingModel:
         if not end > self._time:
             raise StepError("step", step, self._time, "too small to advance the time in double precision")
         u, p = self._u.copy(), self._p
-        handedness = check_pose(self._platform, self._x, self._time)
+        # known from the step before, unless somebody has set something since
+        handedness = self._handedness or check_pose(self._platform, self._x, self._time)
 
         def derivatives(_time: float, x: Array) -> Array:
             return self._kernel.derivatives(x, u, p).copy()
@@ -208,7 +210,7 @@ class SteppingModel:
                 check_pose(self._platform, solver.y, float(solver.t), handedness)
         # The last step was cut to end on time: what it would have been carries over.
         self._internal_step = max(proposed, float(solver.h_abs))
-        self._x, self._time, self._started = solver.y, end, True
+        self._x, self._time, self._started, self._handedness = solver.y, end, True, handedness
 
     def save_state(self) -> Snapshot:
         """Everything, to come back to (rule 9)."""
@@ -233,6 +235,7 @@ class SteppingModel:
     def _use(self, platform: Platform) -> None:
         self._platform = platform
         self._p = parameter_vector(platform)
+        self._handedness: float | None = None
 
     def _value(self, variable: Variable) -> NDArray[np.float64]:
         if variable in interface.RESULTS:

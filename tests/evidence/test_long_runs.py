@@ -1,0 +1,80 @@
+"""Slow evidence: many more random platforms, a minute on springs for every preset, a soak of the stepping model."""
+
+import resource
+
+import numpy as np
+import pytest
+
+from gough_stewart.model import dynamics
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.state import State
+from gough_stewart.model.stepping import SteppingModel
+from tests.model.test_energy import spring_energy_error
+from tests.model.test_formulations import solve_by_kane, solve_by_newton_euler
+from tests.random_platforms import random_sample, relative_difference
+
+pytestmark = pytest.mark.evidence
+
+
+def test_formulations_agree_on_20_000_random_platforms() -> None:
+    """Expected: as `test_formulations`, on other seeds; the largest differences are printed."""
+    worst = dict.fromkeys(("Kane", "Newton–Euler", "kernel", "joint forces"), 0.0)
+    kernel = Kernel()
+    for seed in range(20):
+        sample = random_sample(1000, seed)
+        a = dynamics.forward_dynamics(sample.parameters, sample.state, sample.inputs)
+        task = np.concatenate(a, axis=-1)
+        kane, newton = solve_by_kane(sample), solve_by_newton_euler(sample)
+        x, u = sample.state.to_vector(), sample.inputs.to_vector()
+        traced = [
+            kernel.derivatives(x[k], u[k], parameter_vector(p))[6:].copy() for k, p in enumerate(sample.platforms)
+        ]
+        forces = dynamics.joint_forces(sample.parameters, sample.state, sample.inputs.actuator_force, a)
+        for name, value, expected in (
+            ("Kane", kane.platform_acceleration, task),
+            ("Newton–Euler", np.concatenate([newton.linear, newton.angular], axis=-1), task),
+            ("kernel", np.array(traced), task),
+            ("joint forces", kane.joint_force, forces),
+            ("joint forces", newton.joint_force, forces),
+        ):
+            worst[name] = max(worst[name], relative_difference(value, expected))
+    print("\n" + ", ".join(f"{name} {value:.2e}" for name, value in worst.items()))
+    assert max(worst.values()) <= 1e-10
+
+
+@pytest.mark.parametrize(("preset", "stiffness"), [("liu2000", 1e3), ("desktop_hexapod", 2e4), ("motion_base", 1e6)])
+def test_energy_on_springs_is_constant_over_a_minute_on_every_preset(preset: str, stiffness: float) -> None:
+    """Expected: conservative without friction; bounded motion of a start beside home."""
+    from dataclasses import replace
+
+    platform = replace(load_preset(preset), leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
+    size = platform.characteristic_length
+    start = State(
+        platform.home_position.copy(), np.array([0, 0, -0.05]), np.array([0, 0.1, 0]) * size, np.array([0, 0.1, 0])
+    )
+    error, travel = spring_energy_error(platform, start, stiffness, 60.0)
+    print(f"\n{preset}: relative energy error {error:.2e}, largest leg travel {travel:.3g} m")
+    assert travel < 0.3 * size
+    assert error <= 1e-9
+
+
+def test_soak_of_the_stepping_model_leaks_nothing_and_stays_deterministic() -> None:
+    """Expected: memory of the process does not grow over 30,000 steps and 300 resets; every round is the same."""
+    model = SteppingModel(load_preset("liu2000"))
+    grown, end = [], set()
+    for round_ in range(300):
+        model.reset()
+        model.set("actuator_force", [30.0] * 6)
+        for k in range(100):
+            snapshot = model.save_state()
+            model.do_step(k * 1e-3, 1e-3)
+            if k % 10 == 0:
+                model.restore_state(snapshot)
+                model.do_step(k * 1e-3, 1e-3)
+        end.add(model.state.tobytes())
+        if round_ % 100 == 99:
+            grown.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    print(f"\npeak memory after 100, 200, 300 rounds: {grown} KiB")
+    assert len(end) == 1
+    assert grown[-1] - grown[0] <= 1024
