@@ -66,6 +66,9 @@ class SteppingModel:
         Of the integration, in (0, 1e-2].
     """
 
+    # sign of det J of the present pose, None where it has to be checked anew
+    _handedness: float | None
+
     def __init__(self, platform: Platform, tolerance: float = 1e-8) -> None:
         if not 0 < tolerance <= 1e-2:
             raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-2], say 1e-8")
@@ -235,7 +238,7 @@ class SteppingModel:
     def _use(self, platform: Platform) -> None:
         self._platform = platform
         self._p = parameter_vector(platform)
-        self._handedness: float | None = None
+        self._handedness = None
 
     def _value(self, variable: Variable) -> NDArray[np.float64]:
         if variable in interface.RESULTS:
