@@ -6,7 +6,7 @@ Names are a promise to users. Arrays are also reachable element by element under
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from itertools import product
 from typing import Literal
@@ -47,6 +47,10 @@ class Variable:
             return (self.name,)
         indices = product(*(range(1, n + 1) for n in self.shape))
         return tuple(f"{self.name}[{','.join(map(str, index))}]" for index in indices)
+
+    def element(self, flat_index: int) -> "Variable":
+        """The scalar variable that one element is, under its FMI 2.0 name."""
+        return replace(self, name=self.scalar_names[flat_index], shape=())
 
 
 def _input(name: str, shape: tuple[int, ...], unit: str, description: str) -> Variable:
@@ -199,15 +203,15 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; expected one of {', '.join(k for k in known if '[' not in k)}"
 
 
-def checked_value(variable: Variable, value: object, shape: tuple[int, ...] | None = None) -> Array:
-    """The value as a float array of the variable's shape (or of `shape`).
+def checked_value(variable: Variable, value: object) -> Array:
+    """The value as a float array of the variable's shape.
 
     Raises
     ------
     InterfaceError
         Not numbers, another shape, or not finite; says which element has which value.
     """
-    shape = variable.shape if shape is None else shape
+    shape = variable.shape
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):

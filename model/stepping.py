@@ -113,28 +113,32 @@ class SteppingModel:
         PlatformError
             A parameter that no platform can have.
         """
-        variable, element = interface.find(name)
-        self._refuse_unsettable(variable)
-        whole = self._whole_value(variable, element, value)
-        if variable.causality == "input":
-            self._u[_position_in(interface.INPUTS, variable)] = whole.reshape(-1)
-        elif variable.is_state:
-            self._check_orientation(variable, whole)
-            self._x[_position_in(interface.STATES, variable)] = whole
-            self._handedness = None
-        else:
-            changed: dict[str, Any] = {variable.name: whole}
-            self._use(replace(self._platform, **changed))
+        self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """`set` for several variables: all of them, or on an error none."""
-        before = self.save_state()
-        try:
-            for name, value in values.items():
-                self.set(name, value)
-        except Exception:
-            self.restore_state(before)
-            raise
+        """`set` several variables at once: all of them, or on an error none.
+
+        Parameters are checked together, so that elements of an inertia can be changed one by one.
+        """
+        x, u, parameters = self._x.copy(), self._u.copy(), dict[str, Any]()
+        for name, value in values.items():
+            variable, element = interface.find(name)
+            self._refuse_unsettable(variable)
+            if variable.causality == "input":
+                target = u[_position_in(interface.INPUTS, variable)]
+            elif variable.is_state:
+                target = x[_position_in(interface.STATES, variable)]
+            else:
+                target = parameters.setdefault(variable.name, np.array(getattr(self._platform, variable.name)))
+            if element is None:
+                target[...] = interface.checked_value(variable, value)
+            else:
+                target.reshape(-1)[element] = interface.checked_value(variable.element(element), value)
+        if not abs(x[4]) < LARGEST_PITCH:
+            raise InterfaceError("orientation[2]", f"is {x[4]:g} rad; expected a pitch within ±{LARGEST_PITCH:g} rad")
+        if parameters:
+            self._use(replace(self._platform, **parameters))
+        self._x, self._u, self._handedness = x, u, None
 
     def get(self, name: str) -> NDArray[np.float64] | float:
         """Value of a variable: an array of its shape, or a float for a scalar or an element (rules 2, 4).
@@ -249,14 +253,6 @@ class SteppingModel:
             return np.array(getattr(self._platform, variable.name))
         raise InterfaceError(variable.name, f"{variable.description}; the stepping model has none")
 
-    def _whole_value(self, variable: Variable, element: int | None, value: object) -> NDArray[np.float64]:
-        if element is None:
-            return interface.checked_value(variable, value)
-        scalar = interface.checked_value(replace(variable, name=variable.scalar_names[element], shape=()), value)
-        whole = np.array(self._value(variable))
-        whole.reshape(-1)[element] = scalar
-        return whole
-
     def _refuse_unsettable(self, variable: Variable) -> None:
         name = variable.name
         if variable.name == "fixed_step_size":
@@ -267,12 +263,6 @@ class SteppingModel:
             raise InterfaceError(name, "is a state and only settable before the first step; call reset() first")
         if self._started and variable.variability == "fixed":
             raise InterfaceError(name, "is a fixed parameter, only settable before the first step; call reset()")
-
-    def _check_orientation(self, variable: Variable, value: Array) -> None:
-        if variable.name == "orientation" and not abs(value[1]) < LARGEST_PITCH:
-            raise InterfaceError(
-                "orientation[2]", f"is {value[1]:g} rad; expected a pitch within ±{LARGEST_PITCH:g} rad"
-            )
 
 
 def _home_state(platform: Platform) -> NDArray[np.float64]:

@@ -100,6 +100,14 @@ def test_rule_3_set_many_sets_all_or_none() -> None:
     refused(model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), InterfaceError, "gravity")
 
 
+def test_rule_3_elements_of_an_inertia_can_be_set_together() -> None:
+    """Expected: one by one each would be asymmetric, which no inertia is."""
+    model = started()
+    refused(model, lambda: model.set("platform_inertia[1,2]", 0.5), PlatformError, "not symmetric")
+    model.set_many({"platform_inertia[1,2]": 0.5, "platform_inertia[2,1]": 0.5})
+    assert np.array_equal(model.platform.platform_inertia, np.array([[5, 0.5, 0], [0.5, 5, 0], [0, 0, 10]]))
+
+
 def test_rule_4_get_gives_every_variable_as_a_copy() -> None:
     model = started()
     before = model.save_state()
