@@ -6,13 +6,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import interface
-from gough_stewart.model.errors import InterfaceError, NoPoseError, OrientationError
+from gough_stewart.model.errors import InterfaceError, NoPoseError
 from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacobian
 from gough_stewart.model.platform import FloatArray, Platform
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
 
 # One Newton step moves the platform by no more than this share of its size, and turns it by no more than this [rad].
 LARGEST_STEP = 0.5
+SMALLEST_SHARE = 1e-4
 SINGULAR_CONDITION_NUMBER = 1e8
 
 
@@ -55,6 +56,8 @@ def forward_kinematics(
     ------
     NoPoseError
         No pose near this guess; the error's `result` says where the iteration stopped.
+    OrientationError
+        The guess, or a pose on the way, has a pitch of ±90°.
     InterfaceError
         Lengths or guess of a wrong shape, not finite, or lengths ≤ 0.
     """
@@ -65,39 +68,35 @@ def forward_kinematics(
     o = platform.home_orientation if orientation is None else orientation
     t = interface.checked_value(interface.BY_NAME["position"], t)
     R = matrix_from_orientation(interface.checked_value(interface.BY_NAME["orientation"], o))
-    o = _orientation(R)
+    o = orientation_from_matrix(R)
     side = _handedness(platform, t, o)
     error = wanted - leg_geometry(platform, t, o).length
     history = [float(np.abs(error).max())]
     close = tolerance * float(wanted.max())
 
-    for iteration in range(max_iterations + 1):
-        if history[-1] <= close:
-            return ForwardKinematics(t, o, True, iteration, history[-1], tuple(history))
-        if iteration == max_iterations:
-            break
-        worst = float(conditioning(platform, t, o).condition_number)
-        if not worst < SINGULAR_CONDITION_NUMBER:
-            _fail("the leg Jacobian is singular there", t, o, history)
+    while history[-1] > close:
+        if len(history) > max_iterations:
+            raise _no_pose(f"not met after {max_iterations} iterations", t, o, history)
+        if not conditioning(platform, t, o).condition_number < SINGULAR_CONDITION_NUMBER:
+            raise _no_pose("the leg Jacobian is singular there", t, o, history)
         step = np.linalg.solve(leg_jacobian(platform, t, o), error)
-        size = max(float(np.linalg.norm(step[:3])) / platform.characteristic_length, float(np.linalg.norm(step[3:])))
-        share = min(1.0, LARGEST_STEP / size)
-        # Backtracking: the residual must fall, on this side of every singular pose.
-        while True:
+        # as far as the platform's size allows, then back until the lengths improve on this side of singular poses
+        size = max(np.linalg.norm(step[:3]) / platform.characteristic_length, np.linalg.norm(step[3:]))
+        share = min(1.0, LARGEST_STEP / float(size))
+        while share > SMALLEST_SHARE:
             t_next = t + share * step[:3]
             R_next = Rotation.from_rotvec(share * step[3:]).as_matrix() @ R
-            o_next = _orientation(R_next)
+            o_next = orientation_from_matrix(R_next)
             error_next = wanted - leg_geometry(platform, t_next, o_next).length
-            residual = float(np.abs(error_next).max())
             falls = np.linalg.norm(error_next) < (1 - 1e-4 * share) * np.linalg.norm(error)
             if falls and _handedness(platform, t_next, o_next) == side:
                 break
             share /= 2
-            if share < 1e-4:
-                _fail("no step reduces the error in the lengths", t, o, history)
+        else:
+            raise _no_pose("no step reduces the error in the lengths", t, o, history)
         t, R, o, error = t_next, R_next, o_next, error_next
-        history.append(residual)
-    return _fail(f"not met after {max_iterations} iterations", t, o, history)
+        history.append(float(np.abs(error).max()))
+    return ForwardKinematics(t, o, True, len(history) - 1, history[-1], tuple(history))
 
 
 def _handedness(platform: Platform, position: FloatArray, orientation: FloatArray) -> float:
@@ -105,17 +104,9 @@ def _handedness(platform: Platform, position: FloatArray, orientation: FloatArra
     return float(np.sign(np.linalg.det(leg_jacobian(platform, position, orientation))))
 
 
-def _orientation(rotation: FloatArray) -> FloatArray:
-    try:
-        return orientation_from_matrix(rotation)
-    except OrientationError:
-        # Only the iteration passes here, never a solution: any pose beside the pole will do.
-        return orientation_from_matrix(Rotation.from_euler("y", -1e-5).as_matrix() @ rotation)
-
-
-def _fail(reason: str, t: FloatArray, o: FloatArray, history: list[float]) -> ForwardKinematics:
+def _no_pose(reason: str, t: FloatArray, o: FloatArray, history: list[float]) -> NoPoseError:
     result = ForwardKinematics(t, o, False, len(history) - 1, history[-1], tuple(history))
-    raise NoPoseError(
+    return NoPoseError(
         f"no pose near this guess: {reason}; lengths are off by {history[-1]:.3g} m at position "
         f"{np.round(t, 6).tolist()} m, orientation {np.round(o, 6).tolist()} rad after {result.iterations} "
         "iterations; check the lengths, or start nearer",

@@ -50,6 +50,15 @@ def test_inverse_dynamics_undoes_forward_dynamics(thousand: Sample) -> None:
     assert relative_difference(F, thousand.inputs.actuator_force) <= 1e-10
 
 
+def test_bias_wrench_is_what_holds_the_acceleration_at_zero(thousand: Sample) -> None:
+    """Expected: inverse dynamics for no acceleration, its forces as a wrench."""
+    p, state = thousand.parameters, thousand.state
+    none = dynamics.Acceleration(0 * state.velocity, 0 * state.velocity)
+    F = dynamics.inverse_dynamics(p, state, none)
+    wrench = kinematics.wrench_from_leg_forces(kinematics.leg_geometry(p, state.position, state.orientation), F)
+    assert relative_difference(wrench, dynamics.bias_wrench(p, state)) <= 1e-10
+
+
 def test_static_forces_keep_the_platform_at_rest(thousand: Sample) -> None:
     p, state, wrench = thousand.parameters, thousand.state, np.concatenate(thousand.inputs[1:], axis=-1)
     F = dynamics.static_leg_forces(p, state.position, state.orientation, wrench)

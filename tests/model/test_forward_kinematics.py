@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gough_stewart.model.errors import InterfaceError, NoPoseError
+from gough_stewart.model.errors import InterfaceError, NoPoseError, OrientationError
 from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
@@ -85,6 +85,11 @@ def test_a_guess_below_the_base_finds_the_mirror_pose_not_the_upper_one(paper: P
 def test_a_singular_guess_is_refused(paper: Platform) -> None:
     with pytest.raises(NoPoseError, match="singular"):
         forward_kinematics(paper, np.full(6, 3.3), np.array([0, 0, 3.0]), np.array([0, 0, np.pi / 2]))
+
+
+def test_a_guess_at_the_pole_of_pitch_is_refused(paper: Platform) -> None:
+    with pytest.raises(OrientationError, match="±90°"):
+        forward_kinematics(paper, np.full(6, 3.3), orientation=np.array([0, np.pi / 2, 0]))
 
 
 def test_too_few_iterations_raise(paper: Platform) -> None:
