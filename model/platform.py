@@ -118,6 +118,13 @@ class Platform:
         """Consistent with `==`."""
         return hash((self.name, self.base_points.tobytes(), self.platform_mass))
 
+    def __setstate__(self, fields_by_name: dict[str, Any]) -> None:
+        """Copies and unpickled platforms are read-only, too."""
+        self.__dict__.update(fields_by_name)
+        for value in fields_by_name.values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
     def as_dict(self) -> dict[str, Any]:
         """Every field by name, in file order: texts, floats, arrays; limits that are not set are left out."""
         names = ["name", "source", *SHAPES]

@@ -1,5 +1,8 @@
 """What a Platform accepts, refuses, and promises."""
 
+import pickle
+from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import FrozenInstanceError, replace
 from typing import Any
 
@@ -79,6 +82,14 @@ def test_is_frozen_and_its_arrays_are_read_only(paper: Platform) -> None:
         paper.platform_mass = 3.0  # type: ignore[misc]
     with pytest.raises(ValueError, match="read-only"):
         paper.base_points[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("copied", [deepcopy, lambda platform: pickle.loads(pickle.dumps(platform))])
+def test_copies_are_equal_and_read_only(paper: Platform, copied: Callable[[Platform], Platform]) -> None:
+    other = copied(paper)
+    assert other == paper
+    with pytest.raises(ValueError, match="read-only"):
+        other.gravity[2] = 0
 
 
 def test_does_not_share_memory_with_what_it_was_made_from(paper: Platform) -> None:
