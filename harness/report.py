@@ -94,8 +94,8 @@ def to_markdown(report: dict[str, Any]) -> bytes:
         f"{result['actuator_work']:.6g} J, lost in friction: {result['friction_work']:.6g} J.",
         "## Agreement of the formulations",
         "Formulations that share nothing but parameters and vector algebra: task space (traced kernel and NumPy), "
-        "Kane's equations as in the paper, Newton–Euler from free bodies. The paper: “This example has been verified by the "
-        "Newton–Euler approach.”",
+        "Kane's equations as in the paper, Newton–Euler from free bodies. The paper: “This example has been verified "
+        "by the Newton–Euler approach.”",
         _markdown_table(
             ["comparison", "measured", "bound", "unit", ""],
             [

@@ -19,6 +19,9 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.vectors import Array
 
+# In one call of `do_step`; some ten seconds of work, after which a step has failed rather than still being on its way.
+MOST_INTERNAL_STEPS = 20_000
+
 
 @dataclass(frozen=True)
 class Snapshot:
@@ -51,8 +54,9 @@ class SteppingModel:
     6. Integration is error-controlled (Dormand–Prince 8(5,3)) with `tolerance` relative, and absolute in SI units;
        the internal step size carries over between calls, so that short communication steps cost little.
     7. A step fails, with `StepError`, when at an internal step a leg has collapsed, |pitch| reaches 90°, the leg
-       Jacobian is singular (or was passed through singularity), or the tolerance cannot be held. The error
-       names quantity, value and time. Wrong arguments (step ≤ 0, another time, not finite) are errors too.
+       Jacobian is singular (or was passed through singularity), the tolerance cannot be held, or more than
+       `MOST_INTERNAL_STEPS` would be needed. The error names quantity, value and time. Wrong arguments (step ≤ 0,
+       another time, not finite) are errors too.
     8. A failed call leaves the model exactly as before it.
     9. `save_state` and `restore_state` take and bring back everything; a restored model repeats its future to the
        last bit. `reset` goes back to 1., with the platform the model was made with.
@@ -203,8 +207,17 @@ class SteppingModel:
                 atol=self._tolerance,
                 first_step=None if self._internal_step is None else min(self._internal_step, length),
             )
-            proposed = float(solver.h_abs)
+            proposed, steps = float(solver.h_abs), 0
             while solver.t < end:
+                steps += 1
+                if steps > MOST_INTERNAL_STEPS:
+                    raise StepError(
+                        "internal steps",
+                        steps,
+                        float(solver.t),
+                        f"too many for one step to time {end:g} s at tolerance {self._tolerance:g}; take shorter "
+                        "steps, or smooth the friction over a larger velocity",
+                    )
                 proposed = float(solver.h_abs)
                 solver.step()
                 if solver.status == "failed" or not np.isfinite(solver.y).all():

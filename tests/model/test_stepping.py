@@ -252,6 +252,14 @@ def test_rule_7_a_tolerance_that_cannot_be_held_fails_the_step() -> None:
     fails({}, [1e300] * 6, "internal step size", "cannot be held", 1e-3)
 
 
+def test_rule_7_a_step_without_end_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the limit, made small here; the same motion passes in shorter steps."""
+    monkeypatch.setattr("gough_stewart.model.stepping.MOST_INTERNAL_STEPS", 3)
+    model = started()
+    refused(model, lambda: model.do_step(0.0, 1.0), StepError, "internal steps = 4 .*take shorter steps")
+    model.do_step(0.0, 0.01)
+
+
 def test_rule_9_a_restored_model_repeats_its_future_to_the_last_bit() -> None:
     model = started()
     model.do_step(0.0, 0.3)
