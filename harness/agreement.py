@@ -27,8 +27,10 @@ class Row:
         return bool(self.measured <= self.bound)
 
 
-def agreement(case: OpenLoopCase, kernel: Trajectory, kane_run: KaneTrajectory, stepping: FloatArray) -> list[Row]:
-    """All comparisons of an open-loop case."""
+def agreement(
+    case: OpenLoopCase, kernel: Trajectory, kane_run: KaneTrajectory, stepping: FloatArray, leap: FloatArray
+) -> list[Row]:
+    """All comparisons of an open-loop case; `stepping` by many communication steps, `leap` by one."""
     return [
         *instantaneous(case, kernel),
         Row(
@@ -37,11 +39,14 @@ def agreement(case: OpenLoopCase, kernel: Trajectory, kane_run: KaneTrajectory, 
             1e-8,
             "m, rad",
         ),
-        Row(
-            "final pose: stepping model (tolerance 1e-8) against kernel",
-            float(np.abs(stepping[-1, :6] - kernel.states[-1, :6]).max()),
-            1e-6,
-            "m, rad",
+        *(
+            Row(
+                f"final pose: stepping model (tolerance 1e-8, {how}) against kernel",
+                float(np.abs(states[-1, :6] - kernel.states[-1, :6]).max()),
+                1e-6,
+                "m, rad",
+            )
+            for how, states in (("a step a row", stepping), ("one step", leap))
         ),
         Row(
             "joint forces along the run: multipliers of Kane's DAE against task space",
@@ -84,11 +89,15 @@ def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Row]:
 
 
 def energy_error(case: OpenLoopCase, run: Trajectory) -> float:
-    """Max |E(t) − E(0) − W(t)| / max |W|, W = Σ F_i (L_i(t) − L_i(0)) less the work lost in friction."""
+    """Largest |E(t) − E(0) − W(t)| over the larger of max |W| and max T.
+
+    W = Σ F_i (L_i(t) − L_i(0)) less the work lost in friction, T the kinetic energy.
+    """
     energy = run["kinetic_energy"] + run["potential_energy"]
     stroke = run["leg_length"] - run["leg_length"][0]
     work = stroke @ case.actuator_force - run.friction_work
-    return float(np.abs(energy - energy[0] - work).max() / np.abs(work).max())
+    scale = max(np.abs(work).max(), run["kinetic_energy"].max())
+    return float(np.abs(energy - energy[0] - work).max() / scale)
 
 
 def _relative(a: FloatArray, b: FloatArray) -> float:

@@ -34,6 +34,7 @@ class OpenLoopCase:
     actuator_force: NDArray[np.float64]  # (6,) [N]
     duration: float  # [s]
     is_published: bool = False  # the paper's own plant, start and forces
+    minus_first: bool = False  # the other order of its appendix
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -55,7 +56,7 @@ def paper_case(minus_first: bool = False) -> OpenLoopCase:
     title = "open-loop case of Liu, Li & Li (2000)"
     if minus_first:
         platform, title = with_pairs_swapped(platform), f"{title}, − before + in the appendix"
-    return OpenLoopCase(title, platform, _PAPER_START, _PAPER_FORCES, _PAPER_DURATION, is_published=True)
+    return OpenLoopCase(title, platform, _PAPER_START, _PAPER_FORCES, _PAPER_DURATION, True, minus_first)
 
 
 def case_of(platform: Platform) -> OpenLoopCase:

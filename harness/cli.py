@@ -1,5 +1,7 @@
 """The command line: `gough-stewart`."""
 
+import io
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -127,6 +129,9 @@ def presets_command(
 
 def main() -> None:
     """Entry point of the console script."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without Greek gets question marks, not a traceback
     app()
 
 
@@ -137,7 +142,11 @@ def _chosen_case(order: Order | None, preset: str | None, platform: Path | None)
         raise UsageError(f"--order is a reading of the paper's own platform; leave it out, or use {cases.PAPER_PRESET}")
     if order is not None:
         return cases.paper_case(minus_first=order is Order.minus_first)
-    return cases.case_of(load_platform(platform) if platform is not None else load_preset(preset or cases.PAPER_PRESET))
+    return cases.case_of(
+        load_platform(platform)
+        if platform is not None
+        else load_preset(cases.PAPER_PRESET if preset is None else preset)
+    )
 
 
 @contextmanager

@@ -68,8 +68,10 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: Progress | Non
     return Trajectory(solution.t, states, results, solution.y[12])
 
 
-def run_stepping(case: OpenLoopCase, tolerance: float = 1e-8, progress: Progress | None = None) -> FloatArray:
-    """States (n, 12) of the stepping model, one communication step per row.
+def run_stepping(
+    case: OpenLoopCase, tolerance: float = 1e-8, rows: bool = True, progress: Progress | None = None
+) -> FloatArray:
+    """States (n, 12) of the stepping model, one communication step per row, or one over the whole case.
 
     Raises
     ------
@@ -79,7 +81,8 @@ def run_stepping(case: OpenLoopCase, tolerance: float = 1e-8, progress: Progress
     model = SteppingModel(case.platform, tolerance)
     model.set_many({**case.start._asdict(), "actuator_force": case.actuator_force})
     states = [model.state]
-    for t, step in zip(case.time[:-1], np.diff(case.time), strict=True):
+    times = case.time if rows else case.time[[0, -1]]
+    for t, step in zip(times[:-1], np.diff(times), strict=True):
         model.do_step(float(t), float(step))
         states.append(model.state)
         if progress is not None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.cases import OpenLoopCase, paper_case
+from gough_stewart.harness.cases import paper_case, with_pairs_swapped
 from gough_stewart.harness.open_loop import FloatArray, run_kernel
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
@@ -29,13 +29,15 @@ class Reading:
     remark: str = ""
 
 
-def other_readings(progress: Callable[[], None] | None = None) -> list[Reading]:
-    """Run the paper's case under each of the other readings; `progress` is called after each."""
-    case = paper_case()
-    final = run_kernel(case, _RTOL).states[-1]
+def other_readings(minus_first: bool = False, progress: Callable[[], None] | None = None) -> list[Reading]:
+    """Run the paper's case, in the given order of its legs, under each of the other readings.
+
+    `progress` is called after each.
+    """
+    final = run_kernel(paper_case(minus_first), _RTOL).states[-1]
     rows = []
     for point, decided, other, make in _OTHERS:
-        rows.append(_compare(point, decided, other, make, case, final))
+        rows.append(_compare(point, decided, other, make, minus_first, final))
         if progress is not None:
             progress()
     return [*rows, _body_fixed_angles(final)]
@@ -92,7 +94,7 @@ _OTHERS: list[tuple[str, str, str, Callable[[Platform], Platform] | None]] = [
         "both lists in the printed order, all legs twisted by +60°",
         _turned_alike,
     ),
-    ("order of the ± in the appendix", "+ first", "− first: the pairs swap their forces", None),
+    ("order of the ± in the appendix, which swaps the forces of each pair", "+ first", "− first", None),
     (
         "r2, centre of mass of the upper part",
         "0.4144 m below P, as both readings of the garbled value give",
@@ -126,13 +128,19 @@ def _compare(
     decided: str,
     other: str,
     make: Callable[[Platform], Platform] | None,
-    case: OpenLoopCase,
+    minus_first: bool,
     final: FloatArray,
 ) -> Reading:
-    try:
-        changed = paper_case(minus_first=True) if make is None else replace(case, platform=make(case.platform))
-    except PlatformError as error:
-        return Reading(point, decided, other, None, None, f"cannot be: {error}")
+    if make is None:
+        changed = paper_case(not minus_first)
+        decided, other = (other, decided) if minus_first else (decided, other)
+    else:
+        try:
+            platform = make(paper_case().platform)
+        except PlatformError as error:
+            return Reading(point, decided, other, None, None, f"cannot be: {error}")
+        platform = with_pairs_swapped(platform) if minus_first else platform
+        changed = replace(paper_case(minus_first), platform=platform)
     difference = np.abs(run_kernel(changed, _RTOL).states[-1] - final)
     return Reading(point, decided, other, float(difference[:3].max()), float(difference[3:6].max()))
 

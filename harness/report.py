@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -126,7 +127,7 @@ def to_markdown(report: dict[str, Any]) -> bytes:
 def to_terminal(report: dict[str, Any]) -> RenderableType:
     """Tables for the terminal."""
     case, result = report["case"], report["result"]
-    motion = Table(title=_capital(case["title"]), title_justify="left", title_style="bold")
+    motion = Table(title=escape(_capital(case["title"])), title_justify="left", title_style="bold")
     motion.add_column("")
     motion.add_column("start", justify="right")
     motion.add_column(f"after {case['duration']:.4g} s", justify="right")

@@ -24,6 +24,16 @@ _DRIFT_RUNS = {
     "without Baumgarte, rtol 1e-6": (1e-6, (0.0, 0.0)),
     "Baumgarte α = β = 10/s, rtol 1e-6": (1e-6, (10.0, 10.0)),
 }
+FILES = (
+    "open_loop.csv",
+    "figure-4.png",
+    "figure-5.png",
+    "figure-6.png",
+    "figure-7.png",
+    "drift.png",
+    "report.md",
+    "report.json",
+)
 
 
 class OutputError(GoughStewartError):
@@ -64,6 +74,7 @@ def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
 
         # first the one that knows the poses a plant cannot pass
         stepping = run_stepping(case, progress=over_time("stepping model"))
+        leap = run_stepping(case, rows=False)
         kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
         kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
         drawn = each("drift", len(_DRIFT_RUNS))
@@ -73,7 +84,8 @@ def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
             drawn()
         others, weight = [], None
         if case.is_published:
-            others = readings.other_readings(each("other readings of the paper", readings.NUMBER_OF_RUNS))
+            task = each("other readings of the paper", readings.NUMBER_OF_RUNS)
+            others = readings.other_readings(case.minus_first, task)
             weight = readings.weight_of_the_published_forces()
         draw = each("figures", 2)
         pictures = figures.open_loop_figures(case, kernel)
@@ -81,7 +93,7 @@ def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
         pictures["drift.png"] = figures.drift_figure(drift)
         draw()
 
-    said = report.record(case, kernel, agreement(case, kernel, kane, stepping), others, weight, drift)
+    said = report.record(case, kernel, agreement(case, kernel, kane, stepping, leap), others, weight, drift)
     files = {
         "open_loop.csv": csv_of(kernel),
         **pictures,
@@ -106,6 +118,9 @@ def check_output_folder(folder: Path) -> None:
         raise OutputError(f"--out {folder}: {place} is a file; expected a folder, existing or new")
     if not os.access(place, os.W_OK | os.X_OK):
         raise OutputError(f"--out {folder}: no permission to write in {place}; choose another folder")
+    for name in FILES:
+        if (folder / name).is_dir():
+            raise OutputError(f"--out {folder}: {name} is a folder there; expected a file or nothing")
 
 
 def write(reproduction: Reproduction, folder: Path) -> None:

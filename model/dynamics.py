@@ -22,7 +22,7 @@ from gough_stewart.model.leg_dynamics import bias_force, inertia_force, transver
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import Array, apply, cross, dot, per_leg, skew, transpose
+from gough_stewart.model.vectors import Array, apply, concatenate, cross, dot, per_leg, skew, transpose
 
 Solve = Callable[[Array, Array], Array]
 
@@ -83,7 +83,7 @@ def forward_dynamics(
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
     M = _mass_matrix(parameters, state.orientation, legs)
-    external = np.concatenate([inputs.external_force, inputs.external_torque], axis=-1)
+    external = concatenate([inputs.external_force, inputs.external_torque])
     applied = wrench_from_leg_forces(legs, inputs.actuator_force) + external
     a = solve(M, applied - _bias_wrench(parameters, state, legs))
     return Acceleration(a[..., :3], a[..., 3:])
@@ -110,7 +110,7 @@ def inverse_dynamics(
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
     M = _mass_matrix(parameters, state.orientation, legs)
-    wanted = apply(M, np.concatenate(acceleration, axis=-1)) + _bias_wrench(parameters, state, legs)
+    wanted = apply(M, concatenate(acceleration)) + _bias_wrench(parameters, state, legs)
     return solve(transpose(jacobian_of_legs(legs)), wanted - external_wrench)
 
 
@@ -159,10 +159,11 @@ def _lumped_body(parameters: Parameters, orientation: Array, legs: LegGeometry) 
     m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
     J = R @ parameters.platform_inertia @ transpose(R)
     t = transverse_mass(parameters, legs.length)[..., None]
-    arms = np.concatenate([legs.arm, r[..., None, :]], axis=-2)
-    moments = np.concatenate([t * legs.arm, (m * r)[..., None, :]], axis=-2)
+    tc, mr = t * legs.arm, m * r
     return _LumpedBody(
-        mass=(m + t.sum(axis=-2))[..., 0], first=moments.sum(axis=-2), second=J + _points_inertia(moments, arms)
+        mass=(m + t.sum(axis=-2))[..., 0],
+        first=mr + tc.sum(axis=-2),
+        second=J + _points_inertia(mr[..., None, :], r[..., None, :]) + _points_inertia(tc, legs.arm),
     )
 
 
@@ -208,7 +209,7 @@ def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry) -> Arr
     weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
     force = _centripetal(omega, body.first) + needed.sum(axis=-2) - weight
     torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(r, weight)
-    return np.concatenate([force, torque], axis=-1)
+    return concatenate([force, torque])
 
 
 def _centripetal(omega: Array, arm: Array) -> Array:

@@ -6,6 +6,17 @@ from typing import Any
 class GoughStewartError(Exception):
     """Base of all errors of this project; its text names the value found, the expectation and the remedy."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and pickles, for instance from another process, keep text and data."""
+        return _rebuilt, (type(self), self.args, self.__dict__)
+
+
+def _rebuilt(kind: type[GoughStewartError], args: tuple[Any, ...], data: dict[str, Any]) -> GoughStewartError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(data)
+    return error
+
 
 class PlatformError(GoughStewartError, ValueError):
     """A platform description that cannot be built; `field` names the offending parameter."""

@@ -59,8 +59,12 @@ def forward_kinematics(
     OrientationError
         The guess, or a pose on the way, has a pitch of ±90°.
     InterfaceError
-        Lengths or guess of a wrong shape, not finite, or lengths ≤ 0.
+        Lengths or guess of a wrong shape, not finite, lengths ≤ 0, or a tolerance that is none.
     """
+    if not 0 < tolerance <= 1e-3:
+        raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-3], say 1e-12")
+    if max_iterations < 0:
+        raise InterfaceError("max_iterations", f"is {max_iterations!r}; expected at least 0")
     wanted = interface.checked_value(interface.BY_NAME["leg_length"], leg_length)
     if wanted.min() <= 0:
         raise InterfaceError("leg_length", f"is {wanted.tolist()} m; expected lengths > 0")

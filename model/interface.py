@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model.errors import InterfaceError
+from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array
 
 Causality = Literal["input", "output", "local", "parameter"]
@@ -187,11 +188,13 @@ def find(name: str) -> tuple[Variable, int | None]:
     InterfaceError
         No such name; the nearest known one is suggested.
     """
+    if not isinstance(name, str):
+        raise InterfaceError(repr(name), "expected the name of a variable, a text")
     if name in BY_NAME:
         return BY_NAME[name], None
     if name in _ELEMENTS:
         return _ELEMENTS[name]
-    raise InterfaceError(str(name), f"no such variable{nearest(str(name), [*BY_NAME, *_ELEMENTS])}")
+    raise InterfaceError(name, f"no such variable{nearest(name, [*BY_NAME, *_ELEMENTS])}")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -209,19 +212,9 @@ def checked_value(variable: Variable, value: object) -> Array:
     Raises
     ------
     InterfaceError
-        Not numbers, another shape, or not finite; says which element has which value.
+        Not real numbers, another shape, or not finite.
     """
-    shape = variable.shape
     try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InterfaceError(
-            variable.name, f"expected numbers [{variable.unit}] of shape {shape}, found {value!r}"
-        ) from None
-    if array.shape != shape:
-        raise InterfaceError(variable.name, f"has shape {array.shape}; expected {shape}, {variable.description}")
-    bad = np.flatnonzero(~np.isfinite(array.reshape(-1)))
-    if bad.size:
-        element = variable.scalar_names[bad[0]] if shape else variable.name
-        raise InterfaceError(element, f"is {array.reshape(-1)[bad[0]]}; expected a finite number [{variable.unit}]")
-    return array
+        return real_array(value, variable.shape)
+    except ValueError as error:
+        raise InterfaceError(variable.name, f"{error} [{variable.unit}], {variable.description}") from None

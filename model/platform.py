@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model import platform_checks
 from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.real import real_array
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +38,8 @@ SHAPES: Mapping[str, tuple[int, ...]] = {
     "actuator_force_max": (),
     "joint_angle_max": (),
 }
+# Far beyond any machine, and still safe to square and cube.
+LARGEST_NUMBER = 1e30
 OPTIONAL_LIMITS = ("leg_length_min", "leg_length_max", "actuator_force_max", "joint_angle_max")
 
 
@@ -139,14 +142,11 @@ class Platform:
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:
     """A float, or a read-only float64 array of this shape."""
     try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise PlatformError(name, f"expected numbers of shape {shape}, found {value!r}") from None
-    if array.shape != shape:
-        expected = "one number" if shape == () else f"shape {shape}"
-        raise PlatformError(name, f"has shape {array.shape}; expected {expected}")
-    if not np.isfinite(array).all():
-        raise PlatformError(name, f"is {array.tolist()}; expected finite numbers only")
+        array = real_array(value, shape)
+    except ValueError as error:
+        raise PlatformError(name, str(error)) from None
+    if np.abs(array).max() > LARGEST_NUMBER:
+        raise PlatformError(name, f"is {array.tolist()}; expected numbers below {LARGEST_NUMBER:g} in SI units")
     if shape == ():
         return float(array)
     array.setflags(write=False)

@@ -43,7 +43,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
     """
     try:
         values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # beside decoding errors: endless digits, endless nesting
         raise PlatformFileError(where, f"is not TOML: {error}") from error
     for key in values:
         if key not in KEYS:
@@ -78,7 +78,7 @@ def load_platform(path: Path | str) -> Platform:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         raise PlatformFileError(str(path), f"cannot read this platform file: {reason}") from error
@@ -86,8 +86,17 @@ def load_platform(path: Path | str) -> Platform:
 
 
 def save_platform(platform: Platform, path: Path | str) -> None:
-    """Write a platform file, whole or not at all."""
-    write_whole(Path(path), platform_to_toml(platform).encode())
+    """Write a platform file, whole or not at all.
+
+    Raises
+    ------
+    PlatformFileError
+        The file cannot be written.
+    """
+    try:
+        write_whole(Path(path), platform_to_toml(platform).encode())
+    except OSError as error:
+        raise PlatformFileError(str(path), f"cannot write this platform file: {error.strerror}") from error
 
 
 def preset_names() -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, concatenate
 
 
 class State(NamedTuple):
@@ -21,8 +21,8 @@ class State(NamedTuple):
         return cls(x[..., 0:3], x[..., 3:6], x[..., 6:9], x[..., 9:12])
 
     def to_vector(self) -> Array:
-        """Join to a (..., 12) vector; leading axes must agree."""
-        return np.concatenate(self, axis=-1)
+        """Join to a (..., 12) vector; leading axes broadcast."""
+        return concatenate(self)
 
 
 class Inputs(NamedTuple):
@@ -44,5 +44,5 @@ class Inputs(NamedTuple):
         return cls(f, 0 * f[..., 0:3], 0 * f[..., 0:3])
 
     def to_vector(self) -> Array:
-        """Join to a (..., 12) vector; leading axes must agree."""
-        return np.concatenate(self, axis=-1)
+        """Join to a (..., 12) vector; leading axes broadcast."""
+        return concatenate(self)

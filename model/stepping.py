@@ -17,9 +17,12 @@ from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
+from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array
 
-# In one call of `do_step`; some ten seconds of work, after which a step has failed rather than still being on its way.
+# Below, the error estimate drowns in rounding; above, it means nothing.
+TOLERANCES = (1e-13, 1e-2)
+# In one call of `do_step`; after ten to twenty seconds a step has failed, rather than still being on its way.
 MOST_INTERNAL_STEPS = 20_000
 
 
@@ -57,6 +60,8 @@ class SteppingModel:
        Jacobian is singular (or was passed through singularity), the tolerance cannot be held, or more than
        `MOST_INTERNAL_STEPS` would be needed. The error names quantity, value and time. Wrong arguments (step ≤ 0,
        another time, not finite) are errors too.
+       Poses are checked at internal steps: at a loose tolerance a motion may touch a singular pose and come back
+       between two of them.
     8. A failed call leaves the model exactly as before it.
     9. `save_state` and `restore_state` take and bring back everything; a restored model repeats its future to the
        last bit. `reset` goes back to 1., with the platform the model was made with.
@@ -67,17 +72,20 @@ class SteppingModel:
     platform
         The plant's parameters and home pose.
     tolerance
-        Of the integration, in (0, 1e-2].
+        Of the integration, from 1e-13 to 1e-2.
     """
 
     # sign of det J of the present pose, None where it has to be checked anew
     _handedness: float | None
 
     def __init__(self, platform: Platform, tolerance: float = 1e-8) -> None:
-        if not 0 < tolerance <= 1e-2:
-            raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-2], say 1e-8")
+        if not isinstance(platform, Platform):
+            raise InterfaceError("platform", f"is {platform!r}; expected a Platform, such as load_preset('liu2000')")
+        self._tolerance = _number("tolerance", tolerance)
+        low, high = TOLERANCES
+        if not low <= self._tolerance <= high:
+            raise InterfaceError("tolerance", f"is {tolerance!r}; expected from {low:g} to {high:g}, say 1e-8")
         self._initial_platform = platform
-        self._tolerance = float(tolerance)
         self._kernel = Kernel()
         self.reset()
 
@@ -125,13 +133,14 @@ class SteppingModel:
         Parameters are checked together, so that elements of an inertia can be changed one by one.
         """
         x, u, parameters = self._x.copy(), self._u.copy(), dict[str, Any]()
+        handedness = self._handedness
         for name, value in values.items():
             variable, element = interface.find(name)
             self._refuse_unsettable(variable)
             if variable.causality == "input":
                 target = u[_position_in(interface.INPUTS, variable)]
             elif variable.is_state:
-                target = x[_position_in(interface.STATES, variable)]
+                target, handedness = x[_position_in(interface.STATES, variable)], None
             else:
                 target = parameters.setdefault(variable.name, np.array(getattr(self._platform, variable.name)))
             if element is None:
@@ -142,7 +151,8 @@ class SteppingModel:
             raise InterfaceError("orientation[2]", f"is {x[4]:g} rad; expected a pitch within ±{LARGEST_PITCH:g} rad")
         if parameters:
             self._use(replace(self._platform, **parameters))
-        self._x, self._u, self._handedness = x, u, None
+            handedness = None
+        self._x, self._u, self._handedness = x, u, handedness
 
     def get(self, name: str) -> NDArray[np.float64] | float:
         """Value of a variable: an array of its shape, or a float for a scalar or an element (rules 2, 4).
@@ -178,12 +188,15 @@ class SteppingModel:
 
         Raises
         ------
-        StepError
+        StepError, InterfaceError
             Rule 7; the model is as before.
         """
-        if not np.isfinite(step) or step <= 0:
-            raise StepError("step", step, self._time, "expected a finite communication step > 0 s")
-        if not abs(time - self._time) <= 1e-9 * max(1.0, abs(self._time)):
+        time, step = _number("time", time), _number("step", step)
+        if not step > 0:
+            raise StepError("step", step, self._time, "expected a communication step > 0 s")
+        # rounding of a master's clock, but never a noticeable share of the step
+        rounding = max(min(1e-9 * max(1.0, self._time), 1e-3 * step), 4 * float(np.spacing(self._time)))
+        if not abs(time - self._time) <= rounding:
             raise StepError("time", time, self._time, "expected the model's present time; steps follow each other")
         end = time + step
         if not end > self._time:
@@ -203,7 +216,7 @@ class SteppingModel:
                 self._time,
                 self._x.copy(),
                 end,
-                rtol=max(self._tolerance, 100 * np.finfo(float).eps),
+                rtol=self._tolerance,
                 atol=self._tolerance,
                 first_step=None if self._internal_step is None else min(self._internal_step, length),
             )
@@ -215,8 +228,8 @@ class SteppingModel:
                         "internal steps",
                         steps,
                         float(solver.t),
-                        f"too many for one step to time {end:g} s at tolerance {self._tolerance:g}; take shorter "
-                        "steps, or smooth the friction over a larger velocity",
+                        f"too many for one step to time {end:g} s at tolerance {self._tolerance:g}; forces too "
+                        "large, friction too sharp (leg_friction_velocity), or a step too long",
                     )
                 proposed = float(solver.h_abs)
                 solver.step()
@@ -245,10 +258,21 @@ class SteppingModel:
 
     def restore_state(self, snapshot: Snapshot) -> None:
         """Back to a snapshot of this model, or of any other of the same tolerance (rule 9)."""
+        if not isinstance(snapshot, Snapshot):
+            raise InterfaceError("snapshot", f"is {snapshot!r}; expected what save_state() gave")
         self._use(snapshot.platform)
         self._time, self._started = snapshot.time, snapshot.started
         self._x, self._u = np.array(snapshot.x), np.array(snapshot.u)
         self._internal_step = snapshot.internal_step
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Copies and pickles carry everything but the kernel, which each model has for itself."""
+        return {name: value for name, value in self.__dict__.items() if name != "_kernel"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Undo `__getstate__`, with a new kernel and vectors of its own."""
+        self.__dict__.update(state)
+        self._x, self._u, self._kernel = self._x.copy(), self._u.copy(), Kernel()
 
     # --- inside ------------------------------------------------------------------------------------------------
 
@@ -276,6 +300,13 @@ class SteppingModel:
             raise InterfaceError(name, "is a state and only settable before the first step; call reset() first")
         if self._started and variable.variability == "fixed":
             raise InterfaceError(name, "is a fixed parameter, only settable before the first step; call reset()")
+
+
+def _number(name: str, value: object) -> float:
+    try:
+        return float(real_array(value, ()))
+    except ValueError as error:
+        raise InterfaceError(name, str(error)) from None
 
 
 def _home_state(platform: Platform) -> NDArray[np.float64]:

@@ -1,5 +1,6 @@
 """Vector algebra over leading axes, the same for NumPy floats and for CasADi symbols in object arrays."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,12 @@ def apply(matrix: Array, vector: Array) -> Array:
 def outer(a: Array, b: Array) -> Array:
     """Dyadic product a bᵀ of (..., m) and (..., n) vectors, shape (..., m, n)."""
     return a[..., :, None] * b[..., None, :]
+
+
+def concatenate(parts: Sequence[Array]) -> Array:
+    """Join (..., n_k) vectors along their last axis; leading axes broadcast against each other."""
+    leading = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
+    return np.concatenate([np.broadcast_to(part, (*leading, part.shape[-1])) for part in parts], axis=-1)
 
 
 def transpose(matrix: Array) -> Array:

@@ -161,6 +161,9 @@ def test_version() -> None:
         (["reproduce", "--out", "heavy.toml"], "heavy.toml is a file; expected a folder"),
         (["reproduce", "--out", "heavy.toml/below"], "heavy.toml is a file; expected a folder"),
         (["presets", "liu"], "did you mean 'liu2000'?"),
+        (["reproduce", "--preset", ""], "preset '': no such preset"),
+        (["reproduce", "--out", "taken"], "report.md is a folder there"),
+        (["reproduce", "--platform", "huge.toml"], "platform_mass"),
     ],
 )
 def test_wrong_input_gets_one_clear_line(arguments: list[str], message: str, tmp_path: Path) -> None:
@@ -168,6 +171,8 @@ def test_wrong_input_gets_one_clear_line(arguments: list[str], message: str, tmp
     (tmp_path / "heavy.toml").write_text(text.replace("platform_mass = 10.0", "platform_mass = -10.0"))
     (tmp_path / "typo.toml").write_text(text.replace("platform_mass", "platfom_mass"))
     (tmp_path / "broken.toml").write_text("= 3")
+    (tmp_path / "huge.toml").write_text(text.replace("platform_mass = 10.0", "platform_mass = " + "9" * 400))
+    (tmp_path / "taken" / "report.md").mkdir(parents=True)
     before = sorted(tmp_path.rglob("*"))
     done = run(*arguments, cwd=tmp_path)
     assert done.returncode == 1
@@ -175,6 +180,30 @@ def test_wrong_input_gets_one_clear_line(arguments: list[str], message: str, tmp
     assert done.stderr.count("\n") == 1
     assert "Traceback" not in done.stderr + done.stdout
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_name_full_of_markup_is_only_a_name(tmp_path: Path) -> None:
+    """Expected: names are texts to the terminal, to Markdown's tables and to the figures, in any script."""
+    name = "a [red]b[/nope] $\\frac{c$ 台"
+    text = (
+        preset_text("liu2000")
+        .replace('name = "liu2000"', f"name = '{name}'")
+        .replace("leg_upper_mass = 1.0", "leg_upper_mass = 1.1")
+    )
+    (tmp_path / "odd.toml").write_text(text)
+    done = run("reproduce", "--platform", "odd.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.strip() == ""
+    assert "[red]b[/nope]" in done.stdout
+    assert name in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_a_terminal_without_unicode_gets_no_traceback(tmp_path: Path) -> None:
+    env = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii", "TERM": "dumb"}
+    command = [*COMMAND, "reproduce", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, env=env, check=False, cwd=tmp_path)
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
 
 
 def test_an_unknown_choice_is_a_usage_error() -> None:

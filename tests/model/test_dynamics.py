@@ -254,6 +254,42 @@ def test_single_states_and_batches_give_the_same(thousand: Sample) -> None:
         assert np.allclose(one.angular, batch.angular[k], rtol=1e-12)
 
 
+@pytest.mark.parametrize("batched", range(8))
+def test_any_one_argument_may_be_a_batch(paper: Platform, batched: int) -> None:
+    """Expected: leading axes broadcast, so a batch of one argument is a batch of the whole."""
+    rng = np.random.default_rng(3)
+    state, inputs, a = random_state(paper, rng), random_inputs(paper, rng), rng.normal(size=6)
+    parts = [*state, *inputs, a]
+    many = [np.stack([part] * 5) if k == batched else part for k, part in enumerate(parts)]
+
+    def results(parts: list[np.ndarray]) -> list[np.ndarray]:
+        state, inputs, a = (
+            State(*parts[:4]),
+            Inputs(*parts[4:7]),
+            dynamics.Acceleration(parts[7][..., :3], parts[7][..., 3:]),
+        )
+        wrench = np.concatenate(inputs[1:], axis=-1) if batched not in (5, 6) else 0.0
+        legs = kinematics.leg_geometry(paper, state.position, state.orientation)
+        return [
+            *dynamics.forward_dynamics(paper, state, inputs),
+            dynamics.inverse_dynamics(paper, state, a, wrench),
+            dynamics.inverse_dynamics(paper, state, dynamics.Acceleration(a.linear, a.angular[..., :3])),
+            dynamics.static_leg_forces(paper, state.position, state.orientation),
+            dynamics.mass_matrix(paper, state.position, state.orientation),
+            dynamics.bias_wrench(paper, state),
+            dynamics.joint_forces(paper, state, inputs.actuator_force, a),
+            energy.kinetic_energy(paper, state),
+            energy.input_power(paper, state, inputs),
+            kinematics.wrench_from_leg_forces(legs, inputs.actuator_force),
+            state.to_vector(),
+            inputs.to_vector(),
+        ]
+
+    for one, batch in zip(results(parts), results(many), strict=True):
+        assert batch.shape in (one.shape, (5, *one.shape))
+        assert np.allclose(batch, one, rtol=1e-11, atol=1e-11)
+
+
 def test_friction_is_viscous_plus_smoothed_coulomb(paper: Platform) -> None:
     """Expected: limits: slope c + C/v_s at rest, ±C beyond v_s, odd."""
     p = replace(paper, leg_viscous_friction=3.0, leg_coulomb_friction=5.0, leg_friction_velocity=0.01)

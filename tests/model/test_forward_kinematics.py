@@ -92,6 +92,17 @@ def test_a_guess_at_the_pole_of_pitch_is_refused(paper: Platform) -> None:
         forward_kinematics(paper, np.full(6, 3.3), orientation=np.array([0, np.pi / 2, 0]))
 
 
+@pytest.mark.parametrize("tolerance", [np.nan, np.inf, 1e9, -1.0, 0.0])
+def test_a_tolerance_that_would_accept_a_wrong_pose_is_refused(paper: Platform, tolerance: float) -> None:
+    with pytest.raises(InterfaceError, match=r"tolerance: is .*; expected in"):
+        forward_kinematics(paper, np.full(6, 3.5), tolerance=tolerance)
+
+
+def test_negative_iterations_are_refused(paper: Platform) -> None:
+    with pytest.raises(InterfaceError, match="max_iterations"):
+        forward_kinematics(paper, np.full(6, 3.5), max_iterations=-1)
+
+
 def test_too_few_iterations_raise(paper: Platform) -> None:
     with pytest.raises(NoPoseError, match="not met after 1 iterations"):
         forward_kinematics(paper, np.full(6, 3.5), max_iterations=1)
@@ -101,7 +112,7 @@ def test_too_few_iterations_raise(paper: Platform) -> None:
     ("lengths", "message"),
     [
         ([3.0] * 5, r"shape \(5,\)"),
-        ([3.0] * 5 + [np.nan], r"leg_length\[6\]: is nan"),
+        ([3.0] * 5 + [np.nan], r"leg_length: is .*nan\]; expected finite"),
         ([3.0] * 5 + [-1.0], "expected lengths > 0"),
         ("long", "expected numbers"),
     ],

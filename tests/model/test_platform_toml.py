@@ -54,7 +54,7 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full_disk)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(PlatformFileError, match=r"mine.toml: cannot write this platform file: No space"):
         save_platform(paper, path)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["mine.toml"]
@@ -79,6 +79,23 @@ def test_missing_keys_are_named() -> None:
 def test_what_is_not_toml_says_where() -> None:
     with pytest.raises(PlatformFileError, match=r"broken.toml: is not TOML: .*line 1"):
         platform_from_toml("name = = 3", "broken.toml")
+
+
+@pytest.mark.parametrize("text", ["gravity = " + "[" * 3000, "platform_mass = " + "9" * 5000], ids=["nested", "long"])
+def test_toml_that_overruns_the_parser_is_refused(text: str) -> None:
+    with pytest.raises(PlatformFileError, match="is not TOML"):
+        platform_from_toml(text)
+
+
+def test_a_number_beyond_floats_is_refused() -> None:
+    text = preset_text("liu2000").replace("platform_mass = 10.0", "platform_mass = " + "9" * 400)
+    with pytest.raises(PlatformFileError, match="platform_mass"):
+        platform_from_toml(text)
+
+
+def test_a_byte_order_mark_is_no_obstacle(tmp_path: Path) -> None:
+    (tmp_path / "bom.toml").write_text(preset_text("liu2000"), encoding="utf-8-sig")
+    assert load_platform(tmp_path / "bom.toml") == load_preset("liu2000")
 
 
 @pytest.mark.parametrize("value", ["true", "'10'", "[1, true]"])

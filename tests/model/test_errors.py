@@ -1,0 +1,38 @@
+"""Errors keep their data on the way through copies and pickles."""
+
+import pickle
+from copy import copy, deepcopy
+
+import pytest
+
+from gough_stewart.model import errors
+
+EXAMPLES = [
+    errors.GoughStewartError("text"),
+    errors.PlatformError("gravity", "is odd"),
+    errors.PlatformFileError("mine.toml", "is odd"),
+    errors.OrientationError("odd"),
+    errors.SingularPoseError("odd", 1e13),
+    errors.NoPoseError("none", {"iterations": 3}),
+    errors.InterfaceError("leg_length", "is odd"),
+    errors.StepError("leg_length[1]", 0.1, 2.0, "has collapsed"),
+]
+
+
+def test_every_error_has_an_example() -> None:
+    kinds = {kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, Exception)}
+    assert {type(example) for example in EXAMPLES} == kinds
+
+
+@pytest.mark.parametrize("error", EXAMPLES, ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize("copied", [copy, deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+def test_copies_of_errors_keep_text_and_data(error: errors.GoughStewartError, copied: object) -> None:
+    assert callable(copied)
+    other = copied(error)
+    assert type(other) is type(error)
+    assert str(other) == str(error)
+    assert vars(other) == vars(error)
+
+
+def test_a_step_error_says_quantity_value_and_time() -> None:
+    assert str(EXAMPLES[-1]) == "leg_length[1] = 0.1 at time 2 s: has collapsed"
