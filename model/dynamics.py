@@ -66,12 +66,14 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     M = [[m 1, −m r̃], [m r̃, J − m r̃ r̃]] + Σ_i G_iᵀ E_i G_i, with Ṗ_i = G_i [v; ω], G_i = [1, −c̃_i], E_i the
     apparent mass of leg i at P_i (see `leg_dynamics`), r = R r_G, J = R J_p Rᵀ.
     """
-    return _mass_matrix(parameters, orientation, leg_geometry(parameters, position, orientation))
+    legs = leg_geometry(parameters, position, orientation)
+    return _mass_matrix(parameters, legs, _lumped_body(parameters, orientation, legs))
 
 
 def bias_wrench(parameters: Parameters, state: State) -> Array:
     """Wrench n (..., 6) that holds [v̇; ω̇] = 0 without actuators: inertia of the motion, weight, friction."""
-    return _bias_wrench(parameters, state, leg_geometry(parameters, state.position, state.orientation))
+    legs = leg_geometry(parameters, state.position, state.orientation)
+    return _bias_wrench(parameters, state, legs, _lumped_body(parameters, state.orientation, legs))
 
 
 def forward_dynamics(
@@ -82,10 +84,11 @@ def forward_dynamics(
     [v̇; ω̇] = M⁻¹ (Jᵀ F + [f_ext; τ_ext] − n), in m/s² and rad/s²; shapes (..., 3).
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
-    M = _mass_matrix(parameters, state.orientation, legs)
+    body = _lumped_body(parameters, state.orientation, legs)
+    M = _mass_matrix(parameters, legs, body)
     external = concatenate([inputs.external_force, inputs.external_torque])
     applied = wrench_from_leg_forces(legs, inputs.actuator_force) + external
-    a = solve(M, applied - _bias_wrench(parameters, state, legs))
+    a = solve(M, applied - _bias_wrench(parameters, state, legs, body))
     return Acceleration(a[..., :3], a[..., 3:])
 
 
@@ -109,8 +112,9 @@ def inverse_dynamics(
         The leg forces cannot produce the wrench at this pose.
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
-    M = _mass_matrix(parameters, state.orientation, legs)
-    wanted = apply(M, concatenate(acceleration)) + _bias_wrench(parameters, state, legs)
+    body = _lumped_body(parameters, state.orientation, legs)
+    M = _mass_matrix(parameters, legs, body)
+    wanted = apply(M, concatenate(acceleration)) + _bias_wrench(parameters, state, legs, body)
     return solve(transpose(jacobian_of_legs(legs)), wanted - external_wrench)
 
 
@@ -152,6 +156,7 @@ class _LumpedBody(NamedTuple):
     mass: Array  # (...) [kg]
     first: Array  # first moment (..., 3) [kg m]
     second: Array  # inertia (..., 3, 3) [kg m2]
+    arm: Array  # from Op to the platform's own centre of mass, R r_G (..., 3) [m]
 
 
 def _lumped_body(parameters: Parameters, orientation: Array, legs: LegGeometry) -> _LumpedBody:
@@ -164,6 +169,7 @@ def _lumped_body(parameters: Parameters, orientation: Array, legs: LegGeometry) 
         mass=(m + t.sum(axis=-2))[..., 0],
         first=mr + tc.sum(axis=-2),
         second=J + _points_inertia(mr[..., None, :], r[..., None, :]) + _points_inertia(tc, legs.arm),
+        arm=r,
     )
 
 
@@ -190,25 +196,24 @@ def _beyond_lumped(parameters: Parameters, legs: LegGeometry) -> Array:
     return np.asarray(per_leg(parameters.leg_upper_mass) - transverse_mass(parameters, legs.length))
 
 
-def _mass_matrix(parameters: Parameters, orientation: Array, legs: LegGeometry) -> Array:
+def _mass_matrix(parameters: Parameters, legs: LegGeometry, body: _LumpedBody) -> Array:
     # G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m2 − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ: a point mass, and row i of the leg Jacobian
-    body = _lumped_body(parameters, orientation, legs)
     vv = body.mass[..., None, None] * np.eye(3)
     wv = skew(body.first)
-    rigid = np.concatenate([np.concatenate([vv, -wv], axis=-1), np.concatenate([wv, body.second], axis=-1)], axis=-2)
+    top, bottom = concatenate([vv, -wv]), concatenate([wv, body.second])
+    rigid = transpose(concatenate([transpose(top), transpose(bottom)]))
     rows = jacobian_of_legs(legs)
     return np.asarray(rigid + transpose(rows) @ (_beyond_lumped(parameters, legs)[..., None] * rows))
 
 
-def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry) -> Array:
+def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry, body: _LumpedBody) -> Array:
     # as in the mass matrix: the lumped body's own motion, then what the legs need beyond it
-    omega, body = state.angular_velocity, _lumped_body(parameters, state.orientation, legs)
+    omega = state.angular_velocity
     along = _beyond_lumped(parameters, legs) * dot(legs.direction, _centripetal(omega[..., None, :], legs.arm))
     needed = bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction
-    r = apply(matrix_from_orientation(state.orientation), parameters.platform_com)
     weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
     force = _centripetal(omega, body.first) + needed.sum(axis=-2) - weight
-    torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(r, weight)
+    torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(body.arm, weight)
     return concatenate([force, torque])
 
 

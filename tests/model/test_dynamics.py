@@ -290,6 +290,21 @@ def test_any_one_argument_may_be_a_batch(paper: Platform, batched: int) -> None:
         assert np.allclose(batch, one, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.parametrize("name", [v.name for v in interface.PLATFORM_PARAMETERS])
+def test_any_one_parameter_may_be_a_batch(paper: Platform, name: str) -> None:
+    """Expected: the same as one platform at a time."""
+    rng = np.random.default_rng(4)
+    state, inputs = random_state(paper, rng), random_inputs(paper, rng)
+    values = {v.name: getattr(paper, v.name) for v in interface.PLATFORM_PARAMETERS}
+    many = [1.01 * np.asarray(values[name]), np.asarray(values[name])]
+    each = [ParameterArrays(**{**values, name: value}) for value in many]
+    batch = dynamics.forward_dynamics(ParameterArrays(**{**values, name: np.stack(many)}), state, inputs)
+    for k, parameters in enumerate(each):
+        one = dynamics.forward_dynamics(parameters, state, inputs)
+        for a, b in zip(one, batch, strict=True):
+            assert np.allclose(np.broadcast_to(b, (2, 3))[k], a, rtol=1e-11)
+
+
 def test_friction_is_viscous_plus_smoothed_coulomb(paper: Platform) -> None:
     """Expected: limits: slope c + C/v_s at rest, ±C beyond v_s, odd."""
     p = replace(paper, leg_viscous_friction=3.0, leg_coulomb_friction=5.0, leg_friction_velocity=0.01)
