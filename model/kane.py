@@ -10,7 +10,6 @@ run-time model is `gough_stewart.model.dynamics`, and neither module knows the o
 Frames of a leg: both local frames are parallel, x along u_i. The origin O_i,1 is at B_i and O_i,2 at P_i, so that
 q_i = 0, s_i = (L_i, 0, 0), r_i,1 = (`leg_lower_com`, 0, 0) and r_i,2 = (−`leg_upper_com`, 0, 0). Everything below
 is in world components already: r1 stands for R_i r_i,1, s + r2 for R_i (s_i + r_i,2), s + q for R_i (s_i + q_i).
-Batches: every array may have leading axes.
 """
 
 from typing import NamedTuple

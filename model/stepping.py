@@ -9,21 +9,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.integrator import TOLERANCES, integrate
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import Array
-
-# Below, the error estimate drowns in rounding; above, it means nothing.
-TOLERANCES = (1e-13, 1e-2)
-# In one call of `do_step`; after ten to twenty seconds a step has failed, rather than still being on its way.
-MOST_INTERNAL_STEPS = 20_000
 
 
 @dataclass(frozen=True)
@@ -58,8 +52,8 @@ class SteppingModel:
        the internal step size carries over between calls, so that short communication steps cost little.
     7. A step fails, with `StepError`, when at an internal step a leg has collapsed, |pitch| reaches 90°, the leg
        Jacobian is singular (or was passed through singularity), the tolerance cannot be held, or more than
-       `MOST_INTERNAL_STEPS` would be needed. The error names quantity, value and time. Wrong arguments (step ≤ 0,
-       another time, not finite) are errors too.
+       `integrator.MOST_INTERNAL_STEPS` would be needed. The error names quantity, value and time. Wrong arguments
+       (step ≤ 0, another time, not finite) are errors too.
        Poses are checked at internal steps: at a loose tolerance a motion may touch a singular pose and come back
        between two of them.
     8. A failed call leaves the model exactly as before it.
@@ -201,49 +195,18 @@ class SteppingModel:
         end = time + step
         if not end > self._time:
             raise StepError("step", step, self._time, "too small to advance the time in double precision")
-        u, p = self._u.copy(), self._p
         # known from the step before, unless somebody has set something since
         handedness = self._handedness or check_pose(self._platform, self._x, self._time)
-
-        def derivatives(_time: float, x: Array) -> Array:
-            return self._kernel.derivatives(x, u, p).copy()
-
-        length = end - self._time
-        # A pole may be met at a trial step: infinities there are a rejected step, not a warning to the user.
-        with np.errstate(all="ignore"):
-            solver = DOP853(
-                derivatives,
-                self._time,
-                self._x.copy(),
-                end,
-                rtol=self._tolerance,
-                atol=self._tolerance,
-                first_step=None if self._internal_step is None else min(self._internal_step, length),
-            )
-            proposed, steps = float(solver.h_abs), 0
-            while solver.t < end:
-                steps += 1
-                if steps > MOST_INTERNAL_STEPS:
-                    raise StepError(
-                        "internal steps",
-                        steps,
-                        float(solver.t),
-                        f"too many for one step to time {end:g} s at tolerance {self._tolerance:g}; forces too "
-                        "large, friction too sharp (leg_friction_velocity), or a step too long",
-                    )
-                proposed = float(solver.h_abs)
-                solver.step()
-                if solver.status == "failed" or not np.isfinite(solver.y).all():
-                    raise StepError(
-                        "internal step size",
-                        float(solver.h_abs),
-                        float(solver.t),
-                        f"the tolerance {self._tolerance:g} cannot be held; forces too large, or nearly singular",
-                    )
-                check_pose(self._platform, solver.y, float(solver.t), handedness)
-        # The last step was cut to end on time: what it would have been carries over.
-        self._internal_step = max(proposed, float(solver.h_abs))
-        self._x, self._time, self._started, self._handedness = solver.y, end, True, handedness
+        self._x, self._internal_step = integrate(
+            lambda x: self._kernel.derivatives(x, self._u, self._p).copy(),
+            self._x,
+            (self._time, end),
+            self._tolerance,
+            self._internal_step,
+            lambda x, at: check_pose(self._platform, x, at, handedness),
+        )
+        self._handedness = handedness
+        self._time, self._started = end, True
 
     def save_state(self) -> Snapshot:
         """Everything, to come back to (rule 9)."""

@@ -304,7 +304,7 @@ def test_rule_7_a_tolerance_that_cannot_be_held_fails_the_step() -> None:
 
 def test_rule_7_a_step_without_end_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: the limit, made small here; the same motion passes in shorter steps."""
-    monkeypatch.setattr("gough_stewart.model.stepping.MOST_INTERNAL_STEPS", 3)
+    monkeypatch.setattr("gough_stewart.model.integrator.MOST_INTERNAL_STEPS", 3)
     model = started()
     refused(model, lambda: model.do_step(0.0, 1.0), StepError, "internal steps = 4 .*too many for one step")
     model.do_step(0.0, 0.01)
