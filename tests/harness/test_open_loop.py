@@ -1,6 +1,8 @@
 """The paper's open-loop case: formulations agree, other platforms get a scaled case."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,6 +121,20 @@ def test_the_papers_platform_under_another_name_is_the_papers_case() -> None:
     assert case.is_published
     assert case.duration == 1.0
     assert case.platform.name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("run", "solver"),
+    [(run_kernel, "gough_stewart.harness.open_loop"), (run_kane, "gough_stewart.model.kane_simulation")],
+)
+def test_an_integration_that_gives_up_is_an_error(
+    case: OpenLoopCase, run: Callable[[OpenLoopCase], object], solver: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SciPy's way of giving up: success is false, and a message."""
+    gave_up = SimpleNamespace(success=False, t=np.array([0.0, 0.25]), message="step size too small")
+    monkeypatch.setattr(f"{solver}.solve_ivp", lambda *_, **__: gave_up)
+    with pytest.raises(StepError, match=r"at time 0.25 s: step size too small"):
+        run(case)
 
 
 def test_a_case_that_the_plant_cannot_pass_says_which_quantity_when(case: OpenLoopCase) -> None:

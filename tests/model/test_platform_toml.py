@@ -60,6 +60,18 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(
     assert [p.name for p in tmp_path.iterdir()] == ["mine.toml"]
 
 
+def test_an_interrupted_save_leaves_nothing_beside(
+    paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "replace", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save_platform(paper, tmp_path / "mine.toml")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_unknown_key_names_the_nearest_known_one() -> None:
     text = preset_text("liu2000").replace("platform_mass", "platfrom_mass")
     with pytest.raises(PlatformFileError, match="unknown key 'platfrom_mass'; did you mean 'platform_mass'"):
