@@ -60,11 +60,13 @@ def paper_case(minus_first: bool = False) -> OpenLoopCase:
 
 
 def case_of(platform: Platform) -> OpenLoopCase:
-    """The paper's case on another platform: the same motion in the sense of Froude's scaling.
+    """The paper's case on another platform, scaled to its size.
 
-    With λ the mean home leg length over that of the paper's platform: start in the home pose turned by the paper's
-    yaw, velocities × √λ, angular velocities / √λ, duration × √λ; every leg pushes with its static force in the home
-    pose times the paper's force over the paper platform's static force. The paper's own platform gives its own case.
+    Froude's rule, with λ the mean home leg length over that of the paper's platform: start in the home pose turned by
+    the paper's yaw, velocities × √λ, angular velocities / √λ, duration × √λ. Even legs push with their static force
+    in the home pose and odd legs with 55/49.5 of it, the ratio of the published forces; the published forces
+    themselves, at twice their static value, would throw most platforms beyond their singular poses. The paper's own
+    platform gives its own case.
     """
     paper = paper_case()
     if _same_plant(platform, paper.platform):
@@ -77,12 +79,12 @@ def case_of(platform: Platform) -> OpenLoopCase:
         paper.start.velocity * scale,
         paper.start.angular_velocity / scale,
     )
-    ratio = paper.actuator_force / _home_forces(paper.platform)
+    ratio = paper.actuator_force / paper.actuator_force.min()
     return OpenLoopCase(
         f"open-loop case of Liu, Li & Li (2000), scaled to {platform.name}",
         platform,
         start,
-        _home_forces(platform) * ratio,
+        static_leg_forces(platform, platform.home_position, platform.home_orientation) * ratio,
         float(paper.duration * scale),
     )
 
@@ -99,7 +101,3 @@ def _same_plant(one: Platform, other: Platform) -> bool:
 
 def _mean_home_length(platform: Platform) -> float:
     return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
-
-
-def _home_forces(platform: Platform) -> NDArray[np.float64]:
-    return np.asarray(static_leg_forces(platform, platform.home_position, platform.home_orientation))

@@ -82,7 +82,8 @@ def reproduce_command(
     Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
     **drift.png**, **report.md** and **report.json**. Exit code 1 if a comparison misses its bound.
 
-    On another platform the case is scaled to its size (Froude's scaling), so that the motion is alike.
+    On another platform the case is scaled to its size: time and velocities by Froude's rule, forces about its own
+    static ones.
 
     Examples
     --------

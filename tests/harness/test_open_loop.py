@@ -85,13 +85,9 @@ def test_minus_first_is_the_same_mechanism_with_renamed_legs(case: OpenLoopCase)
 
 
 def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
-    """Expected: Froude's scaling: a copy of the paper's platform at another size moves alike.
-
-    Lengths λ, masses λ³, inertias λ⁵: then time √λ, velocities √λ, forces λ³, and the final pose is the scaled one
-    up to the rounding of the published forces, which enter as ratios to the static ones.
-    """
-    paper, scale = paper_case(), 0.25
-    p = paper.platform
+    """Expected: Froude's rule: with lengths λ, masses λ³, inertias λ⁵ a copy moves alike in time √λ, forces λ³."""
+    scale, p = 0.25, replace(load_preset("liu2000"), platform_mass=14.0)
+    large = case_of(p)
     small = replace(
         p,
         name="small",
@@ -110,10 +106,26 @@ def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
     case = case_of(small)
     assert not case.is_published
     assert case.duration == pytest.approx(np.sqrt(scale))
-    assert np.allclose(case.actuator_force, paper.actuator_force * scale**3, rtol=1e-12)
-    end, expected = run_kernel(case).states[-1], run_kernel(paper).states[-1]
+    assert np.allclose(case.actuator_force, large.actuator_force * scale**3, rtol=1e-12)
+    end, expected = run_kernel(case).states[-1], run_kernel(large).states[-1]
     assert np.allclose(end[:3], expected[:3] * scale, atol=1e-9)
     assert np.allclose(end[3:6], expected[3:6], atol=1e-9)
+
+
+def test_forces_on_another_platform_relate_to_its_static_ones_as_published() -> None:
+    """Expected: by symmetry equal static forces; odd legs 55/49.5 of the even ones."""
+    force = case_of(load_preset("motion_base")).actuator_force
+    assert np.allclose(force[::2] / force[1::2], 55 / 49.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize("preset", ["liu2000", "desktop_hexapod", "motion_base"])
+@pytest.mark.parametrize("factor", [0.2, 0.7, 1.4, 5.0])
+def test_changed_platforms_still_pass_their_case(preset: str, factor: float) -> None:
+    """A payload changed on a preset is the first thing a user tries."""
+    platform = load_preset(preset)
+    changed = replace(platform, platform_mass=platform.platform_mass * factor)
+    end = run_stepping(case_of(changed))[-1]
+    assert abs(end[2] / changed.home_position[2] - 1) < 0.5
 
 
 def test_the_papers_platform_under_another_name_is_the_papers_case() -> None:
