@@ -123,7 +123,8 @@ def test_forces_on_another_platform_relate_to_its_static_ones_as_published() -> 
 def test_changed_platforms_still_pass_their_case(preset: str, factor: float) -> None:
     """A payload changed on a preset is the first thing a user tries."""
     platform = load_preset(preset)
-    changed = replace(platform, platform_mass=platform.platform_mass * factor)
+    mass, inertia = platform.platform_mass * factor, platform.platform_inertia * factor
+    changed = replace(platform, platform_mass=mass, platform_inertia=inertia)
     end = run_stepping(case_of(changed))[-1]
     assert abs(end[2] / changed.home_position[2] - 1) < 0.5
 
