@@ -17,8 +17,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from gough_stewart.harness.cases import paper_case
 from gough_stewart.model import dynamics, kernel
+from gough_stewart.model.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.stepping import SteppingModel
 

@@ -9,8 +9,8 @@ import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.harness.cases import OpenLoopCase
 from gough_stewart.harness.open_loop import FloatArray, Trajectory
+from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.kane_simulation import KaneTrajectory
 
 # Distinct in print and for colour-blind readers (Okabe & Ito, Color Universal Design, 2008).

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from gough_stewart.harness.cases import OpenLoopCase
 from gough_stewart.model import energy, interface, kane_simulation
+from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.state import State

@@ -13,9 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from gough_stewart.harness.agreement import Row
-from gough_stewart.harness.cases import OpenLoopCase
 from gough_stewart.harness.open_loop import Trajectory
 from gough_stewart.harness.readings import Reading
+from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.kane_simulation import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.state import State

@@ -11,9 +11,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gough_stewart.harness import figures, readings, report
 from gough_stewart.harness.agreement import agreement
-from gough_stewart.harness.cases import OpenLoopCase
 from gough_stewart.harness.open_loop import run_kane, run_kernel, run_stepping
 from gough_stewart.harness.record import csv_of
+from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.files import write_whole
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness import agreement, readings
-from gough_stewart.harness.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
 from gough_stewart.harness.open_loop import Trajectory, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.record import table_of
 from gough_stewart.model import interface
+from gough_stewart.model.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform_toml import load_preset
