@@ -1,12 +1,13 @@
 """Files are written whole or not at all: beside the target, then renamed over it."""
 
 import os
+import threading
 from pathlib import Path
 
 
 def write_whole(path: Path, content: bytes) -> None:
     """Replace or create a file in one step; an interrupted write leaves what was there before."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
         beside.write_bytes(content)
         beside.replace(path)
