@@ -20,6 +20,7 @@ from gough_stewart.model.vectors import Array
 
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "fixed", "tunable"]
+Bound = Literal["> 0", ">= 0"] | None
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Variable:
     # A number for every element, the name of the `Platform` field that holds it, or None where it is computed.
     start: float | str | None = None
     is_state: bool = False
+    # Values below (or, for "> 0", at) this bound are refused where they are set; None is any finite number.
+    lower_bound: Bound = None
 
     @property
     def size(self) -> int:
@@ -66,8 +69,10 @@ def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, 
     return Variable(name, shape, unit, causality, "continuous", description)
 
 
-def _parameter(name: str, shape: tuple[int, ...], unit: str, variability: Variability, description: str) -> Variable:
-    return Variable(name, shape, unit, "parameter", variability, description, start=name)
+def _parameter(
+    name: str, shape: tuple[int, ...], unit: str, variability: Variability, description: str, bound: Bound = None
+) -> Variable:
+    return Variable(name, shape, unit, "parameter", variability, description, start=name, lower_bound=bound)
 
 
 VARIABLES: tuple[Variable, ...] = (
@@ -104,7 +109,7 @@ VARIABLES: tuple[Variable, ...] = (
     ),
     _parameter("base_points", (6, 3), "m", "fixed", "base joints in world"),
     _parameter("platform_points", (6, 3), "m", "fixed", "platform joints in platform axes, from Op"),
-    _parameter("platform_mass", (), "kg", "tunable", "mass of the platform with payload"),
+    _parameter("platform_mass", (), "kg", "tunable", "mass of the platform with payload", "> 0"),
     _parameter("platform_com", (3,), "m", "tunable", "platform's centre of mass in platform axes, from Op"),
     _parameter(
         "platform_inertia",
@@ -113,27 +118,23 @@ VARIABLES: tuple[Variable, ...] = (
         "tunable",
         "platform's inertia about its centre of mass, platform axes",
     ),
-    _parameter("leg_lower_mass", (), "kg", "fixed", "mass of a leg's lower part"),
-    _parameter("leg_upper_mass", (), "kg", "fixed", "mass of a leg's upper part"),
-    _parameter("leg_lower_com", (), "m", "fixed", "lower part's centre of mass, from the base joint along the leg"),
-    _parameter("leg_upper_com", (), "m", "fixed", "upper part's centre of mass, from the platform joint back"),
+    _parameter("leg_lower_mass", (), "kg", "fixed", "mass of a leg's lower part", "> 0"),
+    _parameter("leg_upper_mass", (), "kg", "fixed", "mass of a leg's upper part", "> 0"),
     _parameter(
-        "leg_lower_inertia",
-        (),
-        "kg.m2",
-        "fixed",
-        "lower part's transverse inertia about its centre of mass",
+        "leg_lower_com", (), "m", "fixed", "lower part's centre of mass, from the base joint along the leg", ">= 0"
+    ),
+    _parameter("leg_upper_com", (), "m", "fixed", "upper part's centre of mass, from the platform joint back", ">= 0"),
+    _parameter(
+        "leg_lower_inertia", (), "kg.m2", "fixed", "lower part's transverse inertia about its centre of mass", ">= 0"
     ),
     _parameter(
-        "leg_upper_inertia",
-        (),
-        "kg.m2",
-        "fixed",
-        "upper part's transverse inertia about its centre of mass",
+        "leg_upper_inertia", (), "kg.m2", "fixed", "upper part's transverse inertia about its centre of mass", ">= 0"
     ),
-    _parameter("leg_viscous_friction", (), "N.s/m", "tunable", "viscous friction between the leg parts"),
-    _parameter("leg_coulomb_friction", (), "N", "tunable", "Coulomb friction between the leg parts"),
-    _parameter("leg_friction_velocity", (), "m/s", "tunable", "velocity over which Coulomb friction is smoothed"),
+    _parameter("leg_viscous_friction", (), "N.s/m", "tunable", "viscous friction between the leg parts", ">= 0"),
+    _parameter("leg_coulomb_friction", (), "N", "tunable", "Coulomb friction between the leg parts", ">= 0"),
+    _parameter(
+        "leg_friction_velocity", (), "m/s", "tunable", "velocity over which Coulomb friction is smoothed", "> 0"
+    ),
     _parameter("gravity", (3,), "m/s2", "tunable", "acceleration of gravity in world"),
     Variable(
         "fixed_step_size",
@@ -143,6 +144,7 @@ VARIABLES: tuple[Variable, ...] = (
         "fixed",
         "of the FMU: 0 for error-controlled steps, > 0 for classical RK4 with that step",
         start=0.0,
+        lower_bound=">= 0",
     ),
 )
 

@@ -71,6 +71,46 @@ def jacobians_function(sparse: bool = False) -> casadi.Function:
     return _function("jacobians", [x, u, p], blocks, ["A", "B", "C", "D"])
 
 
+@cache
+def forward_function() -> casadi.Function:
+    """CasADi Function `forward`: (x, u, p, dx, du, dp) -> dxdot, dy; the derivative of (ẋ, y) in one direction.
+
+    δẋ = ∂ẋ/∂x δx + ∂ẋ/∂u δu + ∂ẋ/∂p δp, and likewise δy; exact.
+    """
+    z = _arguments()
+    dz = [casadi.SX.sym(f"d{name}", v.numel()) for name, v in zip("xup", z, strict=True)]
+    directions = [casadi.jtimes(f, casadi.vertcat(*z), casadi.vertcat(*dz)) for f in _trace(*z)]
+    return _function("forward", [*z, *dz], directions, ["dxdot", "dy"])
+
+
+@cache
+def reverse_function() -> casadi.Function:
+    """CasADi Function `reverse`: (x, u, p, wxdot, wy) -> gx, gu, gp; the gradient of wẋ·ẋ + wy·y, exact."""
+    z = _arguments()
+    f = _trace(*z)
+    w = [casadi.SX.sym(f"w{name}", v.numel()) for name, v in zip(("xdot", "y"), f, strict=True)]
+    gradient = casadi.jtimes(casadi.vertcat(*f), casadi.vertcat(*z), casadi.vertcat(*w), True)
+    return _function(
+        "reverse", [*z, *w], casadi.vertsplit(gradient, [0, *np.cumsum([v.numel() for v in z])]), ["gx", "gu", "gp"]
+    )
+
+
+@cache
+def legs_function() -> casadi.Function:
+    """CasADi Function `legs`: (x, p) -> length (6), length_rate (6), jacobian (36, row by row), rho.
+
+    What tells whether a pose can be passed, at a fifth of the cost of the derivatives. Row i of the Jacobian is
+    (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length.
+    """
+    x, _, p = _arguments()
+    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
+    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    rates = kinematics.rates_of_legs(legs, state).length_rate
+    scaled, rho = kinematics.scaled_jacobian_of_legs(legs)
+    results = casadi.cse([_column(v) for v in (legs.length, rates, scaled, rho)])
+    return casadi.Function("legs", [x, p], results, ["x", "p"], ["length", "length_rate", "jacobian", "rho"])
+
+
 class Kernel:
     """The traced Functions behind fixed buffers: calls copy into them and allocate nothing.
 
@@ -132,14 +172,15 @@ def _arguments() -> tuple[casadi.SX, casadi.SX, casadi.SX]:
     return casadi.SX.sym("x", N_STATES), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", N_PARAMETERS)
 
 
-def _function(name: str, arguments: list[Any], results: list[Any], names: list[str]) -> casadi.Function:
-    return casadi.Function(name, arguments, casadi.cse(results), ["x", "u", "p"], names)
+def _function(name: str, arguments: Iterable[Any], results: list[Any], names: list[str]) -> casadi.Function:
+    arguments = list(arguments)
+    return casadi.Function(name, arguments, casadi.cse(results), [v[0].name()[:-2] for v in arguments], names)
 
 
 def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
     """The equations with symbols in the place of numbers: (ẋ, y)."""
     state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
-    parameters = ParameterArrays(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
+    parameters = _parameters(p)
     a = dynamics.forward_dynamics(parameters, state, inputs, solve=_solve_symbolically)
     rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
     xdot = State(state.velocity, rate, a.linear, a.angular).to_vector()
@@ -156,6 +197,10 @@ def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.
         "potential_energy": energy.potential_energy(parameters, state.position, state.orientation),
     }
     return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in interface.RESULTS))
+
+
+def _parameters(p: casadi.SX) -> ParameterArrays:
+    return ParameterArrays(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
 
 
 def _symbols(vector: casadi.SX) -> Array:

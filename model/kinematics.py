@@ -93,11 +93,17 @@ def conditioning(parameters: Parameters, position: Array, orientation: Array) ->
 
 def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
     """`conditioning` where the geometry is known already."""
-    rho = np.sqrt(dot(legs.arm, legs.arm).mean(axis=-1))
-    scale = np.stack([np.ones_like(rho)] * 3 + [1 / rho] * 3, axis=-1)
-    sigma = np.linalg.svd(jacobian_of_legs(legs) * scale[..., None, :], compute_uv=False)
+    scaled, rho = scaled_jacobian_of_legs(legs)
+    sigma = np.linalg.svd(scaled, compute_uv=False)
     with np.errstate(divide="ignore"):
         return Conditioning(np.asarray(sigma[..., 0] / sigma[..., -1]), np.asarray(sigma[..., -1]), rho)
+
+
+def scaled_jacobian_of_legs(legs: LegGeometry) -> tuple[Array, Array]:
+    """Leg Jacobian with angles scaled to lengths, J diag(1, 1/ρ) (..., 6, 6) [1], and ρ (...) [m]."""
+    rho = np.sqrt(dot(legs.arm, legs.arm).sum(axis=-1) / 6)
+    moments = cross(legs.arm, legs.direction) / rho[..., None, None]
+    return np.concatenate([legs.direction, moments], axis=-1), rho
 
 
 def wrench_from_leg_forces(legs: LegGeometry, force: Array) -> Array:
