@@ -1,0 +1,554 @@
+/* FMI 3.0: the functions of the standard on an instance. Value references are rows of the variable table. */
+#include "fmi3Functions.h"
+
+#include <stdlib.h>
+
+#include "instance.h"
+#include "saved.h"
+
+#define AS_FMI3(call) ((fmi3Status)(call))
+
+static int slots_of_reference(uint32_t reference, int *first, int *size)
+{
+    if (reference >= N_VARIABLES)
+        return 0;
+    *first = VARIABLES[reference].first;
+    *size = VARIABLES[reference].size;
+    return 1;
+}
+
+static void deliver(const instance *i, status status, const char *category, const char *message)
+{
+    ((fmi3LogMessageCallback)i->logger)(i->environment, AS_FMI3(status), category, message);
+}
+
+static const version VERSION_3 = {slots_of_reference, deliver};
+
+/* ---- life ----------------------------------------------------------------------------------------------------- */
+
+const char *fmi3GetVersion(void)
+{
+    return fmi3Version;
+}
+
+fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
+                               const fmi3String categories[])
+{
+    return AS_FMI3(set_logging(instance, __func__, loggingOn, nCategories, categories));
+}
+
+fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
+                                          fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                          fmi3InstanceEnvironment instanceEnvironment,
+                                          fmi3LogMessageCallback logMessage)
+{
+    (void)resourcePath; /* nothing is read from there */
+    (void)visible;
+    struct instance given = {.version = &VERSION_3,
+                             .kind = MODEL_EXCHANGE,
+                             .environment = instanceEnvironment,
+                             .logger = (any_function)logMessage,
+                             .logs = loggingOn};
+    return new_instance(&given, instanceName, instantiationToken);
+}
+
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
+                                         fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                         fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
+                                         const fmi3ValueReference requiredIntermediateVariables[],
+                                         size_t nRequiredIntermediateVariables,
+                                         fmi3InstanceEnvironment instanceEnvironment,
+                                         fmi3LogMessageCallback logMessage,
+                                         fmi3IntermediateUpdateCallback intermediateUpdate)
+{
+    (void)resourcePath;
+    (void)visible;
+    struct instance given = {.version = &VERSION_3,
+                             .kind = CO_SIMULATION,
+                             .environment = instanceEnvironment,
+                             .logger = (any_function)logMessage,
+                             .intermediate_update = (any_function)intermediateUpdate,
+                             .may_return_early = earlyReturnAllowed,
+                             .logs = 1, /* until it is there */
+                             .categories = ~0u};
+    if (eventModeUsed) {
+        report(&given, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
+        return NULL;
+    }
+    if (!has_array(&given, __func__, requiredIntermediateVariables, nRequiredIntermediateVariables,
+                   "requiredIntermediateVariables"))
+        return NULL;
+    for (size_t k = 0; k < nRequiredIntermediateVariables; k++) {
+        fmi3ValueReference reference = requiredIntermediateVariables[k];
+        if (reference >= N_VARIABLES || VARIABLES[reference].role > RESULT) {
+            report(&given, STATUS_ERROR,
+                   "%s: value reference %lu is not available in intermediate updates; expected an input or output",
+                   __func__, (unsigned long)reference);
+            return NULL;
+        }
+    }
+    given.logs = loggingOn;
+    return new_instance(&given, instanceName, instantiationToken);
+}
+
+fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3String instantiationToken,
+                                               fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                               fmi3InstanceEnvironment instanceEnvironment,
+                                               fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate,
+                                               fmi3LockPreemptionCallback lockPreemption,
+                                               fmi3UnlockPreemptionCallback unlockPreemption)
+{
+    (void)instanceName;
+    (void)instantiationToken;
+    (void)resourcePath;
+    (void)visible;
+    (void)loggingOn;
+    (void)clockUpdate;
+    (void)lockPreemption;
+    (void)unlockPreemption;
+    struct instance given = {.version = &VERSION_3,
+                             .environment = instanceEnvironment,
+                             .logger = (any_function)logMessage,
+                             .logs = 1,
+                             .categories = ~0u};
+    report(&given, STATUS_ERROR, "%s: not offered by this unit; it has Model Exchange and Co-Simulation", __func__);
+    return NULL;
+}
+
+void fmi3FreeInstance(fmi3Instance instance)
+{
+    free(instance);
+}
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
+                                       fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
+{
+    status set = set_experiment(instance, __func__, CALL_ENTER_INITIALIZATION, toleranceDefined, tolerance, startTime,
+                                stopTimeDefined, stopTime);
+    return AS_FMI3(set == STATUS_OK ? change_mode(instance, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION) : set);
+}
+
+fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
+{
+    return AS_FMI3(exit_initialization(instance, __func__));
+}
+
+fmi3Status fmi3Terminate(fmi3Instance instance)
+{
+    return AS_FMI3(change_mode(instance, __func__, CALL_TERMINATE, TERMINATED));
+}
+
+fmi3Status fmi3Reset(fmi3Instance instance)
+{
+    return AS_FMI3(reset(instance, __func__));
+}
+
+/* ---- values --------------------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                          fmi3Float64 values[], size_t nValues)
+{
+    return AS_FMI3(get_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                          const fmi3Float64 values[], size_t nValues)
+{
+    return AS_FMI3(set_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
+}
+
+#define ONLY_FLOAT64(name, type)                                                                                       \
+    fmi3Status name(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,        \
+                    type values[], size_t nValues)                                                                     \
+    {                                                                                                                  \
+        (void)valueReferences;                                                                                         \
+        (void)values;                                                                                                  \
+        return AS_FMI3(no_such_type(instance, __func__, nValueReferences + nValues));                                  \
+    }
+ONLY_FLOAT64(fmi3GetFloat32, fmi3Float32)
+ONLY_FLOAT64(fmi3GetInt8, fmi3Int8)
+ONLY_FLOAT64(fmi3GetUInt8, fmi3UInt8)
+ONLY_FLOAT64(fmi3GetInt16, fmi3Int16)
+ONLY_FLOAT64(fmi3GetUInt16, fmi3UInt16)
+ONLY_FLOAT64(fmi3GetInt32, fmi3Int32)
+ONLY_FLOAT64(fmi3GetUInt32, fmi3UInt32)
+ONLY_FLOAT64(fmi3GetInt64, fmi3Int64)
+ONLY_FLOAT64(fmi3GetUInt64, fmi3UInt64)
+ONLY_FLOAT64(fmi3GetBoolean, fmi3Boolean)
+ONLY_FLOAT64(fmi3GetString, fmi3String)
+ONLY_FLOAT64(fmi3SetFloat32, const fmi3Float32)
+ONLY_FLOAT64(fmi3SetInt8, const fmi3Int8)
+ONLY_FLOAT64(fmi3SetUInt8, const fmi3UInt8)
+ONLY_FLOAT64(fmi3SetInt16, const fmi3Int16)
+ONLY_FLOAT64(fmi3SetUInt16, const fmi3UInt16)
+ONLY_FLOAT64(fmi3SetInt32, const fmi3Int32)
+ONLY_FLOAT64(fmi3SetUInt32, const fmi3UInt32)
+ONLY_FLOAT64(fmi3SetInt64, const fmi3Int64)
+ONLY_FLOAT64(fmi3SetUInt64, const fmi3UInt64)
+ONLY_FLOAT64(fmi3SetBoolean, const fmi3Boolean)
+ONLY_FLOAT64(fmi3SetString, const fmi3String)
+
+fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                         size_t valueSizes[], fmi3Binary values[], size_t nValues)
+{
+    (void)valueReferences;
+    (void)valueSizes;
+    (void)values;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences + nValues));
+}
+
+fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                         const size_t valueSizes[], const fmi3Binary values[], size_t nValues)
+{
+    (void)valueReferences;
+    (void)valueSizes;
+    (void)values;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences + nValues));
+}
+
+static fmi3Status no_dimensions(instance *i, const char *function, fmi3ValueReference reference, size_t *n)
+{
+    int first, size;
+    if (!is_allowed(i, function, CALL_GET) || !has_array(i, function, n, 1, "nDependencies"))
+        return fmi3Error;
+    if (!slots_of_reference(reference, &first, &size))
+        return AS_FMI3(report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function,
+                              (unsigned long)reference));
+    return AS_FMI3(report(i, STATUS_ERROR, "%s: dependencies do not change at run time; modelDescription.xml has them",
+                          function));
+}
+
+fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference valueReference,
+                                               size_t *nDependencies)
+{
+    return no_dimensions(instance, __func__, valueReference, nDependencies);
+}
+
+fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent,
+                                       size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
+                                       size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
+                                       size_t nDependencies)
+{
+    (void)elementIndicesOfDependent;
+    (void)independents;
+    (void)elementIndicesOfIndependents;
+    (void)dependencyKinds;
+    return no_dimensions(instance, __func__, dependent, &nDependencies);
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                        const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                        size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity)
+{
+    return AS_FMI3(get_directional_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
+                                              sensitivity, nSensitivity));
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                    const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                    size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity)
+{
+    return AS_FMI3(get_adjoint_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
+                                          sensitivity, nSensitivity));
+}
+
+/* ---- saved states --------------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
+{
+    return AS_FMI3(save_state(instance, __func__, FMUState));
+}
+
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState)
+{
+    return AS_FMI3(restore_state(instance, __func__, FMUState));
+}
+
+fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
+{
+    return AS_FMI3(free_state(instance, __func__, FMUState));
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
+{
+    return AS_FMI3(serialized_size(instance, __func__, FMUState, size));
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size)
+{
+    return AS_FMI3(serialize(instance, __func__, FMUState, serializedState, size));
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serializedState[], size_t size,
+                                   fmi3FMUState *FMUState)
+{
+    return AS_FMI3(deserialize(instance, __func__, serializedState, size, FMUState));
+}
+
+/* ---- events, of which there are none -------------------------------------------------------------------------- */
+
+fmi3Status fmi3EnterEventMode(fmi3Instance instance)
+{
+    return AS_FMI3(change_mode(instance, __func__, CALL_ENTER_EVENT, EVENT));
+}
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
+{
+    return is_allowed(instance, __func__, CALL_EVALUATE_DISCRETE) ? fmi3OK : fmi3Error;
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
+                                    fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
+                                    fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
+                                    fmi3Float64 *nextEventTime)
+{
+    fmi3Boolean *flags[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
+                            valuesOfContinuousStatesChanged, nextEventTimeDefined};
+    if (!is_allowed(instance, __func__, CALL_UPDATE_DISCRETE) ||
+        !has_array(instance, __func__, nextEventTime, 1, "nextEventTime"))
+        return fmi3Error;
+    for (int k = 0; k < 5; k++)
+        if (!has_array(instance, __func__, flags[k], 1, "a flag"))
+            return fmi3Error;
+    for (int k = 0; k < 5; k++)
+        *flags[k] = fmi3False;
+    *nextEventTime = 0;
+    return fmi3OK;
+}
+
+/* ---- model exchange ------------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
+{
+    return AS_FMI3(enter_continuous(instance, __func__));
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
+{
+    (void)noSetFMUStatePriorToCurrentPoint;
+    struct instance *i = instance;
+    if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
+        !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
+        return fmi3Error;
+    *enterEventMode = fmi3False;
+    *terminateSimulation = fmi3False;
+    return AS_FMI3(completed_step(i, __func__));
+}
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
+{
+    return AS_FMI3(set_time(instance, __func__, time));
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[],
+                                   size_t nContinuousStates)
+{
+    return AS_FMI3(set_continuous_states(instance, __func__, continuousStates, nContinuousStates));
+}
+
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[],
+                                             size_t nContinuousStates)
+{
+    return AS_FMI3(get_derivatives(instance, __func__, derivatives, nContinuousStates));
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators)
+{
+    return AS_FMI3(get_event_indicators(instance, __func__, eventIndicators, nEventIndicators));
+}
+
+fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates)
+{
+    return AS_FMI3(get_continuous_states(instance, __func__, continuousStates, nContinuousStates));
+}
+
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates)
+{
+    return AS_FMI3(get_nominals(instance, __func__, nominals, nContinuousStates));
+}
+
+static fmi3Status get_number(instance *i, const char *function, size_t *n, size_t number)
+{
+    if (!is_allowed(i, function, CALL_GET_NUMBERS) || !has_array(i, function, n, 1, "the number"))
+        return fmi3Error;
+    *n = number;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators)
+{
+    return get_number(instance, __func__, nEventIndicators, 0);
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates)
+{
+    return get_number(instance, __func__, nContinuousStates, N_STATES);
+}
+
+/* ---- co-simulation -------------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance)
+{
+    is_allowed(instance, __func__, CALL_NOT_OFFERED); /* it leaves event mode, which co-simulation has not */
+    return fmi3Error;
+}
+
+fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                    size_t nValueReferences, const fmi3Int32 orders[], fmi3Float64 values[],
+                                    size_t nValues)
+{
+    return AS_FMI3(get_output_rates(instance, __func__, valueReferences, nValueReferences, orders, values, nValues));
+}
+
+/* After an internal step: the importer may read, may set inputs, and may ask to return early. */
+static void intermediate_update(void *context, double time, double *end)
+{
+    instance *i = context;
+    fmi3Boolean early_return = fmi3False;
+    fmi3Float64 return_time = time;
+    i->mode = INTERMEDIATE;
+    ((fmi3IntermediateUpdateCallback)i->intermediate_update)(i->environment, time, fmi3True, fmi3True, fmi3True,
+                                                             i->may_return_early && time < *end, &early_return,
+                                                             &return_time);
+    i->mode = STEP;
+    if (i->may_return_early && early_return)
+        *end = return_time < *end ? return_time : *end; /* a NaN changes nothing */
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
+                      fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded,
+                      fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
+{
+    (void)noSetFMUStatePriorToCurrentPoint;
+    struct instance *i = instance;
+    if (!i || !has_array(i, __func__, eventHandlingNeeded, 1, "eventHandlingNeeded") ||
+        !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation") ||
+        !has_array(i, __func__, earlyReturn, 1, "earlyReturn") ||
+        !has_array(i, __func__, lastSuccessfulTime, 1, "lastSuccessfulTime"))
+        return fmi3Error;
+    observer asker = {i, intermediate_update};
+    double end = currentCommunicationPoint + communicationStepSize;
+    status stepped = do_step(i, __func__, currentCommunicationPoint, communicationStepSize,
+                             i->intermediate_update ? &asker : NULL);
+    *eventHandlingNeeded = fmi3False;
+    *terminateSimulation = fmi3False;
+    *earlyReturn = stepped == STATUS_OK && i->last_successful_time < end;
+    *lastSuccessfulTime = i->last_successful_time;
+    return AS_FMI3(stepped);
+}
+
+/* ---- what this unit has not: structural parameters, clocks, scheduled execution ------------------------------- */
+
+static fmi3Status not_offered(const instance *i, const char *function)
+{
+    is_allowed(i, function, CALL_NOT_OFFERED);
+    return fmi3Error;
+}
+
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
+{
+    return not_offered(instance, __func__);
+}
+
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
+{
+    return not_offered(instance, __func__);
+}
+
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                        fmi3Clock values[])
+{
+    (void)valueReferences;
+    (void)values;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                        const fmi3Clock values[])
+{
+    (void)valueReferences;
+    (void)values;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                  size_t nValueReferences, fmi3Float64 intervals[],
+                                  fmi3IntervalQualifier qualifiers[])
+{
+    (void)valueReferences;
+    (void)intervals;
+    (void)qualifiers;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                   size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
+                                   fmi3IntervalQualifier qualifiers[])
+{
+    (void)valueReferences;
+    (void)counters;
+    (void)resolutions;
+    (void)qualifiers;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                               size_t nValueReferences, fmi3Float64 shifts[])
+{
+    (void)valueReferences;
+    (void)shifts;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
+{
+    (void)valueReferences;
+    (void)counters;
+    (void)resolutions;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                  size_t nValueReferences, const fmi3Float64 intervals[])
+{
+    (void)valueReferences;
+    (void)intervals;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3SetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                   size_t nValueReferences, const fmi3UInt64 counters[],
+                                   const fmi3UInt64 resolutions[])
+{
+    (void)valueReferences;
+    (void)counters;
+    (void)resolutions;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3SetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                               size_t nValueReferences, const fmi3Float64 shifts[])
+{
+    (void)valueReferences;
+    (void)shifts;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                size_t nValueReferences, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+{
+    (void)valueReferences;
+    (void)counters;
+    (void)resolutions;
+    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
+}
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
+                                      fmi3Float64 activationTime)
+{
+    (void)clockReference;
+    (void)activationTime;
+    return not_offered(instance, __func__);
+}

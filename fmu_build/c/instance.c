@@ -1,0 +1,272 @@
+#include "instance.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- messages and permissions --------------------------------------------------------------------------------- */
+
+/* Categories by status; the last stands for all of them. */
+static const char *const CATEGORIES[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", "logAll"};
+enum { N_CATEGORIES = sizeof CATEGORIES / sizeof CATEGORIES[0], ALL = (1 << N_CATEGORIES) - 1 };
+
+#define AS_MODES(name, modes) modes,
+static const int ALLOWED[NUMBER_OF_CALLS] = {CALLS(AS_MODES)};
+#undef AS_MODES
+
+static const char *name_of_mode(mode mode)
+{
+    switch (mode) {
+    case INSTANTIATED: return "instantiated";
+    case INITIALIZATION: return "initialization mode";
+    case EVENT: return "event mode";
+    case CONTINUOUS: return "continuous-time mode";
+    case STEP: return "step mode";
+    case INTERMEDIATE: return "intermediate update mode";
+    case TERMINATED: return "terminated";
+    }
+    return "no mode";
+}
+
+status report(const instance *i, status status, const char *format, ...)
+{
+    int category = status == STATUS_ERROR ? 2 : status == STATUS_DISCARD ? 1 : 0;
+    if (i->logs && i->logger && i->categories >> category & 1) {
+        char text[MESSAGE_SIZE], message[MESSAGE_SIZE];
+        va_list arguments;
+        va_start(arguments, format);
+        vsnprintf(text, sizeof text, format, arguments);
+        va_end(arguments);
+        write_message(message, "%s", text);
+        i->version->deliver(i, status, CATEGORIES[category], message);
+    }
+    return status;
+}
+
+int allows(const instance *i, call call)
+{
+    return (ALLOWED[call] & (int)i->mode) != 0;
+}
+
+int is_allowed(const instance *i, const char *function, call call)
+{
+    if (!i)
+        return 0;
+    if (allows(i, call))
+        return 1;
+    if (ALLOWED[call] == NEVER)
+        report(i, STATUS_ERROR, "%s: not offered by this unit", function);
+    else
+        report(i, STATUS_ERROR, "%s: not allowed when %s", function, name_of_mode(i->mode));
+    return 0;
+}
+
+status conclude(const instance *i, const char *function, outcome outcome)
+{
+    if (outcome == DONE)
+        return STATUS_OK;
+    return report(i, outcome == MISUSE ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, i->component.message);
+}
+
+int has_array(const instance *i, const char *function, const void *array, size_t n, const char *name)
+{
+    if (array || n == 0)
+        return 1;
+    report(i, STATUS_ERROR, "%s: %s is a null pointer", function, name);
+    return 0;
+}
+
+int has_length(const instance *i, const char *function, size_t given, size_t expected, const char *name)
+{
+    if (given == expected || given == ONE_EACH)
+        return 1;
+    report(i, STATUS_ERROR, "%s: %lu %s given; expected %lu", function, (unsigned long)given, name,
+           (unsigned long)expected);
+    return 0;
+}
+
+status set_logging(instance *i, const char *function, int on, size_t n, const char *const categories[])
+{
+    unsigned chosen = n ? 0 : ALL;
+    if (!is_allowed(i, function, CALL_SET_LOGGING) || !has_array(i, function, categories, n, "categories"))
+        return STATUS_ERROR;
+    for (size_t k = 0; k < n; k++) {
+        int c = 0;
+        while (c < N_CATEGORIES && (!categories[k] || strcmp(categories[k], CATEGORIES[c]) != 0))
+            c++;
+        if (c == N_CATEGORIES)
+            return report(i, STATUS_ERROR,
+                          "%s: no log category '%s'; expected logStatusWarning, logStatusDiscard, logStatusError or "
+                          "logAll",
+                          function, categories[k] ? categories[k] : "(null)");
+        chosen |= c == N_CATEGORIES - 1 ? ALL : 1u << c;
+    }
+    i->logs = on;
+    i->categories = chosen;
+    return STATUS_OK;
+}
+
+/* ---- life ----------------------------------------------------------------------------------------------------- */
+
+static int is_blank(const char *text)
+{
+    return text[strspn(text, " \t\r\n")] == 0;
+}
+
+instance *new_instance(const instance *given, const char *name, const char *token)
+{
+    instance speaker = *given;
+    speaker.logs = 1; /* the importer has to learn why there is no instance */
+    speaker.categories = ALL;
+    speaker.name = name ? name : "";
+    if (!name || is_blank(name)) {
+        report(&speaker, STATUS_ERROR, "instantiation: the instance name is empty; expected a text");
+        return NULL;
+    }
+    if (!token || strcmp(token, TOKEN) != 0) {
+        report(&speaker, STATUS_ERROR,
+               "instantiation: wrong token '%s'; expected '%s', modelDescription.xml and binary belong together",
+               token ? token : "(null)", TOKEN);
+        return NULL;
+    }
+    size_t length = strlen(name) + 1;
+    instance *i = malloc(sizeof *i + length);
+    if (!i) {
+        report(&speaker, STATUS_ERROR, "instantiation: out of memory");
+        return NULL;
+    }
+    *i = *given;
+    i->mode = INSTANTIATED;
+    i->categories = ALL;
+    i->name = memcpy(i + 1, name, length);
+    component_reset(&i->component);
+    i->step_status = STATUS_OK;
+    i->last_successful_time = 0;
+    return i;
+}
+
+status set_experiment(instance *i, const char *function, call call, int tolerance_defined, double tolerance,
+                      double start_time, int stop_time_defined, double stop_time)
+{
+    if (!is_allowed(i, function, call))
+        return STATUS_ERROR;
+    status done = conclude(i, function,
+                           component_set_experiment(&i->component, tolerance_defined ? tolerance : DEFAULT_TOLERANCE,
+                                                    start_time, stop_time_defined ? stop_time : INFINITY));
+    if (done == STATUS_OK)
+        i->last_successful_time = start_time;
+    return done;
+}
+
+status exit_initialization(instance *i, const char *function)
+{
+    if (!is_allowed(i, function, CALL_EXIT_INITIALIZATION))
+        return STATUS_ERROR;
+    if (component_begin(&i->component) != DONE)
+        return report(i, STATUS_ERROR, "%s: %s", function, i->component.message);
+    i->mode = i->kind == MODEL_EXCHANGE ? EVENT : STEP;
+    return STATUS_OK;
+}
+
+status change_mode(instance *i, const char *function, call call, mode next)
+{
+    if (!is_allowed(i, function, call))
+        return STATUS_ERROR;
+    i->mode = next;
+    return STATUS_OK;
+}
+
+status enter_continuous(instance *i, const char *function)
+{
+    if (!is_allowed(i, function, CALL_ENTER_CONTINUOUS))
+        return STATUS_ERROR;
+    if (component_check_inertia(&i->component) != DONE)
+        return report(i, STATUS_ERROR, "%s: %s", function, i->component.message);
+    i->mode = CONTINUOUS;
+    return STATUS_OK;
+}
+
+status reset(instance *i, const char *function)
+{
+    if (!is_allowed(i, function, CALL_RESET))
+        return STATUS_ERROR;
+    component_reset(&i->component);
+    i->mode = INSTANTIATED;
+    i->step_status = STATUS_OK;
+    i->last_successful_time = 0;
+    return STATUS_OK;
+}
+
+status do_step(instance *i, const char *function, double time, double step, const observer *observer)
+{
+    if (!is_allowed(i, function, CALL_DO_STEP))
+        return STATUS_ERROR;
+    outcome stepped = component_step(&i->component, time, step, observer, &i->last_successful_time);
+    i->mode = STEP; /* after callbacks */
+    return i->step_status = conclude(i, function, stepped);
+}
+
+/* ---- model exchange ------------------------------------------------------------------------------------------- */
+
+status set_time(instance *i, const char *function, double time)
+{
+    if (!is_allowed(i, function, CALL_SET_TIME))
+        return STATUS_ERROR;
+    return conclude(i, function, component_set_time(&i->component, time));
+}
+
+/* For the functions about all states: is the call allowed, with a vector of N_STATES? */
+static int has_states(const instance *i, const char *function, call call, const void *x, size_t n)
+{
+    return is_allowed(i, function, call) && has_length(i, function, n, N_STATES, "continuous states") &&
+           has_array(i, function, x, n, "the vector");
+}
+
+status set_continuous_states(instance *i, const char *function, const double x[], size_t n)
+{
+    if (!has_states(i, function, CALL_SET_CONTINUOUS_STATES, x, n))
+        return STATUS_ERROR;
+    return conclude(i, function, component_set_states(&i->component, x));
+}
+
+status get_continuous_states(instance *i, const char *function, double x[], size_t n)
+{
+    if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, x, n))
+        return STATUS_ERROR;
+    memcpy(x, i->component.s.x, sizeof i->component.s.x);
+    return STATUS_OK;
+}
+
+status get_derivatives(instance *i, const char *function, double xdot[], size_t n)
+{
+    if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, xdot, n))
+        return STATUS_ERROR;
+    return conclude(i, function, component_derivatives(&i->component, xdot));
+}
+
+status get_nominals(instance *i, const char *function, double nominals[], size_t n)
+{
+    if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, nominals, n))
+        return STATUS_ERROR;
+    memcpy(nominals, NOMINAL_STATES, sizeof(double) * N_STATES);
+    return STATUS_OK;
+}
+
+status get_event_indicators(instance *i, const char *function, const double indicators[], size_t n)
+{
+    (void)indicators; /* there are none */
+    if (!is_allowed(i, function, CALL_GET_CONTINUOUS_STATES) || !has_length(i, function, n, 0, "event indicators"))
+        return STATUS_ERROR;
+    return STATUS_OK;
+}
+
+status completed_step(instance *i, const char *function)
+{
+    if (!is_allowed(i, function, CALL_COMPLETED_STEP))
+        return STATUS_ERROR;
+    if (component_check_pose(&i->component) != DONE)
+        return report(i, STATUS_ERROR, "%s: %s", function, i->component.message);
+    return STATUS_OK;
+}

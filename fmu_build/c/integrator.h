@@ -1,0 +1,41 @@
+/* Integration of dx/dt = f(t, x) over a time span: Dormand-Prince 5(4) with error control, or classical RK4. */
+#ifndef INTEGRATOR_H
+#define INTEGRATOR_H
+
+#include "internal.h"
+#include "model.h"
+
+/* What is integrated. */
+typedef struct {
+    void *owner;
+    void (*derivatives)(void *owner, double t, const double x[N_STATES], double xdot[N_STATES]);
+    /* Called at the end of every internal step with f there. Returns 0 to give up. It may bring `end` nearer, and
+       sets `changed` when f is no longer what it was. */
+    int (*accept)(void *owner, double t, const double x[N_STATES], const double xdot[N_STATES], double *end,
+                  int *changed);
+} ode;
+
+typedef enum {
+    REACHED_END,
+    GIVEN_UP,        /* by `accept` */
+    STEP_TOO_SMALL,  /* the tolerance cannot be held */
+    TOO_MANY_STEPS,
+    NOT_FINITE       /* in fixed steps */
+} integration;
+
+/* Where an integration stands. */
+typedef struct {
+    double t;
+    double x[N_STATES];
+    double xdot[N_STATES]; /* f(t, x) */
+    double step;           /* size of the next internal step; 0 to find one. Carry it over to the next span. */
+} integration_point;
+
+INTERNAL_BEGIN
+/* Error per step below `tolerance` relative, and absolute in SI units. */
+integration integrate_controlled(const ode *problem, integration_point *at, double end, double tolerance);
+/* Equal steps, the largest that are not above `size`: constant cost. */
+integration integrate_fixed(const ode *problem, integration_point *at, double end, double size);
+INTERNAL_END
+
+#endif

@@ -1,0 +1,26 @@
+/* The equations, generated from the Python source of the physics (kernel.c). Vectors in the order of model.h.
+
+   x states, u inputs, p parameters; y results, of which the first N_STATES are the states themselves. */
+#ifndef KERNEL_H
+#define KERNEL_H
+
+#include "internal.h"
+#include "model.h"
+
+INTERNAL_BEGIN
+/* dx/dt */
+void kernel_derivatives(const double x[], const double u[], const double p[], double xdot[]);
+/* outputs and locals */
+void kernel_outputs(const double x[], const double u[], const double p[], double y[]);
+/* change of (xdot, y) when (x, u, p) change by (dx, du, dp) */
+void kernel_forward(const double x[], const double u[], const double p[], const double dx[], const double du[],
+                    const double dp[], double dxdot[], double dy[]);
+/* gradient of wxdot.xdot + wy.y by (x, u, p) */
+void kernel_reverse(const double x[], const double u[], const double p[], const double wxdot[], const double wy[],
+                    double gx[], double gu[], double gp[]);
+/* leg lengths and rates, Jacobian with angles scaled by rho (6 rows of 6), rho */
+void kernel_legs(const double x[], const double p[], double length[], double length_rate[], double jacobian[],
+                 double rho[]);
+INTERNAL_END
+
+#endif

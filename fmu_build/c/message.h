@@ -1,0 +1,14 @@
+/* Text that says what was wrong: value found, value expected, remedy. */
+#ifndef MESSAGE_H
+#define MESSAGE_H
+
+#include "internal.h"
+
+#define MESSAGE_SIZE 400
+
+INTERNAL_BEGIN
+/* As snprintf into MESSAGE_SIZE characters; without '%', so that an importer may take it for a format. */
+void write_message(char message[MESSAGE_SIZE], const char *format, ...);
+INTERNAL_END
+
+#endif

@@ -1,0 +1,273 @@
+/* Values, rates and sensitivities by value reference; see instance.h. */
+#include <stdio.h>
+
+#include "instance.h"
+
+static int role_at(int slot)
+{
+    return (int)variable_of(slot)->role;
+}
+
+/* Slots of a reference, or 0 and a message. */
+static int find_slots(const instance *i, const char *function, uint32_t reference, int *first, int *size)
+{
+    if (i->version->resolve(reference, first, size))
+        return 1;
+    report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)reference);
+    return 0;
+}
+
+/* All references are known, and their values as many as given; `total` is that number. */
+static int find_all(const instance *i, const char *function, const uint32_t references[], size_t n,
+                    const void *values, size_t n_values, const char *name)
+{
+    size_t total = 0;
+    int first, size;
+    if (!has_array(i, function, references, n, "value references"))
+        return 0;
+    for (size_t k = 0; k < n; k++) {
+        if (!find_slots(i, function, references[k], &first, &size))
+            return 0;
+        total += (size_t)size;
+    }
+    return has_length(i, function, n_values, total, name) && has_array(i, function, values, total, name);
+}
+
+status get_values(instance *i, const char *function, const uint32_t references[], size_t n, double values[],
+                  size_t n_values)
+{
+    if (!is_allowed(i, function, CALL_GET) || !find_all(i, function, references, n, values, n_values, "values"))
+        return STATUS_ERROR;
+    int first, size;
+    for (size_t k = 0; k < n; k++) {
+        i->version->resolve(references[k], &first, &size);
+        for (int slot = first; slot < first + size; slot++) {
+            outcome got = component_get(&i->component, slot, values++);
+            if (got != DONE)
+                return conclude(i, function, got);
+        }
+    }
+    return STATUS_OK;
+}
+
+/* Which row of the table of permissions a set of this slot falls under. */
+static call call_to_set(int slot)
+{
+    switch (role_at(slot)) {
+    case INPUT: return CALL_SET_INPUT;
+    case STATE:
+    case FIXED_PARAMETER: return CALL_SET_START;
+    case TUNABLE_PARAMETER: return CALL_SET_TUNABLE;
+    default: return CALL_NOT_OFFERED;
+    }
+}
+
+/* May this slot have this value now? Names are only made up for messages: sets happen in every step. */
+static status check_set(instance *i, const char *function, int slot, double value)
+{
+    call needed = call_to_set(slot);
+    if (allows(i, needed))
+        return conclude(i, function, component_check(&i->component, slot, value));
+    char name[80], what[160];
+    slot_name(slot, name, sizeof name);
+    if (needed == CALL_NOT_OFFERED)
+        return report(i, STATUS_ERROR, "%s: %s is computed; only inputs, start values and parameters can be set",
+                      function, name);
+    snprintf(what, sizeof what, "%s of %s", function, name);
+    is_allowed(i, what, needed);
+    return STATUS_ERROR;
+}
+
+status set_values(instance *i, const char *function, const uint32_t references[], size_t n, const double values[],
+                  size_t n_values)
+{
+    if (!is_allowed(i, function, CALL_SET_INPUT) || !find_all(i, function, references, n, values, n_values, "values"))
+        return STATUS_ERROR;
+    int first, size;
+    size_t at = 0;
+    for (size_t k = 0; k < n; k++) {
+        i->version->resolve(references[k], &first, &size);
+        for (int slot = first; slot < first + size; slot++) {
+            status checked = check_set(i, function, slot, values[at++]);
+            if (checked != STATUS_OK)
+                return checked;
+        }
+    }
+    at = 0;
+    for (size_t k = 0; k < n; k++) {
+        i->version->resolve(references[k], &first, &size);
+        for (int slot = first; slot < first + size; slot++)
+            component_put(&i->component, slot, values[at++]);
+    }
+    return STATUS_OK;
+}
+
+status no_such_type(const instance *i, const char *function, size_t n)
+{
+    if (!is_allowed(i, function, CALL_GET))
+        return STATUS_ERROR;
+    if (n == 0)
+        return STATUS_OK;
+    return report(i, STATUS_ERROR, "%s: the unit has no variables of this type, only floating-point ones", function);
+}
+
+/* ---- sensitivities -------------------------------------------------------------------------------------------- */
+
+/* A vector over all slots in the parts that the kernel takes. */
+typedef struct {
+    double slots[N_SLOTS];
+} by_slot;
+
+static double *inputs_of(by_slot *v) { return v->slots + FIRST_INPUT; }
+static double *results_of(by_slot *v) { return v->slots + FIRST_RESULT; } /* beginning with the states */
+static double *parameters_of(by_slot *v) { return v->slots + FIRST_PARAMETER; }
+static double *derivatives_of(by_slot *v) { return v->slots + FIRST_DERIVATIVE; }
+
+static int is_known(int slot)
+{
+    int role = role_at(slot);
+    return (role == INPUT || role == STATE || role == FIXED_PARAMETER || role == TUNABLE_PARAMETER) &&
+           slot != FIXED_STEP_SIZE;
+}
+
+static int is_unknown(int slot)
+{
+    int role = role_at(slot);
+    return role == STATE || role == RESULT || role == DERIVATIVE;
+}
+
+/* All references are of variables that may stand in this place. */
+static int have_roles(const instance *i, const char *function, const uint32_t references[], size_t n,
+                      int (*fits)(int slot), const char *place, const char *expected)
+{
+    int first, size;
+    for (size_t k = 0; k < n; k++) {
+        i->version->resolve(references[k], &first, &size);
+        if (!fits(first)) {
+            report(i, STATUS_ERROR, "%s: %s is no %s; expected %s", function, variable_of(first)->name, place,
+                   expected);
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static int may_differentiate(const instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
+                             const void *of_unknowns, size_t n_of_unknowns, const uint32_t knowns[], size_t n_knowns,
+                             const void *of_knowns, size_t n_of_knowns)
+{
+    return is_allowed(i, function, CALL_SENSITIVITY) &&
+           find_all(i, function, unknowns, n_unknowns, of_unknowns, n_of_unknowns, "values of the unknowns") &&
+           find_all(i, function, knowns, n_knowns, of_knowns, n_of_knowns, "values of the knowns") &&
+           have_roles(i, function, unknowns, n_unknowns, is_unknown, "unknown",
+                      "an output, a local variable or a derivative") &&
+           have_roles(i, function, knowns, n_knowns, is_known, "known",
+                      "an input, a continuous state or a parameter of the platform");
+}
+
+/* Adds the values, in the order of the references, to their slots. */
+static void scatter(const instance *i, const uint32_t references[], size_t n, const double values[], by_slot *v)
+{
+    int first, size;
+    for (size_t k = 0; k < n; k++) {
+        i->version->resolve(references[k], &first, &size);
+        for (int slot = first; slot < first + size; slot++)
+            v->slots[slot] += *values++;
+    }
+}
+
+static void gather(const instance *i, const uint32_t references[], size_t n, const by_slot *v, double values[])
+{
+    int first, size;
+    for (size_t k = 0; k < n; k++) {
+        i->version->resolve(references[k], &first, &size);
+        for (int slot = first; slot < first + size; slot++)
+            *values++ = v->slots[slot];
+    }
+}
+
+status get_directional_derivative(instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
+                                  const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
+                                  double sensitivity[], size_t n_sensitivity)
+{
+    if (!may_differentiate(i, function, unknowns, n_unknowns, sensitivity, n_sensitivity, knowns, n_knowns, seed,
+                           n_seed))
+        return STATUS_ERROR;
+    by_slot direction = {{0}}, change = {{0}};
+    scatter(i, knowns, n_knowns, seed, &direction);
+    outcome found = component_forward(&i->component, results_of(&direction), inputs_of(&direction),
+                                      parameters_of(&direction), derivatives_of(&change), results_of(&change));
+    if (found == DONE)
+        gather(i, unknowns, n_unknowns, &change, sensitivity);
+    return conclude(i, function, found);
+}
+
+status get_adjoint_derivative(instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
+                              const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
+                              double sensitivity[], size_t n_sensitivity)
+{
+    if (!may_differentiate(i, function, unknowns, n_unknowns, seed, n_seed, knowns, n_knowns, sensitivity,
+                           n_sensitivity))
+        return STATUS_ERROR;
+    by_slot weights = {{0}}, gradient = {{0}};
+    scatter(i, unknowns, n_unknowns, seed, &weights);
+    outcome found = component_reverse(&i->component, derivatives_of(&weights), results_of(&weights),
+                                      results_of(&gradient), inputs_of(&gradient), parameters_of(&gradient));
+    if (found == DONE)
+        gather(i, knowns, n_knowns, &gradient, sensitivity);
+    return conclude(i, function, found);
+}
+
+/* ---- rates of inputs and outputs ------------------------------------------------------------------------------ */
+
+static int is_output(int slot)
+{
+    return (slot >= FIRST_RESULT && slot < FIRST_RESULT + N_OUTPUTS);
+}
+
+static int is_input(int slot)
+{
+    return role_at(slot) == INPUT;
+}
+
+status get_output_rates(instance *i, const char *function, const uint32_t references[], size_t n,
+                        const int32_t orders[], double values[], size_t n_values)
+{
+    if (!is_allowed(i, function, CALL_GET_OUTPUT_RATES) ||
+        !find_all(i, function, references, n, values, n_values, "values") ||
+        !has_array(i, function, orders, n, "orders") ||
+        !have_roles(i, function, references, n, is_output, "output", "an output"))
+        return STATUS_ERROR;
+    for (size_t k = 0; k < n; k++)
+        if (orders[k] != 1)
+            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is there", function, (long)orders[k]);
+    by_slot rates = {{0}};
+    outcome found = component_result_rates(&i->component, results_of(&rates));
+    if (found == DONE)
+        gather(i, references, n, &rates, values);
+    return conclude(i, function, found);
+}
+
+status set_input_rates(instance *i, const char *function, const uint32_t references[], size_t n,
+                       const int32_t orders[], const double values[])
+{
+    if (!is_allowed(i, function, CALL_SET_INPUT_RATES) ||
+        !find_all(i, function, references, n, values, ONE_EACH, "values") ||
+        !has_array(i, function, orders, n, "orders") ||
+        !have_roles(i, function, references, n, is_input, "input", "an input"))
+        return STATUS_ERROR;
+    int first, size;
+    for (size_t k = 0; k < n; k++) {
+        if (orders[k] != 1)
+            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is there", function, (long)orders[k]);
+        i->version->resolve(references[k], &first, &size);
+        status checked = conclude(i, function, component_check(&i->component, first, values[k]));
+        if (checked != STATUS_OK)
+            return checked;
+    }
+    for (size_t k = 0; k < n; k++) {
+        i->version->resolve(references[k], &first, &size);
+        i->component.s.input_rates[first - FIRST_INPUT] = values[k];
+    }
+    return STATUS_OK;
+}
