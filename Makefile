@@ -65,7 +65,7 @@ $(VENV)/dev: $(VENV)/run
 	$(PIP) -e '.[dev]'
 	@touch $@
 $(VENV)/bench: $(VENV)/run
-	$(PIP) -e '.[bench,evidence]'
+	$(PIP) -e '.[evidence]'
 	@touch $@
 $(VENV)/evidence: $(VENV)/dev
 	$(PIP) -e '.[dev,evidence]'

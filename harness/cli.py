@@ -12,11 +12,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from gough_stewart.harness import cases
-from gough_stewart.model import kinematics
+from gough_stewart.model import cases, kinematics
 from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_platform, load_preset, preset_names, preset_text
 
 app = typer.Typer(
@@ -35,6 +36,13 @@ class Order(StrEnum):
 
     plus_first = "plus-first"
     minus_first = "minus-first"
+
+
+PresetOption = Annotated[
+    str | None,
+    typer.Option(help="A platform that ships with the package; see `gough-stewart presets`.", metavar="NAME"),
+]
+PlatformOption = Annotated[Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE")]
 
 
 class UsageError(GoughStewartError):
@@ -68,11 +76,8 @@ def reproduce_command(
             "joints. Of the preset liu2000 only.",
         ),
     ] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(help="A platform that ships with the package; see `gough-stewart presets`.", metavar="NAME"),
-    ] = None,
-    platform: Annotated[Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE")] = None,
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
 ) -> None:
     """Reproduce the paper's open-loop simulation, and prove it by independent formulations.
 
@@ -109,6 +114,62 @@ def reproduce_command(
             raise GoughStewartError("a comparison misses its bound; see the table above and report.md")
 
 
+class FmiVersion(StrEnum):
+    """Versions of the standard."""
+
+    fmi2 = "2.0"
+    fmi3 = "3.0"
+
+
+@app.command("build")
+def build_command(
+    fmi: Annotated[
+        list[FmiVersion] | None, typer.Option(help="Version of the standard; may be repeated. Default: both.")
+    ] = None,
+    target: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="System to run on: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
+            "x86_64-darwin, aarch64-darwin; may be repeated.",
+            metavar="NAME",
+        ),
+    ] = None,
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    out: Annotated[Path, typer.Option(help="Folder for the FMUs; made if needed.", metavar="DIR")] = Path(),
+) -> None:
+    """Build the platform as FMU: self-contained, compiled, Co-Simulation and Model Exchange.
+
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. Nothing has to be installed to compile: the
+    compiler is a Python package, and makes binaries for every target on every machine. A first build takes ten
+    seconds a target (Windows: two minutes), the next ones two.
+
+    The platform chosen gives the start values; another one can be set through the parameters, without a build.
+
+    Examples
+    --------
+    - `gough-stewart build`
+
+    - `gough-stewart build --fmi 3.0 --target all --preset motion_base --out fmus`
+    """
+    with _clear_errors():
+        from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
+
+        chosen = _chosen_platform(preset, platform)
+        versions = [v.value for v in fmi] if fmi else VERSIONS
+        targets = target or ["native"]
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=_errors, transient=True) as progress:
+            task = progress.add_task("building", total=number_of_steps(versions, targets))
+
+            def told(what: str) -> None:
+                progress.update(task, advance=1, description=what)
+
+            files = build(out, fmi=versions, targets=targets, platform=chosen, progress=told)
+        for file in files:
+            typer.echo(f"{file}  {file.stat().st_size / 1024:.0f} KiB")
+
+
 @app.command("presets")
 def presets_command(
     name: Annotated[str | None, typer.Argument(help="Print this preset's TOML file.", metavar="[NAME]")] = None,
@@ -137,17 +198,20 @@ def main() -> None:
 
 
 def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> cases.OpenLoopCase:
+    chosen = _chosen_platform(preset, platform)
+    if order is None:
+        return cases.case_of(chosen)
+    if platform is not None or preset not in (None, cases.PAPER_PRESET):
+        raise UsageError(f"--order is a reading of the paper's own platform; leave it out, or use {cases.PAPER_PRESET}")
+    return cases.paper_case(minus_first=order is Order.minus_first)
+
+
+def _chosen_platform(preset: str | None, platform: Path | None) -> Platform:
     if preset is not None and platform is not None:
         raise UsageError("--preset and --platform exclude each other; give one")
-    if order is not None and (platform is not None or preset not in (None, cases.PAPER_PRESET)):
-        raise UsageError(f"--order is a reading of the paper's own platform; leave it out, or use {cases.PAPER_PRESET}")
-    if order is not None:
-        return cases.paper_case(minus_first=order is Order.minus_first)
-    return cases.case_of(
-        load_platform(platform)
-        if platform is not None
-        else load_preset(cases.PAPER_PRESET if preset is None else preset)
-    )
+    if platform is not None:
+        return load_platform(platform)
+    return load_preset(cases.PAPER_PRESET if preset is None else preset)
 
 
 @contextmanager

@@ -1,0 +1,314 @@
+"""documentation/index.html of the FMU: one self-contained page, for the platform that gives the start values."""
+
+from html import escape
+
+import numpy as np
+
+from gough_stewart.fmu_build import layout
+from gough_stewart.fmu_build.drawing import drawing_svg
+from gough_stewart.fmu_build.layout import Role, Row
+from gough_stewart.fmu_build.tables import DEFAULT_TOLERANCE, MOST_FIXED_STEPS, start_values
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.integrator import MOST_INTERNAL_STEPS, TOLERANCES
+from gough_stewart.model.platform import Platform
+
+_STYLE = """
+body { font-family: Helvetica, Arial, sans-serif; line-height: 1.45; color: #222222; background: #ffffff;
+       max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; border-bottom: 1px solid #c8d0d8; padding-bottom: 0.2rem; }
+svg { max-width: 100%; height: auto; }
+table { border-collapse: collapse; font-size: 0.9rem; } td, th { border: 1px solid #c8d0d8; padding: 0.25rem 0.5rem;
+       text-align: left; vertical-align: top; } th { background: #eef1f4; }
+code, pre { font-family: Consolas, Menlo, monospace; font-size: 0.9em; }
+pre { background: #f4f6f8; padding: 0.8rem; white-space: pre-wrap; }
+sub, sup { line-height: 0; }
+.formula { margin: 0.5rem 0 0.5rem 2rem; font-family: Georgia, "DejaVu Serif", serif; line-height: 1.7; }
+.numbers { white-space: nowrap; font-size: 0.85em; }
+"""
+
+
+def documentation_page(platform: Platform, fmi_version: str) -> bytes:
+    """The page as well-formed HTML, with nothing that is fetched from elsewhere.
+
+    Parameters
+    ----------
+    platform
+        Gives the drawing and the start values in the table.
+    fmi_version
+        "2.0" or "3.0"; decides names, example and what is said of the interface.
+
+    Raises
+    ------
+    ValueError
+        Another version.
+    """
+    if fmi_version not in _EXAMPLES:
+        raise ValueError(f"fmi_version is {fmi_version!r}; expected '2.0' or '3.0'")
+    sections = (
+        _heading(platform, fmi_version),
+        _MODEL,
+        _frames(platform),
+        _variables(platform, fmi_version),
+        _EQUATIONS,
+        _behaviour(fmi_version),
+        _failures(fmi_version),
+        _example(platform, fmi_version),
+        _SOURCE,
+    )
+    return (
+        '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n<meta charset="utf-8"/>\n'
+        f"<title>Gough–Stewart platform, FMI {fmi_version}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(section.strip() for section in sections)
+        + "\n</body>\n</html>\n"
+    ).encode()
+
+
+def _heading(platform: Platform, fmi_version: str) -> str:
+    source = f" ({escape(platform.source)})" if platform.source else ""
+    return f"""
+<h1>Gough–Stewart platform</h1>
+<p>Functional mock-up unit for FMI {fmi_version}, Co-Simulation and Model Exchange: six actuator forces in; pose, motion
+and leg lengths out. Start values are those of the platform <b>{escape(platform.name)}</b>{source}; any other platform
+can be set through the parameters.</p>
+"""
+
+
+_MODEL = """
+<h2>What is modelled</h2>
+<ul>
+<li>A platform and six identical legs of two rigid parts each, which slide along the leg; base joints and platform
+joints may lie anywhere.</li>
+<li>Ideal universal joints at the base, ideal spherical joints at the platform. Legs do not spin about their axis, so
+that their axial inertia plays no part.</li>
+<li>Friction between the two parts of a leg: viscous, and Coulomb friction smoothed by a hyperbolic tangent.</li>
+<li>Gravity, and an external force and torque on the platform.</li>
+</ul>
+<p>Not modelled: friction in the joints, elasticity, dynamics of the actuators, contact. Strokes and force limits are
+not enforced.</p>
+"""
+
+
+def _frames(platform: Platform) -> str:
+    return f"""
+<h2>Frames and signs</h2>
+{drawing_svg(platform).decode()}
+<ul>
+<li>World frame X<sub>0</sub>Y<sub>0</sub>Z<sub>0</sub>: fixed at the base, Z up. The platform's own frame has its
+origin at O<sub>p</sub>; platform joints, centre of mass and inertia are given in it.</li>
+<li><code>orientation</code>: roll α, pitch β, yaw γ about the <em>fixed</em> world axes X, then Y, then Z, so that
+R = R<sub>z</sub>(γ) R<sub>y</sub>(β) R<sub>x</sub>(α) maps platform to world components.</li>
+<li><code>angular_velocity</code>: world components; not the rates of roll, pitch and yaw.</li>
+<li>Leg i goes from base joint B<sub>i</sub> to platform joint P<sub>i</sub>, in the direction u<sub>i</sub>.
+<code>actuator_force</code> &gt; 0 pushes both parts apart: it extends the leg.</li>
+<li><code>joint_force</code>: of leg i on the platform at P<sub>i</sub>, world components.</li>
+<li>All quantities are in SI units, all angles in radians.</li>
+</ul>
+"""
+
+
+def _variables(platform: Platform, fmi_version: str) -> str:
+    rows = "\n".join(_variable(row, platform, fmi_version) for row in layout.ROWS)
+    naming = (
+        "FMI 2.0 has scalars only: elements are named with indices from 1, row by row, as in the first column."
+        if fmi_version == "2.0"
+        else "Arrays are given row by row."
+    )
+    return f"""
+<h2>Variables</h2>
+<p>{naming} Matrices of joints have a row for every leg.</p>
+<table>
+<thead><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>start</th><th>description</th></tr></thead>
+<tbody>
+{rows}
+</tbody>
+</table>
+<p>Outputs with a start value are the continuous states: their start is exact and can be set. Fixed parameters can be
+set until initialization ends, tunable ones also during the run.</p>
+"""
+
+
+def _variable(row: Row, platform: Platform, fmi_version: str) -> str:
+    v = row.variable
+    name = f"<code>{escape(v.name)}</code>"
+    if fmi_version == "2.0" and v.shape:
+        scalars = layout.scalar_names(row)
+        name += f"<br/><code>{escape(scalars[0])}</code> … <code>{escape(scalars[-1])}</code>"
+    causality: str = "independent" if row.role is Role.INDEPENDENT else v.causality
+    if causality == "parameter":
+        causality = f"{v.variability} parameter"
+    shape = " × ".join(map(str, v.shape)) or "scalar"
+    return (
+        f'<tr><td>{name}</td><td class="numbers">{shape}</td><td>{causality}</td>'
+        f'<td class="numbers">{escape(v.unit)}</td><td class="numbers">{_start(row, platform)}</td>'
+        f"<td>{escape(v.description)}</td></tr>"
+    )
+
+
+def _start(row: Row, platform: Platform) -> str:
+    """Start values with six digits, a line for every row of a matrix; one number where all are the same."""
+    values = start_values(row, platform)
+    if values is None:
+        return ""
+    if np.all(values == values[0]):
+        return _number(values[0])
+    lines = values.reshape(row.variable.shape if len(row.variable.shape) == 2 else (1, -1))
+    return "<br/>".join(" ".join(map(_number, line)) for line in lines)
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.6g}".replace("-", "−")
+
+
+_EQUATIONS = """
+<h2>Equations</h2>
+<p>For one leg, with t the position of O<sub>p</sub>, v its velocity, ω the angular velocity, g gravity:</p>
+<p class="formula">c = R p,&#160; l = t + c − B,&#160; L = |l|,&#160; u = l/L<br/>
+Ṗ = v + ω×c,&#160; L̇ = u·Ṗ,&#160; u̇ = (Ṗ − L̇ u)/L,&#160; P̈ = v̇ + ω̇×c + ω×(ω×c)</p>
+<p>The leg turns about B as one body whose mass moments vary with its length. With the masses m<sub>1</sub>,
+m<sub>2</sub> and inertias J<sub>1</sub>, J<sub>2</sub> of its lower and upper part, r<sub>1</sub> =
+<code>leg_lower_com</code> and d = <code>leg_upper_com</code>:</p>
+<p class="formula">I = m<sub>1</sub> r<sub>1</sub><sup>2</sup> + J<sub>1</sub> + J<sub>2</sub> +
+m<sub>2</sub> (L − d)<sup>2</sup>,&#160; h = m<sub>1</sub> r<sub>1</sub> + m<sub>2</sub> (L − d)</p>
+<p>The force that the leg needs at its platform joint, along u and across it, under the actuator force F:</p>
+<p class="formula">f<sub>∥</sub> = m<sub>2</sub> (u·P̈ + d |u̇|<sup>2</sup> − u·g) − F + friction<br/>
+f<sub>⊥</sub> = (I/L<sup>2</sup>) (P̈<sub>⊥</sub> − 2 L̇ u̇) + 2 m<sub>2</sub> (L − d) (L̇/L) u̇ − (h/L)
+g<sub>⊥</sub><br/> friction = k<sub>v</sub> L̇ + k<sub>c</sub> tanh(L̇/v<sub>f</sub>)</p>
+<p>where k<sub>v</sub> is <code>leg_viscous_friction</code>, k<sub>c</sub> <code>leg_coulomb_friction</code> and
+v<sub>f</sub> <code>leg_friction_velocity</code>. The leg acts on the platform by <code>joint_force</code>
+λ = −f. With mass m, centre of mass r = R r<sub>G</sub> and inertia J<sub>p</sub> of the platform, K = R J<sub>p</sub>
+R<sup>T</sup>, and its acceleration a<sub>G</sub> = v̇ + ω̇×r + ω×(ω×r), Newton and Euler give</p>
+<p class="formula">m (a<sub>G</sub> − g) = f<sub>ext</sub> + Σ λ<sub>i</sub><br/>
+K ω̇ + ω×(K ω) + r × m (a<sub>G</sub> − g) = τ<sub>ext</sub> + Σ c<sub>i</sub> × λ<sub>i</sub></p>
+<p>This is linear in v̇ and ω̇; the unit solves it at every evaluation as a system of six equations with a symmetric
+mass matrix. The rates of roll, pitch and yaw follow from ω:</p>
+<p class="formula">α̇ = (ω<sub>x</sub> cos γ + ω<sub>y</sub> sin γ)/cos β,&#160;
+β̇ = ω<sub>y</sub> cos γ − ω<sub>x</sub> sin γ,&#160; γ̇ = ω<sub>z</sub> + α̇ sin β</p>
+"""
+
+
+def _behaviour(fmi_version: str) -> str:
+    lowest, highest = (_power(t) for t in TOLERANCES)
+    if fmi_version == "2.0":
+        inputs = """In Co-Simulation inputs are held over a communication step, or change linearly if their first
+derivative is set by <code>fmi2SetRealInputDerivatives</code>; a derivative stays until it is set anew. First
+derivatives of outputs are available."""
+        step, event = "between communication steps", "event mode"
+    else:
+        inputs = """In Co-Simulation inputs are held over a communication step. With an intermediate update the importer
+is called after every internal step: it may read outputs, set inputs and, if early return is allowed, end the step there
+or before its planned end. First derivatives of outputs are available."""
+        step, event = "in step mode", "event mode"
+    jacobians = "directional derivatives" if fmi_version == "2.0" else "directional and adjoint derivatives"
+    return f"""
+<h2>Behaviour</h2>
+<ul>
+<li>Co-Simulation integrates by the Dormand–Prince pair of order 5(4) with error control. The tolerance is that of the
+experiment, {_power(DEFAULT_TOLERANCE)} if none is given, from {lowest} to {highest}; relative, and absolute in SI
+units. The internal step size is carried over from one communication step to the next, so that short ones cost
+little.</li>
+<li><code>fixed_step_size</code> &gt; 0 replaces this by the classical Runge–Kutta method of order 4, in equal steps
+that are not above that size and end on the communication point: constant cost, for hardware in the loop. It has no
+effect on Model Exchange, where the importer integrates.</li>
+<li>{inputs}</li>
+<li>All parameters can be set before initialization ends. During the run ({step} in Co-Simulation, in {event} in Model
+Exchange): <code>platform_mass</code>, <code>platform_com</code>, <code>platform_inertia</code>, the friction of the
+legs, and <code>gravity</code>.</li>
+<li>The communication step may change from step to step. There are no events and no discrete states.</li>
+<li>The state can be saved, restored and serialized; a restored unit repeats its future to the last bit. Exact
+{jacobians} by inputs, states and parameters are available.</li>
+</ul>
+"""
+
+
+def _failures(fmi_version: str) -> str:
+    prefix = f"fmi{fmi_version[0]}"
+    last = (
+        "<code>fmi2GetRealStatus</code> with <code>fmi2LastSuccessfulTime</code> gives the start of the step"
+        if fmi_version == "2.0"
+        else "<code>lastSuccessfulTime</code> is the start of the step"
+    )
+    exited = f"<code>{prefix}ExitInitializationMode</code>"
+    completed = f"<code>{prefix}CompletedIntegratorStep</code>"
+    return f"""
+<h2>Limits and failures</h2>
+<ul>
+<li><code>{prefix}Discard</code>: the platform cannot do this. Of a value that is set: not finite, or out of its range.
+Of a communication step: a collapsed leg, a pitch that reaches ±90°, a singular leg Jacobian or one that was passed
+through, forces or motions that are not finite, a <code>platform_inertia</code> that no body has, a tolerance that
+cannot be held, or more than {MOST_INTERNAL_STEPS:,} internal steps ({MOST_FIXED_STEPS:,} fixed ones). Of results that
+are read: not finite.</li>
+<li>After a discarded call the unit is as it was before the call; {last}. A shorter step, other inputs, or
+the end of the simulation are up to the importer.</li>
+<li><code>{prefix}Error</code>: misuse, such as a call that is not allowed in the present mode, an unknown value
+reference, a communication point that is not the present time, or a step beyond the stop time. Also a start that the
+platform cannot take ({exited}), and a pose beyond the limits in Model Exchange ({completed}).</li>
+<li>Poses are checked at internal steps: at a loose tolerance a motion may touch a singular pose and come back between
+two of them.</li>
+<li>Messages name quantity, value and time. They are sent only while logging is on; categories are
+<code>logStatusWarning</code>, <code>logStatusDiscard</code>, <code>logStatusError</code> and <code>logAll</code>. The
+one exception is a failed instantiation, which is always reported.</li>
+<li>The strokes and the force limits of a machine are not enforced.</li>
+</ul>
+"""
+
+
+_EXAMPLES = {
+    "2.0": """import numpy as np
+from fmpy import simulate_fmu
+
+force = [{force}]
+columns = [("time", float)] + [(f"actuator_force[{{i}}]", float) for i in range(1, 7)]
+result = simulate_fmu(
+    "gough_stewart_fmi2.fmu",
+    fmi_type="CoSimulation",
+    stop_time=0.5,
+    output_interval=0.01,
+    start_values={{"platform_mass": {mass}}},
+    input=np.array([(0.0, *force), (0.5, *force)], dtype=columns),
+    output=["position[3]", "leg_length[1]"],
+)
+print(result["position[3]"][-1])
+""",
+    "3.0": """import numpy as np
+from fmpy import simulate_fmu
+
+force = [{force}]
+columns = [("time", float), ("actuator_force", float, (6,))]
+result = simulate_fmu(
+    "gough_stewart_fmi3.fmu",
+    fmi_type="CoSimulation",
+    stop_time=0.5,
+    output_interval=0.01,
+    start_values={{"platform_mass": {mass}}},
+    input=np.array([(0.0, force), (0.5, force)], dtype=columns),
+    output=["position", "leg_length"],
+)
+print(result["position"][-1])
+""",
+}
+
+
+def _example(platform: Platform, fmi_version: str) -> str:
+    hold = static_leg_forces(platform, platform.home_position, platform.home_orientation)
+    force = ", ".join(f"{f:.6g}" for f in 1.05 * hold)
+    code = _EXAMPLES[fmi_version].format(force=force, mass=f"{platform.platform_mass:.17g}")
+    return f"""
+<h2>Example with FMPy</h2>
+<p>From rest in the start pose, under 5 % more than the actuator forces that would hold the platform there:</p>
+<pre><code>{escape(code, quote=False)}</code></pre>
+"""
+
+
+_SOURCE = """
+<h2>Source</h2>
+<p>M.-J. Liu, C.-X. Li, C.-N. Li, “Dynamics Analysis of the Gough–Stewart Platform Manipulator”, <cite>IEEE Transactions
+on Robotics and Automation</cite> 16(1), 2000, pp. 94–98. The unit evaluates an equivalent form of its equations in the
+six coordinates of the platform.</p>
+"""
+
+
+def _power(value: float) -> str:
+    """A number such as 1e-08 with its exponent raised."""
+    mantissa, exponent = f"{value:.0e}".split("e")
+    factor = "" if mantissa == "1" else f"{mantissa}·"
+    return f"{factor}10<sup>{str(int(exponent)).replace('-', '−')}</sup>"

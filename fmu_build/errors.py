@@ -1,0 +1,7 @@
+"""Errors of the build."""
+
+from gough_stewart.model.errors import GoughStewartError
+
+
+class BuildError(GoughStewartError):
+    """An FMU cannot be built: a wrong option, or the compiler's complaint."""

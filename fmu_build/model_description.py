@@ -1,0 +1,89 @@
+"""What the model descriptions of both FMI versions share: identity, experiment, units, log categories."""
+
+from dataclasses import dataclass
+
+from lxml import etree
+
+from gough_stewart.fmu_build.layout import Row
+from gough_stewart.fmu_build.package import package_metadata
+from gough_stewart.fmu_build.tables import DEFAULT_TOLERANCE
+from gough_stewart.fmu_build.units import BY_NAME, UNITS
+
+MODEL_IDENTIFIER = "gough_stewart"
+MODEL_NAME = "GoughStewart"
+LOG_CATEGORIES = {
+    "logStatusWarning": "what is not quite right",
+    "logStatusDiscard": "values refused and steps not completed, with quantity, value and time",
+    "logStatusError": "calls that make no sense, with what was expected",
+    "logAll": "all messages",
+}
+EXPERIMENT = {"startTime": "0", "stopTime": "1", "tolerance": repr(DEFAULT_TOLERANCE), "stepSize": "0.001"}
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What distinguishes one unit from another."""
+
+    token: str  # guid or instantiationToken
+    source_files: tuple[str, ...]
+
+
+def root(fmi_version: str, **attributes: str) -> etree._Element:
+    """The `fmiModelDescription` element."""
+    package = package_metadata()
+    own = {
+        "fmiVersion": fmi_version,
+        "modelName": MODEL_NAME,
+        "description": f"Gough–Stewart platform: {package['Summary']}",
+        "version": package["Version"],
+        "copyright": "the gough-stewart authors",
+        "license": package["License-Expression"],
+        "generationTool": f"gough-stewart {package['Version']}",
+        "variableNamingConvention": "structured",
+    }
+    return etree.Element("fmiModelDescription", own | attributes)
+
+
+def add_units(parent: etree._Element) -> None:
+    """`UnitDefinitions`."""
+    definitions = etree.SubElement(parent, "UnitDefinitions")
+    for unit in UNITS:
+        element = etree.SubElement(definitions, "Unit", name=unit.name)
+        etree.SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents.items()})
+        if unit.display is not None:
+            name, factor = unit.display
+            etree.SubElement(element, "DisplayUnit", name=name, factor=repr(factor))
+
+
+def add_log_categories(parent: etree._Element) -> None:
+    """`LogCategories`."""
+    categories = etree.SubElement(parent, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        etree.SubElement(categories, "Category", name=name, description=description)
+
+
+def add_experiment(parent: etree._Element) -> None:
+    """`DefaultExperiment`."""
+    etree.SubElement(parent, "DefaultExperiment", EXPERIMENT)
+
+
+def unit_attributes(row: Row) -> dict[str, str]:
+    """`unit`, and `displayUnit` where people read another."""
+    unit = row.variable.unit
+    display = BY_NAME[unit].display
+    return {"unit": unit} | ({} if display is None else {"displayUnit": display[0]})
+
+
+def bound_attributes(row: Row) -> dict[str, str]:
+    """`min` where there is one."""
+    return {} if row.variable.lower_bound is None else {"min": "0"}
+
+
+def number(value: float) -> str:
+    """The shortest text that reads back as the same double."""
+    return repr(float(value))
+
+
+def to_bytes(element: etree._Element) -> bytes:
+    """The document."""
+    return bytes(etree.tostring(element, encoding="UTF-8", xml_declaration=True, pretty_print=True))

@@ -1,0 +1,146 @@
+"""Reference results in the form of the FMI cross-check, for whoever wants to try the unit in another importer.
+
+For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_ref.opt` (experiment), and
+`_start.csv` (start values to be set, where they differ from those of modelDescription.xml).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.fmu_build.model_description import MODEL_IDENTIFIER
+from gough_stewart.fmu_build.tables import DEFAULT_TOLERANCE
+from gough_stewart.model import interface
+from gough_stewart.model.cases import OpenLoopCase, case_of
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import Inputs, State
+
+FloatArray = NDArray[np.float64]
+
+# The reference is ten thousand times finer than the unit's default.
+TOLERANCE = 1e-12
+FOLDER = "extra/gough_stewart"
+
+
+@dataclass(frozen=True)
+class ReferenceCase:
+    """Inputs over time on a platform from a start."""
+
+    name: str
+    platform: Platform
+    start: State
+    time: FloatArray  # (n,) [s]
+    inputs: FloatArray  # (n, N_INPUTS), linear in between
+
+
+def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
+    """The paper's open loop on this platform, and inputs that vary, from the start values of the description."""
+    case = case_of(platform)
+    constant = np.tile(case.inputs.to_vector(), (len(case.time), 1))
+    home = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
+    return (
+        ReferenceCase("open_loop", platform, case.start, case.time, constant),
+        ReferenceCase("varying_inputs", platform, home, case.time, _varying(case)),
+    )
+
+
+def _varying(case: OpenLoopCase) -> FloatArray:
+    """Static leg forces ± 10 %, every leg at its own frequency, under a wrench that comes and goes."""
+    platform = case.platform
+    hold = static_leg_forces(platform, platform.home_position, platform.home_orientation)
+    turns = case.time[:, None] / case.duration * np.arange(1, 7)
+    actuators = hold * (1 + 0.1 * np.sin(2 * np.pi * turns))
+    weight = platform.platform_mass * 9.81
+    bump = np.sin(np.pi * case.time / case.duration)[:, None] ** 2
+    force = bump * weight * np.array([0.05, -0.03, 0.1])
+    torque = bump * weight * platform.characteristic_length * np.array([0.01, 0.02, -0.01])
+    return np.concatenate([actuators, force, torque], axis=1)
+
+
+def reference_results(case: ReferenceCase) -> FloatArray:
+    """Results (n, N_RESULTS) at the case's times: the kernel under DOP853, row to row.
+
+    Raises
+    ------
+    StepError
+        The integration cannot be continued.
+    """
+    kernel, p = Kernel(), parameter_vector(case.platform)
+    x = case.start.to_vector()
+    rows = [kernel.outputs(x, case.inputs[0], p).copy()]
+    for k in range(len(case.time) - 1):
+        t0, t1 = case.time[k : k + 2]
+        u0, u1 = case.inputs[k : k + 2]
+
+        def derivatives(t: float, x: FloatArray) -> FloatArray:
+            share = (t - t0) / (t1 - t0)  # noqa: B023 - used up before the next row
+            return kernel.derivatives(x, u0 + share * (u1 - u0), p).copy()  # noqa: B023
+
+        x = solve_ivp(derivatives, (t0, t1), x, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE).y[:, -1]
+        rows.append(kernel.outputs(x, u1, p).copy())
+    return np.array(rows)
+
+
+def reference_files(platform: Platform, fmi_version: str) -> dict[str, bytes]:
+    """All reference files by their path in the archive."""
+    files = {f"{FOLDER}/README.txt": _README.encode()}
+    for case in reference_cases(platform):
+        stem = f"{FOLDER}/{case.name}/{MODEL_IDENTIFIER}"
+        results = interface.unpack(interface.RESULTS, reference_results(case))
+        inputs = interface.unpack(interface.INPUTS, case.inputs)
+        files[f"{stem}_in.csv"] = _csv(case.time, inputs, fmi_version)
+        outputs = {v.name: results[v.name] for v in interface.OUTPUTS}
+        files[f"{stem}_ref.csv"] = _csv(case.time, outputs, fmi_version)
+        files[f"{stem}_ref.opt"] = _options(case.time)
+        starts = {name: value[None] for name, value in case.start._asdict().items()}
+        files[f"{stem}_start.csv"] = _csv(case.time[:1], starts, fmi_version)
+    return files
+
+
+def inputs_of(case: ReferenceCase) -> Inputs:
+    """Inputs over time, by name."""
+    return Inputs.from_vector(case.inputs)
+
+
+def _csv(time: FloatArray, columns: dict[str, FloatArray], fmi_version: str) -> bytes:
+    """A column for every scalar in FMI 2.0, for every array with blanks between its elements in FMI 3.0."""
+    names, texts = ["time"], [[repr(float(t)) for t in time]]
+    for name, values in columns.items():
+        flat = values.reshape(len(time), -1)
+        if fmi_version == "2.0":
+            names += BY_NAME[name].variable.scalar_names
+            texts += [[repr(float(v)) for v in column] for column in flat.T]
+        else:
+            names.append(name)
+            texts.append([" ".join(repr(float(v)) for v in row) for row in flat])
+    rows = [",".join(f'"{name}"' for name in names), *(",".join(row) for row in zip(*texts, strict=True))]
+    return ("\n".join(rows) + "\n").encode()
+
+
+def _options(time: FloatArray) -> bytes:
+    options = {
+        "StartTime": time[0],
+        "StopTime": time[-1],
+        "StepSize": time[1] - time[0],
+        "RelTol": DEFAULT_TOLERANCE,
+        "OutputIntervalLength": time[1] - time[0],
+    }
+    return "".join(f"{name}, {float(value)!r}\n" for name, value in options.items()).encode()
+
+
+_README = f"""Reference results of the unit, in the form of the FMI cross-check.
+
+open_loop        the simulation of Liu, Li & Li (2000), on another platform scaled to its size; needs the start
+                 values of {MODEL_IDENTIFIER}_start.csv
+varying_inputs   forces and a wrench that vary, from the start values of modelDescription.xml
+
+*_in.csv    inputs, linear between the rows
+*_ref.csv   results: the equations under SciPy's DOP853 at tolerance {TOLERANCE:g}
+*_ref.opt   experiment
+*_start.csv start values of the states
+"""

@@ -1,0 +1,168 @@
+"""`model.h` and `model.c`: sizes, slots, limits, the variable table and start values, for the C core."""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from gough_stewart.fmu_build import layout
+from gough_stewart.fmu_build.layout import BY_NAME, ROWS, Role, Row
+from gough_stewart.model import integrator, interface, kernel, platform, platform_checks, pose_limits
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import Array
+
+DEFAULT_TOLERANCE = 1e-8
+# 0.5 s of computing on a slow core; for RK4 in steps of a microsecond over a second.
+MOST_FIXED_STEPS = 1_000_000
+
+
+def start_values(row: Row, chosen: Platform) -> Array | None:
+    """Start of every element, flat; None for what is computed."""
+    start = row.variable.start
+    if start is None:
+        return None
+    value = getattr(chosen, start) if isinstance(start, str) else start
+    return np.broadcast_to(np.asarray(value, dtype=float), row.variable.shape).reshape(-1)
+
+
+def layout_number() -> int:
+    """64 bits that change when a saved state would mean something else."""
+    text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in ROWS)
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")
+
+
+def model_header() -> str:
+    """`model.h`."""
+    sizes = {
+        "N_INPUTS": kernel.N_INPUTS,
+        "N_STATES": kernel.N_STATES,
+        "N_OUTPUTS": interface.size_of(interface.OUTPUTS),
+        "N_RESULTS": kernel.N_RESULTS,
+        "N_PARAMETERS": kernel.N_PARAMETERS,
+        "N_SLOTS": layout.N_SLOTS,
+        "N_VARIABLES": len(ROWS),
+    }
+    parameters, results = interface.PLATFORM_PARAMETERS[0].name, interface.RESULTS[0].name
+    slots = {
+        "FIRST_INPUT": BY_NAME[interface.INPUTS[0].name].first,
+        "FIRST_RESULT": BY_NAME[results].first,
+        "FIRST_PARAMETER": BY_NAME[parameters].first,
+        "FIXED_STEP_SIZE": BY_NAME["fixed_step_size"].first,
+        "FIRST_DERIVATIVE": layout.of_role(Role.DERIVATIVE)[0].first,
+        "TIME": layout.TIME.first,
+    }
+    places = {
+        "R_LEG_LENGTH": BY_NAME["leg_length"].first - BY_NAME[results].first,
+        **{
+            f"P_{name.upper()}": BY_NAME[name].first - BY_NAME[parameters].first
+            for name in ("base_points", "platform_points", "platform_inertia", "leg_lower_com", "leg_upper_com")
+        },
+    }
+    limits = {
+        "DEFAULT_TOLERANCE": DEFAULT_TOLERANCE,
+        "SMALLEST_TOLERANCE": integrator.TOLERANCES[0],
+        "LARGEST_TOLERANCE": integrator.TOLERANCES[1],
+        "MOST_INTERNAL_STEPS": integrator.MOST_INTERNAL_STEPS,
+        "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
+        "LARGEST_PITCH": pose_limits.LARGEST_PITCH,
+        "SHORTEST_LEG": pose_limits.SHORTEST_LEG,
+        "SINGULAR_CONDITION_NUMBER": pose_limits.SINGULAR_CONDITION_NUMBER,
+        "INERTIA_SLACK": platform_checks.INERTIA_SLACK,
+        "COINCIDENCE": platform_checks.COINCIDENCE,
+        "LARGEST_NUMBER": platform.LARGEST_NUMBER,
+    }
+    return f"""/* Generated from the interface table, gough_stewart.model.interface: do not edit. */
+#ifndef MODEL_H
+#define MODEL_H
+
+#include <stdint.h>
+
+#include "internal.h"
+#include "variable.h"
+
+{_defines(sizes)}
+
+/* slots: inputs, results (states first), parameters, the step size, derivatives, time */
+{_defines(slots)}
+
+/* places in the vectors of results and of parameters */
+{_defines(places)}
+
+/* as in gough_stewart.model: lengths in m, angles in rad, the shortest leg relative to the size of the platform */
+{_defines(limits)}
+
+INTERNAL_BEGIN
+extern const variable VARIABLES[N_VARIABLES];
+extern const double START_STATES[N_STATES];
+extern const double START_PARAMETERS[N_PARAMETERS];
+extern const double START_FIXED_STEP_SIZE;
+extern const double NOMINAL_STATES[N_STATES];
+/* what modelDescription.xml and binary have in common (token.c) */
+extern const char *const TOKEN;
+/* of the variables that a saved state holds */
+extern const uint64_t LAYOUT;
+INTERNAL_END
+
+#endif
+"""
+
+
+def token_source(token: str) -> str:
+    """`token.c`."""
+    return f'''/* Generated; modelDescription.xml has the same. */
+#include "model.h"
+
+const char *const TOKEN = "{token}";
+'''
+
+
+def model_source(chosen: Platform) -> str:
+    """`model.c` with the start values of a platform."""
+    rows = "\n".join(f"    {_row(row)}," for row in ROWS)
+
+    def starts(rows: Iterable[Row]) -> str:
+        values = (start_values(row, chosen) for row in rows)
+        return _numbers(v for value in values if value is not None for v in value)
+
+    own = tuple(BY_NAME[v.name] for v in interface.PLATFORM_PARAMETERS)
+    return f"""/* Generated from the interface table, gough_stewart.model.interface: do not edit. */
+#include "model.h"
+
+const variable VARIABLES[N_VARIABLES] = {{
+{rows}
+}};
+
+const double START_STATES[N_STATES] = {{
+{starts(layout.of_role(Role.STATE))}
+}};
+
+const double START_PARAMETERS[N_PARAMETERS] = {{
+{starts(own)}
+}};
+
+const double START_FIXED_STEP_SIZE = {starts((BY_NAME["fixed_step_size"],)).strip(" ,")};
+
+const double NOMINAL_STATES[N_STATES] = {{
+{_numbers([layout.NOMINAL] * kernel.N_STATES)}
+}};
+
+const uint64_t LAYOUT = UINT64_C({layout_number():#x});
+"""
+
+
+_RANGES = {None: "ANY", ">= 0": "NOT_NEGATIVE", "> 0": "POSITIVE"}
+
+
+def _row(row: Row) -> str:
+    v = row.variable
+    columns = v.shape[1] if len(v.shape) == 2 else 0
+    bound = _RANGES[v.lower_bound]
+    return f'{{"{v.name}", "{v.unit}", {row.first}, {v.size}, {columns}, {row.role.value}, {bound}}}'
+
+
+def _defines(values: Mapping[str, float]) -> str:
+    return "\n".join(f"#define {name} {value!r}" for name, value in values.items())
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return "\n".join(f"    {float(v)!r}," for v in values)

@@ -1,0 +1,68 @@
+"""The systems that binaries are built for."""
+
+import platform
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from gough_stewart.fmu_build.errors import BuildError
+
+
+@dataclass(frozen=True)
+class Target:
+    """One operating system on one processor."""
+
+    name: str  # FMI 3.0's platform tuple, and its folder under binaries/
+    triple: str  # for zig; with the oldest C library or system that the binary runs on
+    fmi2_folder: str
+    suffix: str
+    flags: tuple[str, ...] = ()
+
+
+_INSTALL_NAME = "-Wl,-install_name,@rpath/gough_stewart.dylib"
+TARGETS = (
+    Target("x86_64-linux", "x86_64-linux-gnu.2.17", "linux64", ".so", ("-fPIC",)),
+    Target("aarch64-linux", "aarch64-linux-gnu.2.17", "aarch64-linux", ".so", ("-fPIC",)),
+    Target("x86_64-windows", "x86_64-windows-gnu", "win64", ".dll"),
+    Target("x86_64-darwin", "x86_64-macos.10.15", "darwin64", ".dylib", (_INSTALL_NAME,)),
+    Target("aarch64-darwin", "aarch64-macos.11.0", "darwin64", ".dylib", (_INSTALL_NAME,)),
+)
+BY_NAME = {target.name: target for target in TARGETS}
+_PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+
+
+def native() -> Target:
+    """The system this runs on.
+
+    Raises
+    ------
+    BuildError
+        It is not among the targets.
+    """
+    processor, system = platform.machine().lower(), platform.system().lower()
+    name = f"{_PROCESSORS.get(processor, processor)}-{system}"
+    if name not in BY_NAME:
+        raise BuildError(f"this machine is {name}; expected one of {', '.join(BY_NAME)}; choose targets by name")
+    return BY_NAME[name]
+
+
+def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
+    """Targets by name, `native` or `all`, each once, in the order of the table.
+
+    Raises
+    ------
+    BuildError
+        An unknown name, or none.
+    """
+    chosen = set[Target]()
+    for name in names:
+        if name == "all":
+            chosen.update(TARGETS)
+        elif name == "native":
+            chosen.add(native())
+        elif name in BY_NAME:
+            chosen.add(BY_NAME[name])
+        else:
+            raise BuildError(f"no target '{name}'; expected native, all, or one of {', '.join(BY_NAME)}")
+    if not chosen:
+        raise BuildError("no target; expected native, all, or one of " + ", ".join(BY_NAME))
+    return tuple(target for target in TARGETS if target in chosen)

@@ -1,0 +1,290 @@
+"""Building: what is in the archives, the same bytes every time, clear errors, nothing half-written."""
+
+import csv
+import os
+import struct
+import subprocess
+import sys
+import zipfile
+from ctypes import c_double
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.util import read_csv
+from scipy.integrate import solve_ivp
+
+from gough_stewart.fmu_build import build as building
+from gough_stewart.fmu_build import sources, targets, toolchain
+from gough_stewart.fmu_build.archive import to_zip
+from gough_stewart.fmu_build.build import build, number_of_steps
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.reference_results import reference_cases, reference_results
+from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets
+from gough_stewart.model import interface
+from gough_stewart.model.cases import paper_case
+from gough_stewart.model.platform_toml import load_preset
+from tests.fmu_build.plants import Fmu, Plant, plant
+from tests.fmu_build.test_trajectories import reference
+
+
+def test_two_builds_are_the_same_bytes(fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    for path in build(tmp_path / "elsewhere"):
+        kept = next(fmu.path for fmu in fmus.values() if fmu.path.name == path.name)
+        assert path.read_bytes() == kept.read_bytes()
+
+
+def test_names_in_the_archive_are_relative_with_slashes_and_have_no_date(fmu: Fmu) -> None:
+    with zipfile.ZipFile(fmu.path) as archive:
+        for entry in archive.infolist():
+            assert "\\" not in entry.filename
+            assert not entry.filename.startswith(("/", "."))
+            assert entry.date_time == (1980, 1, 1, 0, 0, 0)
+        assert archive.infolist()[0].filename == "modelDescription.xml"
+        assert archive.testzip() is None
+
+
+def test_no_file_in_the_archive_knows_where_it_was_built(fmu: Fmu) -> None:
+    home, cache = os.fsencode(Path.home()), os.fsencode(toolchain.cache_folder())
+    for file in fmu.folder.rglob("*"):
+        if file.is_file():
+            data = file.read_bytes()
+            assert cache not in data
+            assert home + b"/" not in data
+
+
+def test_the_archive_has_all_that_the_standard_knows(fmu: Fmu) -> None:
+    names = {str(f.relative_to(fmu.folder)) for f in fmu.folder.rglob("*") if f.is_file()}
+    native = targets.native()
+    folder = native.fmi2_folder if fmu.version == "2.0" else native.name
+    assert f"binaries/{folder}/gough_stewart{native.suffix}" in names
+    for expected in (
+        "documentation/index.html",
+        "documentation/licenses/license.txt",
+        "documentation/licenses/fmi-headers.txt",
+        "terminalsAndIcons/icon.png",
+        "sources/buildDescription.xml",
+        "sources/kernel.c",
+        "extra/gough_stewart/open_loop/gough_stewart_ref.csv",
+    ):
+        assert expected in names, expected
+    assert ("model.png" in names) == (fmu.version == "2.0")
+    assert (fmu.folder / "documentation/licenses/license.txt").read_text().startswith("BSD 3-Clause")
+
+
+def test_the_sources_compile_by_themselves(fmu: Fmu, tmp_path: Path) -> None:
+    """Expected: `fmpy compile`, CMake with the system's compiler, makes a unit with the same trajectory."""
+    from fmpy.build import build_platform_binary
+
+    with zipfile.ZipFile(fmu.path) as archive:
+        names = [n for n in archive.namelist() if not n.startswith("binaries/")]
+        contents = {n: archive.read(n) for n in names}
+    bare = tmp_path / "bare"
+    for name, data in contents.items():
+        (bare / name).parent.mkdir(parents=True, exist_ok=True)
+        (bare / name).write_bytes(data)
+    (tmp_path / "build").mkdir()
+    build_platform_binary(bare, tmp_path / "build", cmake_options={"CMAKE_C_FLAGS": "-O0"})
+    compiled = {str(f.relative_to(bare)): f.read_bytes() for f in (bare / "binaries").rglob("*") if f.is_file()}
+    rebuilt = tmp_path / "rebuilt.fmu"
+    rebuilt.write_bytes(to_zip(contents | compiled))
+    ends = []
+    for path in (rebuilt, fmu.path):
+        with plant(Fmu(path)) as p:
+            p.start({"actuator_force": [30.0, 28, 30, 28, 30, 28]})
+            p.step(0.0, 0.5)
+            ends.append(p.pose)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+
+
+def columns(file: Path) -> dict[str, np.ndarray]:
+    """Whole variables (rows, n) of a file in the form of the cross-check, by their names in the table."""
+    table, found = read_csv(file), dict[str, list[np.ndarray]]()
+    for name in table.dtype.names:
+        found.setdefault(name.split("[")[0], []).append(np.atleast_1d(table[name]).reshape(len(table), -1))
+    return {name: np.concatenate(parts, axis=1) for name, parts in found.items()}
+
+
+@pytest.mark.parametrize("case", ["open_loop", "varying_inputs"])
+def test_the_units_meet_the_reference_results(fmu: Fmu, case: str) -> None:
+    """Expected: the files in `extra/`, whose inputs are linear between rows.
+
+    FMI 2.0 gets them by rates in Co-Simulation, FMI 3.0 in Model Exchange under SciPy's integrator.
+    """
+    folder = fmu.folder / "extra/gough_stewart" / case
+    expected, inputs, start = (columns(folder / f"gough_stewart_{n}.csv") for n in ("ref", "in", "start"))
+    options = dict(csv.reader((folder / "gough_stewart_ref.opt").read_text().splitlines()))
+    time, tolerance = expected["time"][:, 0], float(options["RelTol"])
+    starts = {name: values[0] for name, values in (inputs | start).items() if name != "time"}
+    with plant(fmu, co_simulation=fmu.version == "2.0") as p:
+        p.start(starts, tolerance=tolerance)
+        for k, step in enumerate(np.diff(time)):
+            rates = {n: (v[k + 1] - v[k]) / step for n, v in inputs.items() if n != "time"}
+            values = {n: inputs[n][k] for n in rates}
+            if fmu.version == "2.0":
+                step_with_rates(p, time[k], step, values, rates)
+            else:
+                integrate_from_outside(p, time[k], step, values, rates)
+            for name in expected:
+                assert np.ravel(p.get(name)) == pytest.approx(expected[name][k + 1], rel=1e-6, abs=1e-7), name
+
+
+def step_with_rates(
+    p: Plant, time: float, step: float, values: dict[str, np.ndarray], rates: dict[str, np.ndarray]
+) -> None:
+    for name, value in values.items():
+        p.set(name, value)
+        p.fmu.setRealInputDerivatives(p.references(name), [1] * len(value), rates[name].tolist())
+    p.step(time, step)
+
+
+def integrate_from_outside(
+    p: Plant, time: float, step: float, values: dict[str, np.ndarray], rates: dict[str, np.ndarray]
+) -> None:
+    x, xdot = (c_double * 12)(), (c_double * 12)()
+
+    def derivatives(t: float, state: np.ndarray) -> np.ndarray:
+        for name, value in values.items():
+            p.set(name, value + rates[name] * (t - time))
+        p.fmu.setTime(t)
+        x[:] = state.tolist()
+        p.fmu.setContinuousStates(x, 12)
+        p.fmu.getContinuousStateDerivatives(xdot, 12)
+        return np.array(xdot)
+
+    p.fmu.getContinuousStates(x, 12)
+    end = solve_ivp(derivatives, (time, time + step), np.array(x), rtol=1e-9, atol=1e-9).y[:, -1]
+    derivatives(time + step, end)
+    p.fmu.completedIntegratorStep()
+
+
+def test_the_reference_of_the_open_loop_is_the_kernels_trajectory() -> None:
+    """Expected: one integration over the whole case, instead of row by row."""
+    case = reference_cases(load_preset("liu2000"))[0]
+    results = interface.unpack(interface.RESULTS, reference_results(case))
+    states = np.concatenate([results[v.name] for v in interface.STATES], axis=1)
+    assert states == pytest.approx(reference(paper_case()), abs=1e-9)
+
+
+def test_another_platform_gives_other_start_values(tmp_path: Path) -> None:
+    other = load_preset("motion_base")
+    (path,) = build(tmp_path, fmi=["3.0"], platform=other)
+    with plant(Fmu(path)) as p:
+        assert p.get("platform_mass") == other.platform_mass
+        assert np.array_equal(p.get("position"), other.home_position)
+
+
+def test_progress_is_told_step_by_step(tmp_path: Path) -> None:
+    told: list[str] = []
+    build(tmp_path, fmi=["3.0"], progress=told.append)
+    assert len(told) == number_of_steps(["3.0"], ["native"])
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"fmi": ["1.0"]}, "no FMI version '1.0'; expected 2.0 or 3.0"),
+        ({"fmi": []}, "no FMI version"),
+        ({"targets": ["amiga"]}, "no target 'amiga'; expected native, all, or one of x86_64-linux"),
+        ({"targets": []}, "no target"),
+    ],
+)
+def test_a_wrong_option_is_named(options: dict[str, list[str]], expected: str, tmp_path: Path) -> None:
+    with pytest.raises(BuildError, match=expected):
+        build(tmp_path, **options)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_compiler_error_is_shown_and_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = tmp_path / "gough_stewart_fmi2.fmu"
+    kept.write_bytes(b"old")
+    monkeypatch.setattr(sources, "_kernel_source", lambda: "this is not C;")
+    with pytest.raises(BuildError, match="error:"):
+        build(tmp_path)
+    assert kept.read_bytes() == b"old"
+    assert [f.name for f in tmp_path.iterdir()] == [kept.name]
+
+
+def test_targets_come_once_and_in_order() -> None:
+    assert chosen_targets(["all"]) == TARGETS
+    assert chosen_targets(["aarch64-linux", "x86_64-linux", "aarch64-linux"]) == TARGETS[:2]
+    assert chosen_targets(["native"]) == (targets.native(),)
+
+
+def test_an_unknown_machine_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("platform.machine", lambda: "riscv64")
+    with pytest.raises(BuildError, match="riscv64"):
+        chosen_targets(["native"])
+
+
+def fake_libraries(*names: str) -> dict[targets.Target, bytes]:
+    return {BY_NAME[name]: name.encode() for name in names}
+
+
+def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
+    unit = building.unit_of(load_preset("liu2000"), "3.0")
+    binaries = {n for n in building.contents(unit, fake_libraries(*BY_NAME)) if n.startswith("binaries/")}
+    assert binaries == {
+        "binaries/x86_64-linux/gough_stewart.so",
+        "binaries/aarch64-linux/gough_stewart.so",
+        "binaries/x86_64-windows/gough_stewart.dll",
+        "binaries/x86_64-darwin/gough_stewart.dylib",
+        "binaries/aarch64-darwin/gough_stewart.dylib",
+    }
+    assert fmu3.token == building.unit_of(load_preset("liu2000"), "3.0").sources.units["token.c"].split('"')[-2]
+
+
+def test_fmi2_has_a_folder_for_every_system_and_one_file_for_apples_processors() -> None:
+    unit = building.unit_of(load_preset("liu2000"), "2.0")
+    everything = building.contents(unit, fake_libraries(*BY_NAME))
+    assert {n for n in everything if n.startswith("binaries/")} == {
+        "binaries/linux64/gough_stewart.so",
+        "binaries/aarch64-linux/gough_stewart.so",
+        "binaries/win64/gough_stewart.dll",
+        "binaries/darwin64/gough_stewart.dylib",
+    }
+    assert everything["binaries/linux64/gough_stewart.so"] == b"x86_64-linux"
+    # alone it is where FMPy looks on such a machine, too
+    arm = building.contents(unit, fake_libraries("aarch64-linux"))
+    assert arm["binaries/linux64/gough_stewart.so"] == arm["binaries/aarch64-linux/gough_stewart.so"]
+
+
+def test_a_universal_binary_holds_both_libraries_at_aligned_offsets() -> None:
+    """Expected: Apple's <mach-o/fat.h>, read back field by field."""
+    libraries = [(BY_NAME["x86_64-darwin"], b"one" * 9000), (BY_NAME["aarch64-darwin"], b"two" * 9001)]
+    whole = toolchain.universal_binary(libraries)
+    magic, n = struct.unpack_from(">II", whole)
+    assert (magic, n) == (0xCAFEBABE, 2)
+    for k, (_, library) in enumerate(libraries):
+        processor, _subtype, offset, size, power = struct.unpack_from(">IIIII", whole, 8 + 20 * k)
+        assert processor == (0x01000007, 0x0100000C)[k]
+        assert offset % 2**power == 0
+        assert whole[offset : offset + size] == library
+
+
+def test_the_command_line_builds_and_complains(tmp_path: Path) -> None:
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [str(Path(sys.executable).with_name("gough-stewart")), "build", *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    done = run("--fmi", "3.0", "--out", "fmus")
+    assert done.returncode == 0, done.stderr
+    assert "gough_stewart_fmi3.fmu" in done.stdout
+    assert [f.name for f in (tmp_path / "fmus").iterdir()] == ["gough_stewart_fmi3.fmu"]
+    for arguments, expected in (
+        (["--target", "amiga"], "no target 'amiga'"),
+        (["--fmi", "1.0"], "1.0"),
+        (["--preset", "nothing"], "nothing"),
+        (["--platform", "missing.toml"], "missing.toml"),
+        (["--preset", "liu2000", "--platform", "x.toml"], "exclude"),
+    ):
+        done = run(*arguments)
+        assert done.returncode != 0
+        assert expected in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_before_anything_is_built(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        build(tmp_path / "file" / "fmus")

@@ -1,0 +1,211 @@
+"""Model descriptions and the other XML of the archives: schemas, FMPy's validation, dependencies, units."""
+
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+from lxml import etree
+
+from gough_stewart.fmu_build import dependencies, layout, tables
+from gough_stewart.fmu_build.layout import ROWS, Role
+from gough_stewart.fmu_build.units import BY_NAME, UNITS
+from gough_stewart.model import interface
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.platform import Platform
+from tests.fmu_build.plants import Fmu
+from tests.random_platforms import random_inputs, random_platform, random_state
+
+SCHEMAS = Path(fmpy.__file__).parent / "schema"
+DOCUMENTS = {
+    "2.0": [
+        ("modelDescription.xml", "fmi2/fmi2ModelDescription.xsd"),
+        ("sources/buildDescription.xml", "fmi3/fmi3BuildDescription.xsd"),
+        ("terminalsAndIcons/terminalsAndIcons.xml", "fmi3/fmi3TerminalsAndIcons.xsd"),
+    ],
+    "3.0": [
+        ("modelDescription.xml", "fmi3/fmi3ModelDescription.xsd"),
+        ("sources/buildDescription.xml", "fmi3/fmi3BuildDescription.xsd"),
+        ("terminalsAndIcons/terminalsAndIcons.xml", "fmi3/fmi3TerminalsAndIcons.xsd"),
+    ],
+}
+
+
+def test_fmpy_finds_no_problem(fmu: Fmu) -> None:
+    assert validate_fmu(str(fmu.path)) == []
+
+
+def test_every_document_follows_the_schema_of_the_standard(fmu: Fmu) -> None:
+    for document, schema in DOCUMENTS[fmu.version]:
+        checker = etree.XMLSchema(etree.parse(str(SCHEMAS / schema)))
+        checker.validate(etree.parse(str(fmu.folder / document)))
+        assert len(checker.error_log) == 0, (document, str(checker.error_log))
+
+
+def test_every_variable_of_the_table_is_there_with_its_meaning(fmu: Fmu) -> None:
+    found = {v.name: v for v in fmu.description.modelVariables}
+    for row in ROWS:
+        v = row.variable
+        names = layout.scalar_names(row) if fmu.version == "2.0" else (v.name,)
+        for k, name in enumerate(names):
+            declared = found.pop(name)
+            assert declared.description == v.description
+            assert declared.unit == v.unit
+            assert declared.variability == v.variability
+            assert declared.valueReference == (row.first + k if fmu.version == "2.0" else row.reference)
+            assert declared.causality == ("independent" if row.role is Role.INDEPENDENT else v.causality)
+            if fmu.version == "3.0":
+                assert tuple(int(d.start) for d in declared.dimensions) == v.shape
+    assert found == {}
+
+
+def test_start_values_are_those_of_the_platform(fmu: Fmu, paper: Platform) -> None:
+    found = {v.name: v for v in fmu.description.modelVariables}
+    for row in ROWS:
+        starts = tables.start_values(row, paper)
+        if starts is None:
+            continue
+        if fmu.version == "2.0":
+            declared = [float(found[name].start) for name in layout.scalar_names(row)]
+        else:
+            declared = [float(text) for text in found[row.variable.name].start.split()]
+        assert declared == starts.tolist()
+
+
+def test_units_have_the_dimensions_of_their_names() -> None:
+    """Expected: N = kg m/s², J = N m, and the rest read off the name."""
+    bases = {"N": {"kg": 1, "m": 1, "s": -2}, "J": {"kg": 1, "m": 2, "s": -2}}
+    for unit in UNITS:
+        numerator, _, denominator = unit.name.partition("/")
+        exponents: dict[str, int] = {}
+        for part, sign in ((numerator, 1), (denominator, -1)):
+            for factor in filter(None, part.split(".")):
+                symbol, power = (factor[:-1], 2) if factor.endswith("2") else (factor, 1)
+                for base, exponent in bases.get(symbol, {symbol: 1}).items():
+                    exponents[base] = exponents.get(base, 0) + sign * power * exponent
+        assert {b: e for b, e in exponents.items() if e} == unit.exponents
+    assert {v.unit for v in interface.VARIABLES} <= set(BY_NAME)
+
+
+def test_display_units_show_degrees_and_millimetres() -> None:
+    display = {unit.name: unit.display for unit in UNITS if unit.display is not None}
+    name, factor = display["rad"]
+    assert name == "deg"
+    assert factor == pytest.approx(180 / np.pi, rel=1e-15)
+    assert display["m"] == ("mm", 1000.0)
+
+
+def numeric_dependencies() -> dict[int, set[int]]:
+    """Slots of the inputs and states that change an unknown at random points: any difference counts."""
+    rng, kernel = np.random.default_rng(4), Kernel()
+    slots = [*range(12, 24), *range(12)]  # states, then inputs
+    unknowns = [*range(124, 136), *range(12, 62)]  # derivatives, then results
+    found: dict[int, set[int]] = {slot: set() for slot in unknowns}
+    for _ in range(3):
+        platform = random_platform(rng)
+        p = parameter_vector(platform)
+        z = np.concatenate([random_state(platform, rng).to_vector(), random_inputs(platform, rng).to_vector()])
+
+        def values(z: np.ndarray, p: np.ndarray = p) -> np.ndarray:
+            return np.concatenate([kernel.derivatives(z[:12], z[12:], p), kernel.outputs(z[:12], z[12:], p)])
+
+        base = values(z)
+        for k, known in enumerate(slots):
+            changed = z.copy()
+            changed[k] += 0.01 * max(1.0, abs(z[k]))
+            # far above the rounding of what does not depend on it
+            different = np.abs(values(changed) - base) > 1e-9 * (1 + np.abs(base))
+            for slot, differs in zip(unknowns, different, strict=True):
+                if differs:
+                    found[slot].add(known)
+    return found
+
+
+def test_dependencies_are_those_that_differences_show() -> None:
+    """Expected: no more and no less than what changes when a state or an input does."""
+    declared = {
+        slot: set(dependencies.of_slot(slot, (Role.INPUT, Role.STATE))) for slot in dependencies.slot_dependencies()
+    }
+    assert declared == numeric_dependencies()
+
+
+def test_the_descriptions_carry_these_dependencies(fmu: Fmu) -> None:
+    for unknowns in (fmu.description.outputs, fmu.description.derivatives):
+        for unknown in unknowns:
+            if fmu.version == "2.0":
+                expected = dependencies.of_slot(unknown.variable.valueReference, (Role.INPUT, Role.STATE))
+            else:
+                row = layout.BY_NAME[unknown.variable.name]
+                expected = dependencies.of_row(row, (Role.INPUT, Role.STATE))
+            assert [v.valueReference for v in unknown.dependencies] == list(expected)
+            assert list(unknown.dependenciesKind) == list(expected.values())
+
+
+def test_constant_dependencies_have_constant_factors() -> None:
+    """Expected: entries of the Jacobian that are the same at two random points."""
+    rng, kernel = np.random.default_rng(8), Kernel()
+    blocks = []
+    for _ in range(2):
+        platform = random_platform(rng)
+        x, u = random_state(platform, rng).to_vector(), random_inputs(platform, rng).to_vector()
+        j = kernel.jacobians(x, u, parameter_vector(platform))
+        blocks.append(np.block([[j.B, j.A], [j.D, j.C]]))
+    unknowns = [*range(124, 136), *range(12, 62)]
+    constants = 0
+    for slot, kinds in dependencies.slot_dependencies().items():
+        for known, kind in kinds.items():
+            if known < 24 and kind == "constant":
+                entries = {float(block[unknowns.index(slot), known]) for block in blocks}
+                assert len(entries) == 1
+                assert entries != {0.0}
+                constants += 1
+    assert constants >= 15  # twelve states that are outputs, three rates that are velocities
+
+
+def test_terminals_name_variables_that_exist(fmu: Fmu) -> None:
+    names = {v.name for v in fmu.description.modelVariables}
+    root = etree.parse(str(fmu.folder / "terminalsAndIcons/terminalsAndIcons.xml")).getroot()
+    members = [m.get("variableName") for m in root.iter("TerminalMemberVariable")]
+    assert set(members) <= names
+    forces = [m for m in members if m is not None and m.startswith("actuator_force")]
+    assert len(forces) == (6 if fmu.version == "2.0" else 1)
+    terminals = [t.get("name") for t in root.iter("Terminal")]
+    assert "pose" in terminals
+
+
+def test_the_experiment_is_the_papers_second(fmu: Fmu) -> None:
+    experiment = fmu.description.defaultExperiment
+    shown = [float(v) for v in (experiment.startTime, experiment.stopTime, experiment.tolerance, experiment.stepSize)]
+    assert shown == [0.0, 1.0, 1e-8, 1e-3]
+
+
+def test_declared_capabilities(fmu: Fmu) -> None:
+    """Each is tried in test_capabilities.py; none is promised beside those."""
+    root = etree.parse(str(fmu.folder / "modelDescription.xml")).getroot()
+    promised = {
+        kind: {name for element in root.iter(kind) for name, value in element.attrib.items() if value == "true"}
+        for kind in ("ModelExchange", "CoSimulation")
+    }
+    if fmu.version == "2.0":
+        both = {"canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate"}
+        both |= {"providesDirectionalDerivative"}
+        exchange = set[str]()
+        simulation = {"canHandleVariableCommunicationStepSize", "canInterpolateInputs"}
+    else:
+        both = {"canGetAndSetFMUState", "canSerializeFMUState"}
+        both |= {"providesDirectionalDerivatives", "providesAdjointDerivatives"}
+        exchange = {"needsCompletedIntegratorStep", "providesEvaluateDiscreteStates"}
+        simulation = {"canHandleVariableCommunicationStepSize", "providesIntermediateUpdate"}
+        simulation |= {"canReturnEarlyAfterIntermediateUpdate"}
+    assert promised == {"ModelExchange": both | exchange, "CoSimulation": both | simulation}
+    assert [e.get("maxOutputDerivativeOrder") for e in root.iter("CoSimulation")] == ["1"]
+
+
+def test_the_guid_tells_versions_and_platforms_apart(fmu2: Fmu, fmu3: Fmu) -> None:
+    from gough_stewart.fmu_build.build import unit_of
+    from gough_stewart.model.platform_toml import load_preset
+
+    other = unit_of(load_preset("motion_base"), "3.0").documents["modelDescription.xml"].decode()
+    assert fmu2.token != fmu3.token
+    assert fmu3.token not in other
