@@ -107,7 +107,7 @@ R = R<sub>z</sub>(γ) R<sub>y</sub>(β) R<sub>x</sub>(α) maps platform to world
 
 
 def _variables(platform: Platform, fmi_version: str) -> str:
-    rows = "\n".join(_variable(row, platform, fmi_version) for row in layout.ROWS)
+    rows = "\n".join(_variable(row, platform, fmi_version) for row in layout.described(fmi_version))
     naming = (
         "FMI 2.0 has scalars only: elements are named with indices from 1, row by row, as in the first column."
         if fmi_version == "2.0"

@@ -1,11 +1,11 @@
-"""modelDescription.xml of FMI 2.0: one scalar variable for every slot."""
+"""modelDescription.xml of FMI 2.0: scalar variables, one for every slot."""
 
 from lxml import etree
 
 from gough_stewart.fmu_build import dependencies, layout
 from gough_stewart.fmu_build import model_description as shared
 from gough_stewart.fmu_build.dependencies import Kind
-from gough_stewart.fmu_build.layout import ROWS, Role, Row
+from gough_stewart.fmu_build.layout import Role, Row
 from gough_stewart.fmu_build.model_description import Identity
 from gough_stewart.fmu_build.tables import start_values
 from gough_stewart.model.platform import Platform
@@ -36,7 +36,7 @@ def fmi2_description(platform: Platform, identity: Identity) -> bytes:
     shared.add_log_categories(root)
     shared.add_experiment(root)
     variables = etree.SubElement(root, "ModelVariables")
-    for row in ROWS:
+    for row in layout.described("2.0"):
         _add_scalars(variables, row, platform)
     _add_structure(root)
     return shared.to_bytes(root)
@@ -48,7 +48,7 @@ def _add_scalars(variables: etree._Element, row: Row, platform: Platform) -> Non
         slot = row.first + k
         scalar = etree.SubElement(variables, "ScalarVariable", name=name, valueReference=str(slot))
         scalar.set("description", row.variable.description)
-        scalar.set("causality", "independent" if row.role is Role.INDEPENDENT else row.variable.causality)
+        scalar.set("causality", row.variable.causality)
         scalar.set("variability", row.variable.variability)
         if row.role is Role.STATE:
             scalar.set("initial", "exact")

@@ -74,6 +74,14 @@ N_SLOTS = sum(row.variable.size for row in ROWS)
 TIME = BY_NAME["time"]
 
 
+def described(fmi_version: str) -> tuple[Row, ...]:
+    """The rows that a model description has: FMI 2.0 without time.
+
+    It may be left out there, and the FMI Library complains of a missing start value if it is not.
+    """
+    return ROWS if fmi_version == "3.0" else tuple(row for row in ROWS if row is not TIME)
+
+
 def of_role(*roles: Role) -> tuple[Row, ...]:
     """The rows of some roles, in slot order."""
     return tuple(row for row in ROWS if row.role in roles)

@@ -40,12 +40,12 @@ def test_every_document_follows_the_schema_of_the_standard(fmu: Fmu) -> None:
     for document, schema in DOCUMENTS[fmu.version]:
         checker = etree.XMLSchema(etree.parse(str(SCHEMAS / schema)))
         checker.validate(etree.parse(str(fmu.folder / document)))
-        assert len(checker.error_log) == 0, (document, str(checker.error_log))
+        assert str(checker.error_log) == "", document
 
 
 def test_every_variable_of_the_table_is_there_with_its_meaning(fmu: Fmu) -> None:
     found = {v.name: v for v in fmu.description.modelVariables}
-    for row in ROWS:
+    for row in layout.described(fmu.version):
         v = row.variable
         names = layout.scalar_names(row) if fmu.version == "2.0" else (v.name,)
         for k, name in enumerate(names):

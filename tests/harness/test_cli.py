@@ -30,6 +30,8 @@ FILES = {
     "drift.png",
     "report.md",
     "report.json",
+    "gough_stewart_fmi2.fmu",
+    "gough_stewart_fmi3.fmu",
 }
 
 
