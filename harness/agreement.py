@@ -1,5 +1,6 @@
 """Do the formulations agree? Each row is a measured figure with the bound it is held against."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +61,19 @@ def agreement(
             1e-9,
             "relative",
         ),
+    ]
+
+
+def of_fmus(case: OpenLoopCase, kernel: Trajectory, runs: Mapping[str, FloatArray]) -> list[Row]:
+    """Final pose of the FMU's runs, by what ran it."""
+    return [
+        Row(
+            f"final pose: {how} (tolerance 1e-8) against kernel",
+            float(np.abs(states[-1, :6] - kernel.states[-1, :6]).max()),
+            1e-7 if case.is_published else 1e-6,
+            "m, rad",
+        )
+        for how, states in runs.items()
     ]
 
 

@@ -20,7 +20,7 @@ from gough_stewart.model.kane_simulation import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.state import State
 
-PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "polars", "matplotlib")
+PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "fmpy", "ziglang", "polars", "matplotlib")
 
 
 def record(
@@ -119,7 +119,8 @@ def to_markdown(report: dict[str, Any]) -> bytes:
         ", ".join(f"{name} {number}" for name, number in report["versions"].items()),
         "## Files",
         "`open_loop.csv` holds `time` and every output and local of the interface; `figure-4.png` to `figure-7.png` "
-        "are laid out as the paper's figures of these numbers; `report.json` holds this page as data.",
+        "are laid out as the paper's figures of these numbers; `report.json` holds this page as data. The `.fmu` files "
+        "are the plant for other simulators, built for this machine with the platform of this case.",
     ]
     return ("\n\n".join(parts) + "\n").encode()
 

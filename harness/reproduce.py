@@ -1,6 +1,7 @@
 """The reproduction: run everything of an open-loop case, then write all files; progress on the way."""
 
 import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +10,11 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 from gough_stewart.harness import figures, readings, report
-from gough_stewart.harness.agreement import agreement
-from gough_stewart.harness.open_loop import run_kane, run_kernel, run_stepping
+from gough_stewart.harness.agreement import agreement, of_fmus
+from gough_stewart.harness.fmu_runs import FmiType, run_fmu
+from gough_stewart.harness.open_loop import FloatArray, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.record import csv_of
 from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.errors import GoughStewartError
@@ -24,6 +27,7 @@ _DRIFT_RUNS = {
     "without Baumgarte, rtol 1e-6": (1e-6, (0.0, 0.0)),
     "Baumgarte α = β = 10/s, rtol 1e-6": (1e-6, (10.0, 10.0)),
 }
+_FMI_TYPES: dict[FmiType, str] = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange under CVode"}
 FILES = (
     "open_loop.csv",
     "figure-4.png",
@@ -33,6 +37,8 @@ FILES = (
     "drift.png",
     "report.md",
     "report.json",
+    "gough_stewart_fmi2.fmu",
+    "gough_stewart_fmi3.fmu",
 )
 
 
@@ -77,6 +83,9 @@ def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
         leap = run_stepping(case, rows=False)
         kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
         kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
+        fmus, fmu_runs = _fmus(
+            case, each("FMUs", number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS))
+        )
         drawn = each("drift", len(_DRIFT_RUNS))
         drift = {}
         for label, (rtol, baumgarte) in _DRIFT_RUNS.items():
@@ -93,14 +102,28 @@ def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
         pictures["drift.png"] = figures.drift_figure(drift)
         draw()
 
-    said = report.record(case, kernel, agreement(case, kernel, kane, stepping, leap), others, weight, drift)
+    rows = [*agreement(case, kernel, kane, stepping, leap), *of_fmus(case, kernel, fmu_runs)]
+    said = report.record(case, kernel, rows, others, weight, drift)
     files = {
         "open_loop.csv": csv_of(kernel),
         **pictures,
         "report.md": report.to_markdown(said),
         "report.json": report.to_json(said),
+        **fmus,
     }
     return Reproduction(said, files)
+
+
+def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
+    """The native FMUs of the case's platform as files, and what they make of the case."""
+    runs = {}
+    with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
+        paths = build(folder, platform=case.platform, progress=lambda _what: done())
+        for version, path in zip(VERSIONS, paths, strict=True):
+            for fmi_type, how in _FMI_TYPES.items():
+                runs[f"FMU, FMI {version} {how}"] = run_fmu(path, case, fmi_type)
+                done()
+        return {path.name: path.read_bytes() for path in paths}, runs
 
 
 def check_output_folder(folder: Path) -> None:
