@@ -8,11 +8,11 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 
 .PHONY: help demo test check bench evidence format figures lower-bounds clean
 help:
-	@echo "make demo      reproduce the paper: table on the terminal, files in $(OUT)"
+	@echo "make demo      build the FMUs and reproduce the paper: tables on the terminal, files in $(OUT)"
 	@echo "make test      run the tests, with coverage"
 	@echo "make check     formatting, ruff, mypy, import directions"
 	@echo "make bench     speed, as ratios"
-	@echo "make evidence  slow evidence: Pinocchio, long runs, long fuzz"
+	@echo "make evidence  slow evidence: Pinocchio, long runs, long fuzz, other importers and processors"
 	@echo "make format    format the code"
 	@echo "make figures   draw the pictures of README and docs again"
 	@echo "make lower-bounds  the tests under the oldest versions that pyproject.toml admits"

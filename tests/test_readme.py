@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -13,7 +14,11 @@ README = (ROOT / "README.md").read_text()
 COMMANDS = [
     line.split("#")[0].strip() for block in re.findall(r"```sh\n(.*?)```", README, re.S) for line in block.splitlines()
 ]
+FMU_SNIPPETS = re.findall(r"```python\n(.*?)```", (ROOT / "docs/fmu.md").read_text(), re.S)
 SNIPPETS = re.findall(r"```python\n(.*?)```", README, re.S)
+STEPPING, LQR = (
+    next(s for s in SNIPPETS if word in s) for word in ('plant.get("leg_velocity")', "solve_continuous_are")
+)
 PAGES = ["README.md", "CONTRIBUTING.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
 
 
@@ -29,6 +34,15 @@ def run(command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         check=False,
         env={**os.environ, "PATH": path, "MPLBACKEND": "agg"},
     )
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which `gough-stewart build` was called, as the pages tell their readers to."""
+    folder = tmp_path_factory.mktemp("built")
+    done = run("gough-stewart build", folder)
+    assert done.returncode == 0, done.stderr
+    return folder
 
 
 def test_the_two_commands_come_first() -> None:
@@ -55,22 +69,55 @@ def test_the_commands_run_in_order(tmp_path: Path) -> None:
     assert (tmp_path / "results" / "mine" / "figure-4.png").exists()
 
 
-@pytest.mark.parametrize("snippet", SNIPPETS, ids=lambda s: s.splitlines()[0])
-def test_the_snippets_run(snippet: str, tmp_path: Path) -> None:
-    (tmp_path / "snippet.py").write_text(snippet)
-    done = run(f"{sys.executable} snippet.py", tmp_path)
+def number_and_title(snippet: str) -> str:
+    return next((line for line in snippet.splitlines() if "=" in line), snippet.splitlines()[0])
+
+
+@pytest.mark.parametrize("snippet", [*SNIPPETS, *FMU_SNIPPETS], ids=number_and_title)
+def test_the_snippets_run(snippet: str, built: Path) -> None:
+    (built / "snippet.py").write_text(snippet)
+    done = run(f"{sys.executable} snippet.py", built)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_commands_of_the_fmu_page_are_options_of_the_command() -> None:
+    """The build for all targets takes minutes on a cold cache; its options are checked, not run."""
+    commands = re.findall(r"```sh\n(.*?)```", (ROOT / "docs/fmu.md").read_text(), re.S)
+    options = {word for command in commands for word in command.split() if word.startswith("--")}
+    assert options
+    assert [o for o in options if o not in run("gough-stewart build --help", ROOT).stdout] == []
+
+
+@pytest.mark.parametrize("example", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)
+def test_the_examples_run(example: Path, built: Path) -> None:
+    done = run(f"{sys.executable} {example}", built)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+def test_the_example_holds_its_legs_under_the_new_payload(built: Path) -> None:
+    """Expected: 0.1 m more leg lifts by 0.1 · 3.246/3 = 0.108 m; 5 kg are 5 · 9.81/6 · 3.353/3.109 N a leg more."""
+    lines = run(f"{sys.executable} {ROOT / 'examples/fmu_in_fmpy.py'}", built).stdout.splitlines()
+    height, force = (np.array([float(re.findall(p, line)[0]) for line in lines]) for p in (r"z = (\S+)", r"F = (\S+)"))
+    assert abs(height[-1] - 3.108) < 2e-3
+    assert force[-1] - force[2] == pytest.approx(5 * 9.81 / 6 * 3.353 / 3.109, rel=0.03)
+
+
+def test_an_example_without_its_fmu_says_how_to_make_it(tmp_path: Path) -> None:
+    done = run(f"{sys.executable} {ROOT / 'examples/fmu_in_fmpy.py'}", tmp_path)
+    assert done.returncode != 0
+    assert "gough-stewart build" in done.stderr
 
 
 def test_the_stepping_snippet_does_what_its_comment_says(tmp_path: Path) -> None:
     """Expected: δz = δL · L/z for equal legs, 0.05 · 3.2459/3 = 0.0541 m."""
-    (tmp_path / "snippet.py").write_text(SNIPPETS[0] + "\nassert abs(plant.get('position[3]') - 3.0541) < 2e-3\n")
+    (tmp_path / "snippet.py").write_text(STEPPING + "\nassert abs(plant.get('position[3]') - 3.0541) < 2e-3\n")
     assert run(f"{sys.executable} snippet.py", tmp_path).returncode == 0
 
 
 def test_the_lqr_snippet_stabilises_an_unstable_platform(tmp_path: Path) -> None:
     done_line = "\nassert np.abs(plant.state - start).max() < 1e-3\nassert np.linalg.eigvals(A).real.max() > 0\n"
-    (tmp_path / "snippet.py").write_text(SNIPPETS[1] + done_line)
+    (tmp_path / "snippet.py").write_text(LQR + done_line)
     done = run(f"{sys.executable} snippet.py", tmp_path)
     assert done.returncode == 0, done.stderr + done.stdout
 
