@@ -20,7 +20,7 @@ from gough_stewart.fmu_build.reference_results import reference_files
 from gough_stewart.fmu_build.sources import Sources, sources, standard_headers, standard_license
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import LIBRARY, compile_library, universal_binary
-from gough_stewart.model.files import write_whole
+from gough_stewart.model.files import check_output_folder, write_whole
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 
@@ -38,11 +38,6 @@ class Unit:
     fmi_version: str
     sources: Sources
     documents: dict[str, bytes]  # by path in the archive
-
-    @property
-    def file_name(self) -> str:
-        """`gough_stewart_fmi2.fmu` or `gough_stewart_fmi3.fmu`."""
-        return f"{LIBRARY}_fmi{self.fmi_version[0]}.fmu"
 
 
 def build(
@@ -72,22 +67,28 @@ def build(
     ------
     BuildError
         An unknown version or target, or the compiler's complaint.
-    OSError
-        The files cannot be written.
+    OutputError
+        The files cannot be written there.
     """
     folder, told = Path(out), progress or (lambda _text: None)
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     chosen = load_preset(DEFAULT_PRESET) if platform is None else platform
-    folder.mkdir(parents=True, exist_ok=True)
+    check_output_folder(folder, [file_name(version) for version in versions])
     archives = {}
     for version in versions:
         told(f"FMI {version}: sources and documents")
         unit = unit_of(chosen, version)
         libraries = _compile(unit, systems, told)
-        archives[folder / unit.file_name] = to_zip(contents(unit, libraries))
+        archives[folder / file_name(version)] = to_zip(contents(unit, libraries))
+    folder.mkdir(parents=True, exist_ok=True)
     for path, content in archives.items():
         write_whole(path, content)
     return list(archives)
+
+
+def file_name(fmi_version: str) -> str:
+    """`gough_stewart_fmi2.fmu` or `gough_stewart_fmi3.fmu`."""
+    return f"{LIBRARY}_fmi{fmi_version[0]}.fmu"
 
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:

@@ -101,9 +101,10 @@ def reproduce_command(
     with _clear_errors():
         # here, not above: --help need not wait for CasADi and matplotlib
         from gough_stewart.harness.report import to_terminal
-        from gough_stewart.harness.reproduce import check_output_folder, reproduce, write
+        from gough_stewart.harness.reproduce import FILES, reproduce, write
+        from gough_stewart.model.files import check_output_folder
 
-        check_output_folder(out)
+        check_output_folder(out, FILES)
         case = _chosen_case(order, preset, platform)
         result = reproduce(case, _errors)
         write(result, out)

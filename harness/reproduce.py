@@ -1,6 +1,5 @@
 """The reproduction: run everything of an open-loop case, then write all files; progress on the way."""
 
-import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +16,6 @@ from gough_stewart.harness.fmu_runs import FmiType, run_fmu
 from gough_stewart.harness.open_loop import FloatArray, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.record import csv_of
 from gough_stewart.model.cases import OpenLoopCase
-from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.files import write_whole
 
 # Tolerance and (α, β) of the runs that show the drift; 1e-3 is ode45's default.
@@ -40,10 +38,6 @@ FILES = (
     "gough_stewart_fmi2.fmu",
     "gough_stewart_fmi3.fmu",
 )
-
-
-class OutputError(GoughStewartError):
-    """The results cannot be written where they were asked for."""
 
 
 @dataclass(frozen=True)
@@ -124,26 +118,6 @@ def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes
                 runs[f"FMU, FMI {version} {how}"] = run_fmu(path, case, fmi_type)
                 done()
         return {path.name: path.read_bytes() for path in paths}, runs
-
-
-def check_output_folder(folder: Path) -> None:
-    """Refuse a place that cannot be written, before anything is computed.
-
-    Raises
-    ------
-    OutputError
-        It is a file, or neither it nor a folder above it can be written.
-    """
-    place = folder.absolute()
-    while not place.exists() and place != place.parent:
-        place = place.parent
-    if not place.is_dir():
-        raise OutputError(f"--out {folder}: {place} is a file; expected a folder, existing or new")
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise OutputError(f"--out {folder}: no permission to write in {place}; choose another folder")
-    for name in FILES:
-        if (folder / name).is_dir():
-            raise OutputError(f"--out {folder}: {name} is a folder there; expected a file or nothing")
 
 
 def write(reproduction: Reproduction, folder: Path) -> None:

@@ -34,6 +34,10 @@ class PlatformFileError(GoughStewartError, ValueError):
         self.where = where
 
 
+class OutputError(GoughStewartError):
+    """Results cannot be written where they were asked for."""
+
+
 class OrientationError(GoughStewartError, ValueError):
     """A rotation without roll, pitch and yaw: not a rotation matrix, or a pitch of ±90°."""
 

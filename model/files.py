@@ -2,7 +2,30 @@
 
 import os
 import threading
+from collections.abc import Iterable
 from pathlib import Path
+
+from gough_stewart.model.errors import OutputError
+
+
+def check_output_folder(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a place where files of these names cannot be written, before anything is computed.
+
+    Raises
+    ------
+    OutputError
+        It is a file, or neither it nor a folder above it can be written, or a folder has one of the names.
+    """
+    place = folder.absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not place.is_dir():
+        raise OutputError(f"output folder {folder}: {place} is a file; expected a folder, existing or new")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise OutputError(f"output folder {folder}: no permission to write in {place}; choose another folder")
+    for name in names:
+        if (folder / name).is_dir():
+            raise OutputError(f"output folder {folder}: {name} is a folder there; expected a file or nothing")
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -23,6 +23,7 @@ from gough_stewart.fmu_build.reference_results import reference_cases, reference
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets
 from gough_stewart.model import interface
 from gough_stewart.model.cases import paper_case
+from gough_stewart.model.errors import OutputError
 from gough_stewart.model.platform_toml import load_preset
 from tests.fmu_build.plants import Fmu, Plant, plant
 from tests.fmu_build.test_trajectories import reference
@@ -284,7 +285,11 @@ def test_the_command_line_builds_and_complains(tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
 
 
-def test_a_folder_that_cannot_be_made_is_an_error_before_anything_is_built(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_an_error_before_anything_is_built(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OSError, match="file"):
-        build(tmp_path / "file" / "fmus")
+    (tmp_path / "gough_stewart_fmi3.fmu").mkdir()
+    told: list[str] = []
+    for place, expected in ((tmp_path / "file" / "fmus", "is a file"), (tmp_path, "is a folder there")):
+        with pytest.raises(OutputError, match=expected):
+            build(place, progress=told.append)
+    assert told == []

@@ -1,0 +1,95 @@
+"""Builds for all targets, with cold caches: the same bytes, small enough, of the right kind."""
+
+import struct
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from gough_stewart.fmu_build.build import build
+from gough_stewart.fmu_build.targets import TARGETS
+
+pytestmark = pytest.mark.evidence
+
+# First bytes of ELF, PE and Mach-O files of 64 bits, and of a universal one.
+MAGIC = {".so": b"\x7fELF\x02", ".dll": b"MZ", ".dylib": b"\xcf\xfa\xed\xfe"}
+
+
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Both FMUs for all targets, with the user's own cache."""
+    return build(tmp_path_factory.mktemp("everything"), targets=["all"])
+
+
+def test_a_cold_cache_elsewhere_gives_the_same_bytes(
+    everything: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: equal archives, by compilers that share nothing but their version."""
+    for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+        monkeypatch.setenv(name, str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    again = build(tmp_path / "again", targets=["all"])
+    assert [p.read_bytes() for p in again] == [p.read_bytes() for p in everything]
+
+
+def test_a_cold_native_build_takes_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Says how long; the same bytes again from the warm cache."""
+    for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+        monkeypatch.setenv(name, str(tmp_path / "cache"))
+    archives = []
+    for cache in ("cold", "warm"):
+        begun = time.monotonic()
+        (path,) = build(tmp_path / cache, fmi=["3.0"])
+        print(f"native build of one FMU, {cache} cache: {time.monotonic() - begun:.1f} s")
+        archives.append(path.read_bytes())
+    assert archives[0] == archives[1]
+
+
+def test_five_binaries_fit_into_a_megabyte(everything: list[Path]) -> None:
+    for path in everything:
+        print(f"{path.name}: {path.stat().st_size / 1e6:.3f} MB")
+        assert path.stat().st_size <= 1_000_000
+
+
+def test_binaries_are_of_their_systems(everything: list[Path]) -> None:
+    """Expected: file headers of ELF (e_machine at 18), PE (machine after the signature) and Mach-O (cputype at 4)."""
+    with zipfile.ZipFile(everything[1]) as archive:
+        for target in TARGETS:
+            data = archive.read(f"binaries/{target.name}/gough_stewart{target.suffix}")
+            assert data.startswith(MAGIC[target.suffix])
+            arm = target.name.startswith("aarch64")
+            if target.suffix == ".so":
+                assert struct.unpack_from("<H", data, 18)[0] == (183 if arm else 62)
+            elif target.suffix == ".dll":
+                assert struct.unpack_from("<H", data, struct.unpack_from("<I", data, 60)[0] + 4)[0] == 0x8664
+            else:
+                assert struct.unpack_from("<I", data, 4)[0] == (0x0100000C if arm else 0x01000007)
+                assert minimum_macos(data) == ((11, 0) if arm else (10, 15))
+    with zipfile.ZipFile(everything[0]) as archive:
+        universal = archive.read("binaries/darwin64/gough_stewart.dylib")
+        assert universal.startswith(b"\xca\xfe\xba\xbe\x00\x00\x00\x02")
+
+
+def minimum_macos(library: bytes) -> tuple[int, int]:
+    """From LC_BUILD_VERSION (0x32) or LC_VERSION_MIN_MACOSX (0x24) among the load commands."""
+    commands, at = struct.unpack_from("<I", library, 16)[0], 32
+    for _ in range(commands):
+        command, size = struct.unpack_from("<II", library, at)
+        if command in (0x32, 0x24):
+            version = struct.unpack_from("<I", library, at + (12 if command == 0x32 else 8))[0]
+            return version >> 16, version >> 8 & 0xFF
+        at += size
+    raise AssertionError("no minimum version among the load commands")
+
+
+def test_linux_binaries_need_no_newer_c_library_than_promised(everything: list[Path]) -> None:
+    """Expected: symbol versions up to GLIBC_2.17, of 2012."""
+    import re
+
+    with zipfile.ZipFile(everything[1]) as archive:
+        for name in ("x86_64-linux", "aarch64-linux"):
+            data = archive.read(f"binaries/{name}/gough_stewart.so")
+            versions = {tuple(map(int, v.split(b"."))) for v in re.findall(rb"GLIBC_([0-9.]+)", data)}
+            assert versions
+            assert max(versions) <= (2, 17)

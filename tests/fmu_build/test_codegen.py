@@ -1,0 +1,60 @@
+"""The kernel as C: complete, with plain signatures, and refused where it is not straight-line code."""
+
+import re
+
+import casadi
+import pytest
+
+from gough_stewart.fmu_build import codegen, layout, tables
+from gough_stewart.fmu_build.layout import ROWS
+from gough_stewart.fmu_build.sources import sources
+from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
+
+
+def test_every_function_that_the_header_declares_is_defined(paper: Platform) -> None:
+    """Expected: the declarations of kernel.h, argument by argument."""
+    headers = sources(paper, "3.0", "token").headers
+    declared = dict(re.findall(r"void (kernel_\w+)\((.*?)\);", headers["kernel.h"], re.S))
+    defined = dict(re.findall(r"^void (kernel_\w+)\((.*?)\)$", codegen.kernel_source(), re.M))
+    assert len(defined) == 5
+    assert defined == {name: " ".join(arguments.split()) for name, arguments in declared.items()}
+
+
+def test_the_code_is_arithmetic_only() -> None:
+    """Expected: calls of sin, cos, tanh, sqrt and the square; no branch, no loop, no pointer."""
+    source = codegen.kernel_source()
+    body = source[source.index("void kernel_derivatives") :]
+    assert set(re.findall(r"\b(\w+)\(", body)) - {f"kernel_{n}" for n in ("derivatives", "outputs", "legs")} == {
+        *("sin", "cos", "tanh", "sqrt", "sq", "kernel_forward", "kernel_reverse")
+    }
+    assert not re.search(r"\b(if|for|while|goto|static)\b|\?|\*\w+\s*=", body)
+
+
+def test_code_that_branches_is_refused() -> None:
+    x = casadi.SX.sym("x")
+    function = casadi.Function("f", [x], [casadi.if_else(x > 0, casadi.sin(x), casadi.fmod(x, 2))], ["x"], ["y"])
+    with pytest.raises(RuntimeError, match="unknown construct"):
+        codegen.function_source(function)
+
+
+def test_slots_follow_each_other_without_gaps() -> None:
+    first = 0
+    for row in ROWS:
+        assert row.first == first
+        first += row.variable.size
+    assert first == layout.N_SLOTS
+
+
+def test_states_come_first_among_the_results() -> None:
+    """Expected by the C core: results begin with the states, in the kernel's order."""
+    names = [row.variable.name for row in ROWS]
+    results = names[names.index(interface.RESULTS[0].name) :]
+    assert results[: len(interface.RESULTS)] == [v.name for v in interface.RESULTS]
+    assert results[: len(interface.STATES)] == [v.name for v in interface.STATES]
+
+
+def test_the_layout_number_changes_with_the_variables(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = tables.layout_number()
+    monkeypatch.setattr(tables, "ROWS", ROWS[:-1])
+    assert tables.layout_number() != before
