@@ -1,0 +1,131 @@
+/* A communication step: component_step of component.h. */
+#include <math.h>
+#include <string.h>
+
+#include "component.h"
+#include "integrator.h"
+#include "kernel.h"
+
+/* One communication step on its way. */
+typedef struct {
+    component *c;
+    const observer *observer;
+    int interpolates;
+    double since; /* time at which the inputs had the values of `from` */
+    double from[N_INPUTS];
+} communication_step;
+
+static void inputs_at(const communication_step *step, double t, double u[N_INPUTS])
+{
+    for (int i = 0; i < N_INPUTS; i++)
+        u[i] = step->from[i] + step->c->s.input_rates[i] * (t - step->since);
+}
+
+static void derivatives_in_step(void *owner, double t, const double x[N_STATES], double xdot[N_STATES])
+{
+    const communication_step *step = owner;
+    double u[N_INPUTS];
+    if (step->interpolates)
+        inputs_at(step, t, u);
+    kernel_derivatives(x, step->interpolates ? u : step->c->s.inputs, step->c->s.p, xdot);
+}
+
+/* The component goes along with the integration: time, states, inputs and derivatives are those of this point. */
+static int accept_internal_step(void *owner, double t, const double x[N_STATES], const double xdot[N_STATES],
+                                double *end, int *changed)
+{
+    communication_step *step = owner;
+    component *c = step->c;
+    c->s.time = t;
+    memcpy(c->s.x, x, sizeof c->s.x);
+    memcpy(c->xdot, xdot, sizeof c->xdot);
+    c->has_xdot = 1;
+    c->has_results = 0;
+    if (step->interpolates)
+        inputs_at(step, t, c->s.inputs);
+    if (component_check_pose(c) != DONE)
+        return 0;
+    if (step->observer) {
+        double wanted = *end;
+        step->observer->notice(step->observer->context, t, &wanted);
+        if (wanted < *end)
+            *end = fmax(wanted, t);
+        *changed = !c->has_xdot;
+        step->since = t;
+        memcpy(step->from, c->s.inputs, sizeof step->from);
+    }
+    return 1;
+}
+
+static outcome check_step(component *c, double time, double step)
+{
+    if (!isfinite(step) || !(step > 0)) {
+        write_message(c->message, "communication step = %g s refused; expected a step > 0", step);
+        return MISUSE;
+    }
+    double now = c->s.time, resolution = nextafter(fabs(now), INFINITY) - fabs(now);
+    /* rounding of an importer's clock, but never a noticeable share of the step */
+    double rounding = fmax(fmin(1e-9 * fmax(1, fabs(now)), 1e-3 * step), 4 * resolution);
+    if (!(fabs(time - now) <= rounding)) {
+        write_message(c->message, "communication point %.17g s refused; expected the present time %.17g s, steps follow "
+                                  "each other", time, now);
+        return MISUSE;
+    }
+    if (!(time + step > now)) {
+        write_message(c->message, "communication step = %g s refused; too small to advance time %g s", step, now);
+        return MISUSE;
+    }
+    if (time + step > c->s.stop_time + rounding) {
+        write_message(c->message, "communication step to %.9g s refused; it passes the stop time, %.9g s", time + step,
+                      c->s.stop_time);
+        return MISUSE;
+    }
+    return DONE;
+}
+
+static void explain_failure(component *c, integration how, double time, double end)
+{
+    const char *remedy = "forces too large, friction too sharp (leg_friction_velocity), or nearly singular";
+    if (how == STEP_TOO_SMALL)
+        write_message(c->message, "at time %.9g s: the tolerance %g cannot be held; %s", time, c->s.tolerance, remedy);
+    else if (how == TOO_MANY_STEPS)
+        write_message(c->message, "at time %.9g s: too many internal steps for one step to time %.9g s; %s", time, end,
+                      remedy);
+    else if (how == NOT_FINITE)
+        write_message(c->message, "at time %.9g s: the motion is not finite; fixed_step_size = %g s is too large, or %s",
+                      time, c->s.fixed_step_size, remedy);
+}
+
+outcome component_step(component *c, double time, double step, const observer *observer, double *reached)
+{
+    *reached = c->s.time;
+    outcome checked = check_step(c, time, step);
+    if (checked == DONE)
+        checked = component_check_inertia(c);
+    integration_point at = {.t = c->s.time, .step = c->s.internal_step};
+    if (checked == DONE)
+        checked = component_derivatives(c, at.xdot);
+    if (checked != DONE)
+        return checked;
+    memcpy(at.x, c->s.x, sizeof at.x);
+
+    component_state before = c->s;
+    communication_step run = {.c = c, .observer = observer, .since = before.time};
+    memcpy(run.from, before.inputs, sizeof run.from);
+    for (int i = 0; i < N_INPUTS; i++)
+        run.interpolates |= before.input_rates[i] != 0;
+    ode problem = {&run, derivatives_in_step, accept_internal_step};
+
+    double end = time + step;
+    integration how = before.fixed_step_size > 0 ? integrate_fixed(&problem, &at, end, before.fixed_step_size)
+                                                 : integrate_controlled(&problem, &at, end, before.tolerance);
+    if (how == REACHED_END) {
+        c->s.internal_step = at.step;
+        *reached = at.t;
+        return DONE;
+    }
+    c->s = before;
+    component_forget_results(c);
+    explain_failure(c, how, at.t, end);
+    return NOT_POSSIBLE;
+}
