@@ -11,6 +11,7 @@ EXAMPLES = [
     errors.GoughStewartError("text"),
     errors.PlatformError("gravity", "is odd"),
     errors.PlatformFileError("mine.toml", "is odd"),
+    errors.OutputError("is a file"),
     errors.OrientationError("odd"),
     errors.SingularPoseError("odd", 1e13),
     errors.NoPoseError("none", {"iterations": 3}),
