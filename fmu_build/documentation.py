@@ -223,7 +223,7 @@ legs, and <code>gravity</code>.</li>
 def _failures(fmi_version: str) -> str:
     prefix = f"fmi{fmi_version[0]}"
     last = (
-        "<code>fmi2GetRealStatus</code> with <code>fmi2LastSuccessfulTime</code> gives the start of the step"
+        "<code>fmi2LastSuccessfulTime</code> is the start of the step, and <code>fmi2Terminated</code> true"
         if fmi_version == "2.0"
         else "<code>lastSuccessfulTime</code> is the start of the step"
     )
@@ -237,7 +237,7 @@ Of a communication step: a collapsed leg, a pitch that reaches ±90°, a singula
 through, forces or motions that are not finite, a <code>platform_inertia</code> that no body has, a tolerance that
 cannot be held, or more than {MOST_INTERNAL_STEPS:,} internal steps ({MOST_FIXED_STEPS:,} fixed ones). Of results that
 are read: not finite.</li>
-<li>After a discarded call the unit is as it was before the call; {last}. A shorter step, other inputs, or
+<li>After a discarded call the unit is as it was before the call; {last}. Other inputs, another step, or
 the end of the simulation are up to the importer.</li>
 <li><code>{prefix}Error</code>: misuse, such as a call that is not allowed in the present mode, an unknown value
 reference, a communication point that is not the present time, or a step beyond the stop time. Also a start that the

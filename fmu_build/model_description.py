@@ -34,7 +34,7 @@ def root(fmi_version: str, **attributes: str) -> etree._Element:
     own = {
         "fmiVersion": fmi_version,
         "modelName": MODEL_NAME,
-        "description": f"Gough–Stewart platform: {package['Summary']}",
+        "description": package["Summary"],
         "version": package["Version"],
         "copyright": "the gough-stewart authors",
         "license": package["License-Expression"],

@@ -30,23 +30,28 @@ static int is_saved_state(const instance *i, const char *function, const saved_s
     return 0;
 }
 
-status save_state(instance *i, const char *function, void **saved)
+/* Puts a state where `saved` points, over an earlier one if there is one. */
+static status keep(const instance *i, const char *function, void **saved, kind kind, mode mode,
+                   const component_state *state)
 {
-    if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, saved, 1, "FMUState"))
-        return STATUS_ERROR;
-    saved_state *s = *saved; /* an earlier one is written over */
+    saved_state *s = *saved;
     if (s && !is_saved_state(i, function, s))
         return STATUS_ERROR;
     if (!s)
         s = malloc(sizeof *s);
     if (!s)
         return report(i, STATUS_ERROR, "%s: out of memory", function);
+    *s = (saved_state){.kind = kind, .mode = mode, .state = *state};
     memcpy(s->magic, MAGIC, sizeof MAGIC);
-    s->kind = i->kind;
-    s->mode = i->mode;
-    s->state = i->component.s;
     *saved = s;
     return STATUS_OK;
+}
+
+status save_state(instance *i, const char *function, void **saved)
+{
+    if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, saved, 1, "FMUState"))
+        return STATUS_ERROR;
+    return keep(i, function, saved, i->kind, i->mode, &i->component.s);
 }
 
 status restore_state(instance *i, const char *function, const void *saved)
@@ -184,17 +189,5 @@ status deserialize(const instance *i, const char *function, const unsigned char 
     memcpy(&state, numbers, sizeof state);
     if (take(&at, 8) != checksum(bytes, SERIAL_SIZE - 8) || !is_possible((kind)kind_number, (int)mode_number, &state))
         return report(i, STATUS_ERROR, "%s: the bytes are damaged (wrong checksum or impossible values)", function);
-    saved_state *s = *saved;
-    if (s && !is_saved_state(i, function, s))
-        return STATUS_ERROR;
-    if (!s)
-        s = malloc(sizeof *s);
-    if (!s)
-        return report(i, STATUS_ERROR, "%s: out of memory", function);
-    memcpy(s->magic, MAGIC, sizeof MAGIC);
-    s->kind = (kind)kind_number;
-    s->mode = (mode)mode_number;
-    s->state = state;
-    *saved = s;
-    return STATUS_OK;
+    return keep(i, function, saved, (kind)kind_number, (mode)mode_number, &state);
 }
