@@ -32,6 +32,7 @@ check: $(VENV)/dev
 
 bench: $(VENV)/bench
 	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/fmu.py
 
 evidence: $(VENV)/evidence
 	$(BIN)/python -m pytest -m evidence -s

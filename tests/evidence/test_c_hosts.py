@@ -1,0 +1,133 @@
+"""Slow evidence from hosts written in C: long random calls under sanitizers, 1,000 instances, other systems."""
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gough_stewart.fmu_build.sources import sources, standard_headers
+from gough_stewart.fmu_build.targets import BY_NAME, Target, native
+from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.model.cases import paper_case
+from gough_stewart.model.platform_toml import load_preset
+from tests.c_hosts import (
+    FUZZ,
+    HOSTS,
+    INSTANCES,
+    NEVER_OK,
+    TOKEN,
+    ZIG,
+    compile_host,
+    environment,
+    functions_of_the_standards,
+    fuzz,
+    run_instances,
+)
+
+pytestmark = pytest.mark.evidence
+
+SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+def gcc_with(flags: Sequence[str], folder: Path) -> str:
+    """The path of gcc; skips the test if it cannot make programs with these flags."""
+    gcc = shutil.which("gcc")
+    if gcc is None:
+        pytest.skip("gcc is not installed")
+    (folder / "empty.c").write_text("int main(void) { return 0; }\n")
+    program = folder / "empty"
+    made = subprocess.run([gcc, *flags, "empty.c", "-o", "empty"], cwd=folder, capture_output=True, check=False)
+    if made.returncode != 0 or subprocess.run([str(program)], capture_output=True, check=False).returncode != 0:
+        pytest.skip(f"this gcc has no {' '.join(flags)}")
+    return gcc
+
+
+def test_100_000_sequences_of_calls_break_no_contract_and_no_rule_of_c(tmp_path: Path) -> None:
+    """Expected: what tests/hosts/fuzz_contract.c checks after every call; no word from the sanitizers."""
+    gcc = gcc_with(SANITIZERS, tmp_path)
+    program = compile_host(FUZZ, tmp_path / "fuzz", (gcc, "-O1", "-g", *SANITIZERS))
+    calls = fuzz(program, 100_000, seeds=(1, 2))
+    print(f"\n{sum(sum(n.values()) for n in calls.values())} calls of {len(calls)} functions, no violation")
+    assert set(calls) == functions_of_the_standards()
+    assert {function for function, n in calls.items() if n["ok"] == 0} == NEVER_OK
+
+
+def test_1000_instances_in_turn_in_threads_and_one_by_one_have_the_same_bits(tmp_path: Path) -> None:
+    """Expected: the same unit, stepped in another order; at most 16 KiB for an instance."""
+    result = run_instances(compile_host(INSTANCES, tmp_path / "instances", (*ZIG, "-O2")), 1000, 8)
+    print(f"\n{result}")
+    assert result["bytes_per_instance"] <= 16 * 1024
+
+
+def test_threads_do_not_race(tmp_path: Path) -> None:
+    """Expected: no word from the thread sanitizer."""
+    gcc = gcc_with(("-fsanitize=thread",), tmp_path)
+    program = compile_host(INSTANCES, tmp_path / "instances", (gcc, "-O1", "-g", "-fsanitize=thread"))
+    run_instances(program, 100, 8)
+
+
+def trajectory(target: Target, folder: Path, runner: Sequence[str] = (), **variables: str) -> NDArray[np.float64]:
+    """Poses (101, 6) of the paper's second from the library for a system, loaded by a host for the same system."""
+    unit = sources(load_preset("liu2000"), "2.0", TOKEN)
+    # headers as in an FMU, which makes one compilation of the kernel for both
+    library = compile_library(unit.units, unit.headers | standard_headers("3.0"), target)
+    folder.mkdir()
+    (folder / f"unit{target.suffix}").write_bytes(library)
+    for name, text in standard_headers("2.0").items():
+        (folder / name).write_text(text)
+    program = "trajectory.exe" if "windows" in target.name else "trajectory"
+    command = [*ZIG, "-target", target.triple, "-std=c11", "-O1", "-I", ".", str(HOSTS / "trajectory.c"), "-o", program]
+    if "linux" in target.name:
+        command.append("-ldl")
+    made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
+    done = subprocess.run(
+        [*runner, f"./{program}", f"./unit{target.suffix}", TOKEN],
+        cwd=folder,
+        env=environment(**variables),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.float64]:
+    """The trajectory on this system."""
+    poses = trajectory(native(), tmp_path_factory.mktemp("native") / "unit")
+    assert poses.shape == (101, 6)
+    np.testing.assert_array_equal(poses[0], [*paper_case().start.position, *paper_case().start.orientation])
+    return poses
+
+
+def assert_same(poses: NDArray[np.float64], expected: NDArray[np.float64], name: str) -> None:
+    """Relative to the largest coordinate of each kind, in m and in rad, for those that are zero."""
+    worst = 0.0
+    for part in (slice(0, 3), slice(3, 6)):
+        scale = np.abs(expected[:, part]).max()
+        worst = max(worst, np.abs(poses[:, part] - expected[:, part]).max() / scale)
+    print(f"\n{name}: largest relative difference {worst:.1e}")
+    assert worst <= 1e-12
+
+
+def test_linux_on_aarch64_moves_as_this_system_does(here: NDArray[np.float64], tmp_path: Path) -> None:
+    """Expected: the trajectory of this system's own library."""
+    qemu, root = shutil.which("qemu-aarch64"), Path("/usr/aarch64-linux-gnu")
+    if qemu is None or not root.is_dir():
+        pytest.skip("qemu-aarch64 or the C library of aarch64 (/usr/aarch64-linux-gnu) is not installed")
+    assert_same(trajectory(BY_NAME["aarch64-linux"], tmp_path / "unit", (qemu, "-L", str(root))), here, "aarch64-linux")
+
+
+def test_windows_moves_as_this_system_does(here: NDArray[np.float64], tmp_path: Path) -> None:
+    """Expected: the trajectory of this system's own library."""
+    wine = shutil.which("wine")
+    if wine is None:
+        pytest.skip("wine is not installed")
+    variables = {"WINEDEBUG": "-all", "WINEPREFIX": str(tmp_path / "wine")}
+    assert_same(trajectory(BY_NAME["x86_64-windows"], tmp_path / "unit", (wine,), **variables), here, "x86_64-windows")

@@ -1,0 +1,43 @@
+"""The unit in hosts written in C: random calls under a sanitizer, instances in threads. Longer in tests/evidence."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.c_hosts import (
+    FUZZ,
+    INSTANCES,
+    NEVER_OK,
+    ZIG,
+    compile_host,
+    functions_of_the_standards,
+    fuzz,
+    run_instances,
+)
+
+# undefined behaviour ends the program at once; both hosts are made of the same compilation of the unit
+COMPILER = (*ZIG, "-O1", "-fsanitize=undefined", "-fsanitize-trap=undefined")
+
+
+@pytest.fixture(scope="session")
+def hosts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the programs are made."""
+    return tmp_path_factory.mktemp("hosts")
+
+
+def test_no_sequence_of_calls_breaks_the_contract(hosts: Path) -> None:
+    """Expected: what tests/hosts/fuzz_contract.c checks after every call, from the standards and instance.h.
+
+    Every function of the standards' headers is called; all that this unit offers succeed somewhere.
+    """
+    calls = fuzz(compile_host(FUZZ, hosts / "fuzz", COMPILER), 1500)
+    assert set(calls) == functions_of_the_standards()
+    assert {function for function, n in calls.items() if n["ok"] == 0} == NEVER_OK
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is measured by glibc's mallinfo2")
+def test_instances_in_threads_have_the_bits_of_instances_in_turn(hosts: Path) -> None:
+    """Expected: the same unit, stepped in another order. At most 16 KiB for an instance."""
+    result = run_instances(compile_host(INSTANCES, hosts / "instances", COMPILER), 100, 8)
+    assert result["bytes_per_instance"] <= 16 * 1024

@@ -1,0 +1,107 @@
+/* What the parts of the fuzzer share: importers of one instance each, the calls they make, what must hold after
+   every call (fuzz_contract.c), and the actions they choose from. */
+#ifndef FUZZ_H
+#define FUZZ_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fmi2Functions.h"
+#include "fmi3Functions.h"
+#include "fuzz_random.h"
+#include "model.h"
+#include "modes.h"
+
+#define RIGHT_TOKEN "host"
+
+enum { OK, WARNING, DISCARD, ERROR, FATAL };
+
+/* An importer of one instance. */
+typedef struct {
+    int version; /* 2 or 3 */
+    kind kind;
+    mode mode; /* what the standard says after the calls that returned OK */
+    void *unit;
+    double time;
+    enum { SILENT, SOME_CATEGORIES, ALL_CATEGORIES } logging;
+    int has_logger;
+    const char *name;
+    int messages; /* since the call began */
+    int last_message_status;
+    int is_peeking; /* checks of the fuzzer itself run, which do not count */
+} host;
+
+typedef void (*action)(host *h);
+typedef struct {
+    action action;
+    unsigned modes; /* where it makes sense: it is tried there more often */
+} entry;
+
+/* ---- fuzz_contract.c ------------------------------------------------------------------------------------------ */
+
+extern int traces;           /* print every call */
+extern long violations;
+extern host *others[];       /* all that are alive; NULL ends the list */
+extern const char *sequence; /* how to run it again, for messages */
+
+/* A call with all checks around it; its status. Arguments are evaluated after the first check. */
+#define CALL(h, function, ...) (call_begins(h, #function), call_ends((int)function(__VA_ARGS__)))
+/* The same call in both versions. */
+#define CALL_EITHER(h, two, three, ...)                                                                                \
+    ((h)->version == 2 ? CALL(h, two, __VA_ARGS__) : CALL(h, three, __VA_ARGS__))
+
+void call_begins(host *h, const char *function);
+int call_ends(int status);
+/* The instance; rarely a null pointer, which the checks then know of. */
+void *unit(host *h);
+void require(int holds, const char *what);
+/* For functions without a status. */
+void count_call(const char *function, int status);
+void print_tallies(long sequences);
+double time_of(host *h);
+
+void logger_of_fmi2(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+                    fmi2String message, ...);
+void logger_of_fmi3(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message);
+
+/* ---- fuzz_arguments.c ----------------------------------------------------------------------------------------- */
+
+/* Memory of exactly this size, so that sanitizers see a step beyond; lives until the action is over. */
+void *exactly(size_t bytes);
+void perform(action action, host *h);
+/* The pointer; rarely none. */
+void *due(void *pointer);
+
+typedef struct {
+    uint32_t *references;
+    size_t n;
+    double *values; /* one for each slot that is meant, or as many as `n_values` says */
+    size_t n_values;
+    int32_t *orders;
+} choice;
+
+#define ROLE(role) (1u << (role))
+#define ANY_ROLE (~0u)
+/* References mostly of these roles. `n_values` is rarely wrong in FMI 3.0, where the unit is told of it. */
+choice choose(const host *h, unsigned roles);
+
+double value_for(int slot);
+double step_size(void);
+/* Mostly now. */
+double communication_point(const host *h);
+
+/* ---- actions -------------------------------------------------------------------------------------------------- */
+
+extern const entry COMMON_ACTIONS[], FMI2_ACTIONS[], FMI3_ACTIONS[]; /* up to a row without action */
+extern const action SAVED_STATE_ACTIONS[];                         /* up to NULL */
+
+void *instantiate_fmi2(host *h);
+void *instantiate_fmi3(host *h);
+/* In the intermediate update: what an importer may do there, and what not. */
+void act_in_callback(host *h);
+/* Two units of one state, of which one is read from all the time, have the same future. */
+void reading_changes_nothing(host *h);
+/* Of the sequence that ends. */
+void forget_saved_states(host *h);
+
+#endif
