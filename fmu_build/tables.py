@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from textwrap import fill
 
 import numpy as np
 
@@ -93,6 +94,7 @@ def model_header() -> str:
 
 INTERNAL_BEGIN
 extern const variable VARIABLES[N_VARIABLES];
+extern const unsigned char VARIABLE_OF_SLOT[N_SLOTS];
 extern const double START_STATES[N_STATES];
 extern const double START_PARAMETERS[N_PARAMETERS];
 extern const double START_FIXED_STEP_SIZE;
@@ -132,6 +134,10 @@ const variable VARIABLES[N_VARIABLES] = {{
 {rows}
 }};
 
+const unsigned char VARIABLE_OF_SLOT[N_SLOTS] = {{
+{_lines(str(row.reference) for row in ROWS for _ in range(row.variable.size))}
+}};
+
 const double START_STATES[N_STATES] = {{
 {starts(layout.of_role(Role.STATE))}
 }};
@@ -166,3 +172,7 @@ def _defines(values: Mapping[str, float]) -> str:
 
 def _numbers(values: Iterable[float]) -> str:
     return "\n".join(f"    {float(v)!r}," for v in values)
+
+
+def _lines(words: Iterable[str]) -> str:
+    return fill(", ".join(words), 100, initial_indent="    ", subsequent_indent="    ")

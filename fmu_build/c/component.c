@@ -9,19 +9,6 @@
 
 /* ---- variables ------------------------------------------------------------------------------------------------ */
 
-const variable *variable_of(int slot)
-{
-    int low = 0, high = N_VARIABLES - 1;
-    while (low < high) {
-        int middle = (low + high + 1) / 2;
-        if (VARIABLES[middle].first <= slot)
-            low = middle;
-        else
-            high = middle - 1;
-    }
-    return &VARIABLES[low];
-}
-
 void slot_name(int slot, char *name, int size)
 {
     const variable *v = variable_of(slot);

@@ -54,8 +54,11 @@ void component_reset(component *c);
 
 /* `name[row,column]` of a slot, 1-based. */
 void slot_name(int slot, char *name, int size);
-/* The variable a slot belongs to. */
-const variable *variable_of(int slot);
+/* The variable a slot belongs to. Here, since every set and get asks for it. */
+static inline const variable *variable_of(int slot)
+{
+    return &VARIABLES[VARIABLE_OF_SLOT[slot]];
+}
 
 /* Is this a value that the slot can have? */
 outcome component_check(component *c, int slot, double value);

@@ -12,9 +12,13 @@
 static const char *const CATEGORIES[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", "logAll"};
 enum { N_CATEGORIES = sizeof CATEGORIES / sizeof CATEGORIES[0], ALL = (1 << N_CATEGORIES) - 1 };
 
-#define AS_MODES(name, modes) modes,
-static const int ALLOWED[NUMBER_OF_CALLS] = {CALLS(AS_MODES)};
-#undef AS_MODES
+static const struct {
+    int kinds, modes;
+} ALLOWED[NUMBER_OF_CALLS] = {
+#define AS_PERMISSION(name, kinds, modes) {kinds, modes},
+    CALLS(AS_PERMISSION)
+#undef AS_PERMISSION
+};
 
 static const char *name_of_mode(mode mode)
 {
@@ -47,7 +51,7 @@ status report(const instance *i, status status, const char *format, ...)
 
 int allows(const instance *i, call call)
 {
-    return (ALLOWED[call] & (int)i->mode) != 0;
+    return ALLOWED[call].kinds & (int)i->kind && ALLOWED[call].modes & (int)i->mode;
 }
 
 int is_allowed(const instance *i, const char *function, call call)
@@ -56,8 +60,11 @@ int is_allowed(const instance *i, const char *function, call call)
         return 0;
     if (allows(i, call))
         return 1;
-    if (ALLOWED[call] == NEVER)
+    if (ALLOWED[call].modes == NEVER)
         report(i, STATUS_ERROR, "%s: not offered by this unit", function);
+    else if (!(ALLOWED[call].kinds & (int)i->kind))
+        report(i, STATUS_ERROR, "%s: not allowed in %s", function,
+               i->kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation");
     else
         report(i, STATUS_ERROR, "%s: not allowed when %s", function, name_of_mode(i->mode));
     return 0;

@@ -25,12 +25,18 @@ static const double E[STAGES] = {71.0 / 57600,      0,          -71.0 / 16695, 7
 
 static const double SAFETY = 0.9, SMALLEST_FACTOR = 0.2, LARGEST_FACTOR = 10;
 
+/* fmax as one instruction: it need not care for NaN here, a NaN in x makes the norm one anyway */
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 /* Root mean square of v in units of the tolerance at x. */
 static double scaled_norm(const double v[], const double x[], const double y[], double tolerance)
 {
     double sum = 0;
     for (int i = 0; i < N_STATES; i++) {
-        double r = v[i] / (tolerance + tolerance * fmax(fabs(x[i]), fabs(y[i])));
+        double r = v[i] / (tolerance + tolerance * larger(fabs(x[i]), fabs(y[i])));
         sum += r * r;
     }
     return sqrt(sum / N_STATES);

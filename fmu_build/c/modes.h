@@ -1,4 +1,4 @@
-/* The ONE table of which call is allowed in which mode, for FMI 2.0 and 3.0. */
+/* The ONE table of which call is allowed to which kind of instance in which mode, for FMI 2.0 and 3.0. */
 #ifndef MODES_H
 #define MODES_H
 
@@ -20,40 +20,40 @@ typedef enum {
 #define ANY_MODE (BETWEEN_CALLS | INTERMEDIATE)
 #define NEVER 0
 
+#define BOTH (MODEL_EXCHANGE | CO_SIMULATION)
+
 /* clang-format off */
-#define CALLS(ROW)                                                                      \
-    ROW(CALL_SET_LOGGING,            BETWEEN_CALLS)                                     \
-    ROW(CALL_RESET,                  BETWEEN_CALLS)                                     \
-    ROW(CALL_FMU_STATE,              BETWEEN_CALLS)                                     \
-    ROW(CALL_SET_EXPERIMENT,         INSTANTIATED)                                      \
-    ROW(CALL_ENTER_INITIALIZATION,   INSTANTIATED)                                      \
-    ROW(CALL_EXIT_INITIALIZATION,    INITIALIZATION)                                    \
-    ROW(CALL_TERMINATE,              RUNNING)                                           \
-    ROW(CALL_GET,                    ANY_MODE)                                          \
-    ROW(CALL_SET_INPUT,              BEFORE_START | RUNNING | INTERMEDIATE)             \
-    ROW(CALL_SET_START,              BEFORE_START)                                      \
-    ROW(CALL_SET_TUNABLE,            BEFORE_START | EVENT | STEP)                       \
-    ROW(CALL_SENSITIVITY,            INITIALIZATION | RUNNING | TERMINATED)             \
-    /* co-simulation */                                                                 \
-    ROW(CALL_SET_INPUT_RATES,        BEFORE_START | STEP)                               \
-    ROW(CALL_GET_OUTPUT_RATES,       STEP | INTERMEDIATE | TERMINATED)                  \
-    ROW(CALL_DO_STEP,                STEP)                                              \
-    ROW(CALL_STEP_STATUS,            STEP | TERMINATED)                                 \
-    /* model exchange */                                                                \
-    ROW(CALL_ENTER_EVENT,            CONTINUOUS)                                        \
-    ROW(CALL_UPDATE_DISCRETE,        EVENT)                                             \
-    ROW(CALL_ENTER_CONTINUOUS,       EVENT)                                             \
-    ROW(CALL_COMPLETED_STEP,         CONTINUOUS)                                        \
-    ROW(CALL_SET_TIME,               EVENT | CONTINUOUS)                                \
-    ROW(CALL_SET_CONTINUOUS_STATES,  CONTINUOUS)                                        \
-    ROW(CALL_GET_CONTINUOUS_STATES,  BEFORE_START | EVENT | CONTINUOUS | TERMINATED)    \
-    ROW(CALL_GET_NUMBERS,            BEFORE_START | EVENT | CONTINUOUS)                 \
-    ROW(CALL_EVALUATE_DISCRETE,      INITIALIZATION | EVENT)                            \
-    /* there are no clocks, no structural parameters, no scheduled execution, no asynchronous steps */ \
-    ROW(CALL_NOT_OFFERED,            NEVER)
+#define CALLS(ROW)                                                                                       \
+    ROW(CALL_SET_LOGGING,           BOTH,           BETWEEN_CALLS)                                       \
+    ROW(CALL_RESET,                 BOTH,           BETWEEN_CALLS)                                       \
+    ROW(CALL_FMU_STATE,             BOTH,           BETWEEN_CALLS)                                       \
+    ROW(CALL_SET_EXPERIMENT,        BOTH,           INSTANTIATED)                                        \
+    ROW(CALL_ENTER_INITIALIZATION,  BOTH,           INSTANTIATED)                                        \
+    ROW(CALL_EXIT_INITIALIZATION,   BOTH,           INITIALIZATION)                                      \
+    ROW(CALL_TERMINATE,             BOTH,           RUNNING)                                             \
+    ROW(CALL_GET,                   BOTH,           ANY_MODE)                                            \
+    ROW(CALL_SET_INPUT,             BOTH,           BEFORE_START | RUNNING | INTERMEDIATE)               \
+    ROW(CALL_SET_START,             BOTH,           BEFORE_START)                                        \
+    ROW(CALL_SET_TUNABLE,           BOTH,           BEFORE_START | EVENT | STEP)                         \
+    ROW(CALL_SENSITIVITY,           BOTH,           INITIALIZATION | RUNNING | TERMINATED)               \
+    ROW(CALL_SET_INPUT_RATES,       CO_SIMULATION,  BEFORE_START | STEP)                                 \
+    ROW(CALL_GET_OUTPUT_RATES,      CO_SIMULATION,  STEP | INTERMEDIATE | TERMINATED)                    \
+    ROW(CALL_DO_STEP,               CO_SIMULATION,  STEP)                                                \
+    ROW(CALL_STEP_STATUS,           CO_SIMULATION,  STEP | TERMINATED)                                   \
+    ROW(CALL_ENTER_EVENT,           MODEL_EXCHANGE, CONTINUOUS)                                          \
+    ROW(CALL_UPDATE_DISCRETE,       MODEL_EXCHANGE, EVENT)                                               \
+    ROW(CALL_ENTER_CONTINUOUS,      MODEL_EXCHANGE, EVENT)                                               \
+    ROW(CALL_COMPLETED_STEP,        MODEL_EXCHANGE, CONTINUOUS)                                          \
+    ROW(CALL_SET_TIME,              MODEL_EXCHANGE, EVENT | CONTINUOUS)                                  \
+    ROW(CALL_SET_CONTINUOUS_STATES, MODEL_EXCHANGE, CONTINUOUS)                                          \
+    ROW(CALL_GET_CONTINUOUS_STATES, MODEL_EXCHANGE, BEFORE_START | EVENT | CONTINUOUS | TERMINATED)      \
+    ROW(CALL_GET_NUMBERS,           MODEL_EXCHANGE, BEFORE_START | EVENT | CONTINUOUS)                   \
+    ROW(CALL_EVALUATE_DISCRETE,     MODEL_EXCHANGE, INITIALIZATION | EVENT)                              \
+    /* there are no clocks, no structural parameters, no scheduled execution, no asynchronous steps */   \
+    ROW(CALL_NOT_OFFERED,           BOTH,           NEVER)
 /* clang-format on */
 
-#define AS_NAME(name, modes) name,
+#define AS_NAME(name, kinds, modes) name,
 typedef enum { CALLS(AS_NAME) NUMBER_OF_CALLS } call;
 #undef AS_NAME
 

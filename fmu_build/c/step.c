@@ -1,4 +1,5 @@
 /* A communication step: component_step of component.h. */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -46,11 +47,13 @@ static int accept_internal_step(void *owner, double t, const double x[N_STATES],
     if (component_check_pose(c) != DONE)
         return 0;
     if (step->observer) {
-        double wanted = *end;
+        double wanted = *end, before[N_INPUTS];
+        memcpy(before, c->s.inputs, sizeof before);
         step->observer->notice(step->observer->context, t, &wanted);
         if (wanted < *end)
             *end = fmax(wanted, t);
-        *changed = !c->has_xdot;
+        /* not `!has_xdot`: the observer may have asked for derivatives after it had set inputs */
+        *changed = memcmp(before, c->s.inputs, sizeof before) != 0;
         step->since = t;
         memcpy(step->from, c->s.inputs, sizeof step->from);
     }
@@ -63,7 +66,7 @@ static outcome check_step(component *c, double time, double step)
         write_message(c->message, "communication step = %g s refused; expected a step > 0", step);
         return MISUSE;
     }
-    double now = c->s.time, resolution = nextafter(fabs(now), INFINITY) - fabs(now);
+    double now = c->s.time, resolution = DBL_EPSILON * fabs(now);
     /* rounding of an importer's clock, but never a noticeable share of the step */
     double rounding = fmax(fmin(1e-9 * fmax(1, fabs(now)), 1e-3 * step), 4 * resolution);
     if (!(fabs(time - now) <= rounding)) {

@@ -384,6 +384,25 @@ def test_inputs_set_between_hold_from_there_on(fmu3: Fmu) -> None:
     p.free()
 
 
+def test_reading_between_changes_nothing(fmu3: Fmu) -> None:
+    """Expected: the bits of a run in which inputs are set alike and nothing is read."""
+
+    def driven(read: bool) -> bytes:
+        def act(p: Plant, time: float, _early: bool) -> None:
+            p.set("actuator_force", 50 + 20 * np.sin(300 * time + np.arange(6)))
+            if read:
+                p.everything()
+
+        p = intermediate(fmu3, act)
+        p.start()
+        p.step(0.0, 0.05)
+        end = p.serialized()
+        p.free()
+        return end
+
+    assert driven(read=True) == driven(read=False)
+
+
 def test_only_inputs_may_be_set_and_nothing_else_called_between(fmu3: Fmu) -> None:
     statuses: list[int] = []
 
@@ -480,13 +499,17 @@ def test_a_singular_pose_ends_model_exchange_with_an_error(fmu: Fmu) -> None:
 
 
 @pytest.mark.parametrize("co_simulation", [True, False])
-def test_calls_of_the_other_kind_are_errors(fmu: Fmu, co_simulation: bool) -> None:
+def test_calls_of_the_other_kind_are_errors_in_every_mode(fmu: Fmu, co_simulation: bool) -> None:
+    prefix, two = f"fmi{fmu.version[0]}", fmu.version == "2.0"
+    nothing = [None, c_size_t(0), None, None, *([] if two else [c_size_t(0)])]
+    others = (
+        {"SetTime": [c_double(1.0)], "GetNominalsOfContinuousStates": [(c_double * 12)(), c_size_t(12)]}
+        if co_simulation
+        else {"GetRealOutputDerivatives" if two else "GetOutputDerivatives": nothing}
+    )
     with plant(fmu, co_simulation) as p:
-        p.start()
-        prefix = f"fmi{fmu.version[0]}"
-        other = "SetTime" if co_simulation else "GetOutputDerivatives"
-        if not co_simulation and p.is_fmi2:
-            other = "GetRealOutputDerivatives"
-        arguments = [c_double(1.0)] if co_simulation else [None, c_size_t(0), None, None, c_size_t(0)]
-        assert getattr(p.fmu.dll, prefix + other)(c_void_p(p.fmu.component), *arguments) == ERROR
-        assert "not allowed when" in p.messages[-1].text
+        for prepare in (lambda: None, p.start, p.fmu.terminate):
+            prepare()
+            for name, arguments in others.items():
+                assert getattr(p.fmu.dll, prefix + name)(c_void_p(p.fmu.component), *arguments) == ERROR
+                assert "not allowed in" in p.messages[-1].text
