@@ -61,7 +61,7 @@ def standard_headers(fmi_version: str) -> dict[str, str]:
         return {name: (folder / name).read_text() for name in _STANDARD[fmi_version]}
     except FileNotFoundError as error:
         raise BuildError(
-            f"FMPy {fmpy.__version__} has no {Path(error.filename).name}; install FMPy 0.3.20 or later"
+            f"FMPy {fmpy.__version__} has no {Path(error.filename).name}; install FMPy 0.3.28 or later"
         ) from None
 
 
