@@ -501,8 +501,8 @@ def test_a_singular_pose_ends_model_exchange_with_an_error(fmu: Fmu) -> None:
 @pytest.mark.parametrize("co_simulation", [True, False])
 def test_calls_of_the_other_kind_are_errors_in_every_mode(fmu: Fmu, co_simulation: bool) -> None:
     prefix, two = f"fmi{fmu.version[0]}", fmu.version == "2.0"
-    nothing = [None, c_size_t(0), None, None, *([] if two else [c_size_t(0)])]
-    others = (
+    nothing: list[Any] = [None, c_size_t(0), None, None, *([] if two else [c_size_t(0)])]
+    others: dict[str, list[Any]] = (
         {"SetTime": [c_double(1.0)], "GetNominalsOfContinuousStates": [(c_double * 12)(), c_size_t(12)]}
         if co_simulation
         else {"GetRealOutputDerivatives" if two else "GetOutputDerivatives": nothing}
