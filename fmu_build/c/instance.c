@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -38,12 +37,11 @@ status report(const instance *i, status status, const char *format, ...)
 {
     int category = status == STATUS_ERROR ? 2 : status == STATUS_DISCARD ? 1 : 0;
     if (i->logs && i->logger && i->categories >> category & 1) {
-        char text[MESSAGE_SIZE], message[MESSAGE_SIZE];
+        char message[MESSAGE_SIZE];
         va_list arguments;
         va_start(arguments, format);
-        vsnprintf(text, sizeof text, format, arguments);
+        write_message_of(message, format, arguments);
         va_end(arguments);
-        write_message(message, "%s", text);
         i->version->deliver(i, status, CATEGORIES[category], message);
     }
     return status;
@@ -159,9 +157,11 @@ status set_experiment(instance *i, const char *function, call call, int toleranc
 {
     if (!is_allowed(i, function, call))
         return STATUS_ERROR;
+    /* in Model Exchange the tolerance is the importer's own business */
+    int is_used = tolerance_defined && i->kind == CO_SIMULATION;
     status done = conclude(i, function,
-                           component_set_experiment(&i->component, tolerance_defined ? tolerance : DEFAULT_TOLERANCE,
-                                                    start_time, stop_time_defined ? stop_time : INFINITY));
+                           component_set_experiment(&i->component, is_used ? tolerance : DEFAULT_TOLERANCE, start_time,
+                                                    stop_time_defined ? stop_time : INFINITY));
     if (done == STATUS_OK)
         i->last_successful_time = start_time;
     return done;

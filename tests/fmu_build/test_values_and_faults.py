@@ -250,6 +250,11 @@ def test_a_step_that_makes_no_sense_is_an_error(fmu: Fmu, time: float, step: flo
         assert p.serialized() == before
 
 
+def test_the_tolerance_of_model_exchange_is_the_importers_business(fmu: Fmu) -> None:
+    with plant(fmu, co_simulation=False) as p:
+        p.start(tolerance=0.1)
+
+
 @pytest.mark.parametrize("tolerance", [0.0, -1e-8, np.nan, 1.0])
 def test_a_tolerance_out_of_range_is_an_error(fmu: Fmu, tolerance: float) -> None:
     with plant(fmu) as p:
@@ -345,6 +350,14 @@ def test_messages_leave_nothing_for_the_importer_to_format(fmu: Fmu) -> None:
     with plant(fmu) as p:
         refused(p.fmu.setDebugLogging, True, ["100%s%n"])
         assert "%" not in p.messages[-1].text
+
+
+def test_a_message_that_is_too_long_ends_with_a_whole_character(fmu: Fmu) -> None:
+    """Expected: UTF-8 that decodes, for texts cut at every place of a character of two and of three bytes."""
+    with plant(fmu) as p:
+        for text in ("ü" * 300, "x" + "ü" * 300, "–" * 300, "x" + "–" * 300, "xx" + "–" * 300):
+            assert refused(p.fmu.setDebugLogging, True, [text]) == ERROR
+        assert len(p.messages) == 5
 
 
 def test_reset_goes_back_to_the_start_values(fmu: Fmu) -> None:
