@@ -99,7 +99,7 @@ static int all_finite(const double *values, int n)
 
 static outcome not_finite(component *c, const char *what)
 {
-    write_message(c->message, "%s not finite at time %.9g s: the pose is singular, or forces are too large", what,
+    write_message(c->message, "%s not finite at time %.12g s: the pose is singular, or forces are too large", what,
                   c->s.time);
     return NOT_POSSIBLE;
 }
@@ -210,7 +210,7 @@ outcome component_check_pose(component *c)
     c->has_legs = 1;
     if (check_pose(c->s.x, c->s.p, c->s.handedness, &c->legs, reason))
         return DONE;
-    write_message(c->message, "at time %.9g s: %s", c->s.time, reason);
+    write_message(c->message, "at time %.12g s: %s", c->s.time, reason);
     return NOT_POSSIBLE;
 }
 

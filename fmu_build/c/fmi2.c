@@ -42,14 +42,22 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 {
     (void)fmuResourceLocation; /* nothing is read from there */
     (void)visible;
-    if (!functions || (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation))
+    if (!functions)
         return NULL;
     /* memory is the C library's, as modelDescription.xml says (canNotUseMemoryManagementFunctions) */
     instance given = {.version = &VERSION_2,
                       .kind = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
                       .environment = functions->componentEnvironment,
                       .logger = (any_function)functions->logger,
-                      .logs = loggingOn != fmi2False};
+                      .logs = 1, /* until it is there */
+                      .categories = ~0u,
+                      .name = instanceName ? instanceName : ""};
+    if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation) {
+        report(&given, STATUS_ERROR, "%s: no FMU type %d; expected Model Exchange or Co-Simulation", __func__,
+               (int)fmuType);
+        return NULL;
+    }
+    given.logs = loggingOn != fmi2False;
     return new_instance(&given, instanceName, fmuGUID);
 }
 

@@ -79,7 +79,7 @@ static outcome check_step(component *c, double time, double step)
         return MISUSE;
     }
     if (time + step > c->s.stop_time + rounding) {
-        write_message(c->message, "communication step to %.9g s refused; it passes the stop time, %.9g s", time + step,
+        write_message(c->message, "communication step to %.12g s refused; it passes the stop time, %.12g s", time + step,
                       c->s.stop_time);
         return MISUSE;
     }
@@ -90,12 +90,12 @@ static void explain_failure(component *c, integration how, double time, double e
 {
     const char *remedy = "forces too large, friction too sharp (leg_friction_velocity), or nearly singular";
     if (how == STEP_TOO_SMALL)
-        write_message(c->message, "at time %.9g s: the tolerance %g cannot be held; %s", time, c->s.tolerance, remedy);
+        write_message(c->message, "at time %.12g s: the tolerance %g cannot be held; %s", time, c->s.tolerance, remedy);
     else if (how == TOO_MANY_STEPS)
-        write_message(c->message, "at time %.9g s: too many internal steps for one step to time %.9g s; %s", time, end,
+        write_message(c->message, "at time %.12g s: too many internal steps for one step to time %.12g s; %s", time, end,
                       remedy);
     else if (how == NOT_FINITE)
-        write_message(c->message, "at time %.9g s: the motion is not finite; fixed_step_size = %g s is too large, or %s",
+        write_message(c->message, "at time %.12g s: the motion is not finite; fixed_step_size = %g s is too large, or %s",
                       time, c->s.fixed_step_size, remedy);
 }
 

@@ -1,6 +1,6 @@
 """Values, refusals, calls out of order, messages: both versions, by FMPy."""
 
-from ctypes import POINTER, c_double, c_uint32, c_void_p
+from ctypes import POINTER, byref, c_double, c_uint32, c_void_p
 from typing import Any
 
 import numpy as np
@@ -213,6 +213,13 @@ def test_an_importer_with_another_description_gets_no_instance(fmu: Fmu) -> None
         plant(fmu, token="another").__enter__()
     with pytest.raises(Exception, match="instantiate"):
         plant(fmu, name=" ").__enter__()
+
+
+def test_an_unknown_kind_of_unit_gets_no_instance_and_says_so(fmu2: Fmu) -> None:
+    with plant(fmu2) as p:
+        instantiate = p.fmu.dll.fmi2Instantiate
+        assert not instantiate(b"plant", 7, fmu2.token.encode(), b"", byref(p._callbacks), 0, 0)
+        assert "no FMU type 7" in p.messages[-1].text
 
 
 def test_steps_before_initialisation_and_after_the_end_are_errors(fmu: Fmu) -> None:
