@@ -1,1 +1,5 @@
-"""From the model to a compiled FMU; to come with the next release."""
+"""The FMU: C generated from the Python source of the physics, compiled, described, packed."""
+
+from gough_stewart.fmu_build.build import build
+
+__all__ = ["build"]

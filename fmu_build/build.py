@@ -71,6 +71,8 @@ def build(
         The files cannot be written there.
     """
     folder, told = Path(out), progress or (lambda _text: None)
+    if platform is not None and not isinstance(platform, Platform):
+        raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     chosen = load_preset(DEFAULT_PRESET) if platform is None else platform
     check_output_folder(folder, [file_name(version) for version in versions])
@@ -104,7 +106,7 @@ def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
     BuildError
         Another than "2.0" and "3.0", or none.
     """
-    wanted = list(fmi)
+    wanted = [fmi] if isinstance(fmi, str) else list(fmi)
     for version in wanted:
         if version not in VERSIONS:
             raise BuildError(f"no FMI version '{version}'; expected {' or '.join(VERSIONS)}")

@@ -13,7 +13,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array
 
 DEFAULT_TOLERANCE = 1e-8
-# 0.5 s of computing on a slow core; for RK4 in steps of a microsecond over a second.
+# A second in steps of a microsecond: four seconds of computing.
 MOST_FIXED_STEPS = 1_000_000
 
 

@@ -54,7 +54,7 @@ def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
         An unknown name, or none.
     """
     chosen = set[Target]()
-    for name in names:
+    for name in [names] if isinstance(names, str) else names:
         if name == "all":
             chosen.update(TARGETS)
         elif name == "native":

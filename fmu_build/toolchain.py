@@ -52,11 +52,17 @@ def _place_of(files: Mapping[str, str]) -> Path:
     for name, text in sorted(files.items()):
         content.update(f"{name}\0{text}\0".encode())
     folder = cache_folder() / content.hexdigest()[:24]
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        file, data = folder / name, text.encode()
-        if not file.exists() or file.read_bytes() != data:
-            write_whole(file, data)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            file, data = folder / name, text.encode()
+            if not file.exists() or file.read_bytes() != data:
+                write_whole(file, data)
+    except OSError as error:
+        raise BuildError(
+            f"the compiler's cache cannot be written: {folder}: {error.strerror}; "
+            "set ZIG_GLOBAL_CACHE_DIR or XDG_CACHE_HOME to a folder that can"
+        ) from error
     return folder
 
 

@@ -82,10 +82,12 @@ def reproduce_command(
     """Reproduce the paper's open-loop simulation, and prove it by independent formulations.
 
     Runs the published 1.0 s under constant actuator forces by Kane's equations as in the paper, by the task-space
-    kernel and by the stepping model; compares them with each other, with Newton–Euler and with the energy balance.
+    kernel, by the stepping model and by both FMUs, which it builds; compares them with each other, with Newton–Euler
+    and with the energy balance.
 
     Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
-    **drift.png**, **report.md** and **report.json**. Exit code 1 if a comparison misses its bound.
+    **drift.png**, **report.md**, **report.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. Exit
+    code 1 if a comparison misses its bound.
 
     On another platform the case is scaled to its size: time and velocities by Froude's rule, forces about its own
     static ones.

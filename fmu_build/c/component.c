@@ -66,7 +66,7 @@ outcome component_check(component *c, int slot, double value)
     else if (v->range == NOT_NEGATIVE && !(value >= 0))
         expected = "a value >= 0";
     else if (slot == FIRST_RESULT + 4 && !(fabs(value) < LARGEST_PITCH))
-        expected = "a pitch within 90 degrees";
+        expected = "a pitch well within 90 degrees, at most 1.5698 rad";
     if (!expected)
         return DONE;
     slot_name(slot, name, sizeof name);

@@ -72,7 +72,9 @@ status conclude(const instance *i, const char *function, outcome outcome)
 {
     if (outcome == DONE)
         return STATUS_OK;
-    return report(i, outcome == MISUSE ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, i->component.message);
+    /* within an intermediate update nothing may be discarded */
+    int is_error = outcome == MISUSE || i->mode == INTERMEDIATE;
+    return report(i, is_error ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, i->component.message);
 }
 
 int has_array(const instance *i, const char *function, const void *array, size_t n, const char *name)

@@ -126,14 +126,29 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
     return REACHED_END;
 }
 
+/* How many steps fit, give or take the rounding of times this late. */
+static double number_of_steps(double start, double end, double size)
+{
+    double slack = 1e-6 + 2 * DBL_EPSILON * fabs(start) / size;
+    return fmax(1, ceil((end - start) / size - slack));
+}
+
 integration integrate_fixed(const ode *problem, integration_point *at, double end, double size)
 {
-    for (long steps = 0; at->t < end; steps++) {
-        /* as many as fit, give or take rounding of the span */
-        double left = ceil((end - at->t) / size - 1e-6);
-        if (left + (double)steps > MOST_FIXED_STEPS)
+    double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
+    long done = 0, total = 0;
+    while (at->t < end) {
+        if (end != planned) { /* brought nearer */
+            start = at->t;
+            n = number_of_steps(start, end, size);
+            span = end - start;
+            planned = end;
+            done = 0;
+        }
+        if (n > MOST_FIXED_STEPS || total++ > MOST_FIXED_STEPS)
             return TOO_MANY_STEPS;
-        double h = left > 1 ? (end - at->t) / left : end - at->t, t = left > 1 ? at->t + h : end;
+        done++;
+        double h = span / n, t = (double)done < n ? start + span * ((double)done / n) : end;
         double k2[N_STATES], k3[N_STATES], k4[N_STATES], x[N_STATES];
         if (!(t > at->t))
             return STEP_TOO_SMALL;

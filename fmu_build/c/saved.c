@@ -189,5 +189,9 @@ status deserialize(const instance *i, const char *function, const unsigned char 
     memcpy(&state, numbers, sizeof state);
     if (take(&at, 8) != checksum(bytes, SERIAL_SIZE - 8) || !is_possible((kind)kind_number, (int)mode_number, &state))
         return report(i, STATUS_ERROR, "%s: the bytes are damaged (wrong checksum or impossible values)", function);
-    return keep(i, function, saved, (kind)kind_number, (mode)mode_number, &state);
+    void *made = NULL; /* unlike for saving, the standards do not call the pointer an input */
+    status kept = keep(i, function, &made, (kind)kind_number, (mode)mode_number, &state);
+    if (kept == STATUS_OK)
+        *saved = made;
+    return kept;
 }

@@ -89,7 +89,12 @@ static outcome check_step(component *c, double time, double step)
 static void explain_failure(component *c, integration how, double time, double end)
 {
     const char *remedy = "forces too large, friction too sharp (leg_friction_velocity), or nearly singular";
-    if (how == STEP_TOO_SMALL)
+    int is_fixed = c->s.fixed_step_size > 0;
+    if (is_fixed && (how == TOO_MANY_STEPS || how == STEP_TOO_SMALL))
+        write_message(c->message, "at time %.12g s: fixed_step_size = %g s is too small for one step to time %.12g s; "
+                                  "at most %d steps, each long enough to advance the time",
+                      time, c->s.fixed_step_size, end, MOST_FIXED_STEPS);
+    else if (how == STEP_TOO_SMALL)
         write_message(c->message, "at time %.12g s: the tolerance %g cannot be held; %s", time, c->s.tolerance, remedy);
     else if (how == TOO_MANY_STEPS)
         write_message(c->message, "at time %.12g s: too many internal steps for one step to time %.12g s; %s", time, end,

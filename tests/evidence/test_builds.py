@@ -33,7 +33,7 @@ def test_a_cold_cache_elsewhere_gives_the_same_bytes(
     assert [p.read_bytes() for p in again] == [p.read_bytes() for p in everything]
 
 
-def test_a_cold_native_build_takes_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cold_native_build_says_how_long_it_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Says how long; the same bytes again from the warm cache."""
     for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
         monkeypatch.setenv(name, str(tmp_path / "cache"))

@@ -1,5 +1,6 @@
 """FMUs in FMPy behind one face for both versions: names instead of value references, messages kept."""
 
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -34,7 +35,7 @@ class Fmu:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.folder = Path(fmpy.extract(str(path)))
+        self.folder = Path(fmpy.extract(str(path), unzipdir=tempfile.mkdtemp(dir=path.parent)))
         self.description = fmpy.read_model_description(str(path))
 
     @property

@@ -14,10 +14,9 @@ import pytest
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import build as building
-from gough_stewart.fmu_build import sources, targets, toolchain
+from gough_stewart.fmu_build import build, sources, targets, toolchain
 from gough_stewart.fmu_build.archive import to_zip
-from gough_stewart.fmu_build.build import build, number_of_steps
+from gough_stewart.fmu_build.build import contents, number_of_steps, unit_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.reference_results import reference_cases, reference_results
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets
@@ -226,8 +225,8 @@ def fake_libraries(*names: str) -> dict[targets.Target, bytes]:
 
 
 def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
-    unit = building.unit_of(load_preset("liu2000"), "3.0")
-    binaries = {n for n in building.contents(unit, fake_libraries(*BY_NAME)) if n.startswith("binaries/")}
+    unit = unit_of(load_preset("liu2000"), "3.0")
+    binaries = {n for n in contents(unit, fake_libraries(*BY_NAME)) if n.startswith("binaries/")}
     assert binaries == {
         "binaries/x86_64-linux/gough_stewart.so",
         "binaries/aarch64-linux/gough_stewart.so",
@@ -235,12 +234,12 @@ def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
         "binaries/x86_64-darwin/gough_stewart.dylib",
         "binaries/aarch64-darwin/gough_stewart.dylib",
     }
-    assert fmu3.token == building.unit_of(load_preset("liu2000"), "3.0").sources.units["token.c"].split('"')[-2]
+    assert fmu3.token == unit_of(load_preset("liu2000"), "3.0").sources.units["token.c"].split('"')[-2]
 
 
 def test_fmi2_has_a_folder_for_every_system_and_one_file_for_apples_processors() -> None:
-    unit = building.unit_of(load_preset("liu2000"), "2.0")
-    everything = building.contents(unit, fake_libraries(*BY_NAME))
+    unit = unit_of(load_preset("liu2000"), "2.0")
+    everything = contents(unit, fake_libraries(*BY_NAME))
     assert {n for n in everything if n.startswith("binaries/")} == {
         "binaries/linux64/gough_stewart.so",
         "binaries/aarch64-linux/gough_stewart.so",
@@ -249,7 +248,7 @@ def test_fmi2_has_a_folder_for_every_system_and_one_file_for_apples_processors()
     }
     assert everything["binaries/linux64/gough_stewart.so"] == b"x86_64-linux"
     # alone it is where FMPy looks on such a machine, too
-    arm = building.contents(unit, fake_libraries("aarch64-linux"))
+    arm = contents(unit, fake_libraries("aarch64-linux"))
     assert arm["binaries/linux64/gough_stewart.so"] == arm["binaries/aarch64-linux/gough_stewart.so"]
 
 

@@ -135,6 +135,19 @@ def test_a_state_is_written_over_when_given_again(fmu: Fmu) -> None:
         p.fmu.freeFMUState(state)
 
 
+def test_deserialising_makes_a_state_of_its_own(fmu: Fmu) -> None:
+    """Expected: the standards call the pointer an output, so that what lies there before is not looked at."""
+    with plant(fmu) as p:
+        p.start()
+        blob = p.serialized()
+        one = p.fmu.deserializeFMUState(blob)
+        kept, one.value = one.value, 1
+        other = p.fmu.deserializeFMUState(blob, one)
+        assert other.value not in (1, kept)
+        for address in (kept, other.value):
+            p.fmu.freeFMUState(type(one)(address))
+
+
 # --- sensitivities -------------------------------------------------------------------------------------------------
 
 

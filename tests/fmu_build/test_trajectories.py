@@ -168,6 +168,22 @@ def test_fixed_steps_fit_into_every_communication_step(fmu: Fmu) -> None:
     assert np.array_equal(coarse, halved)
 
 
+@pytest.mark.parametrize("start", [0.0, 1e4, 1e6, 1e9])
+@pytest.mark.parametrize("parts", [1, 10, 100])
+def test_a_communication_step_takes_as_many_fixed_steps_at_any_time(fmu3: Fmu, start: float, parts: int) -> None:
+    """Expected: `parts`, as the intermediate updates count them; rounding of late times adds none."""
+    seen: list[float] = []
+    made: list[Plant] = []
+    made.append(Plant(fmu3, intermediateUpdate=lambda *arguments: seen.append(arguments[1])))
+    (p,) = made
+    p.start({"fixed_step_size": 0.01 / parts, "actuator_force": [28.5] * 6}, time=start)
+    for k in range(3):
+        seen.clear()
+        p.step(start + k * 0.01, 0.01)
+        assert len(seen) == parts
+    p.free()
+
+
 def test_the_communication_step_may_vary_from_call_to_call(fmu: Fmu) -> None:
     case = paper_case()
     rng = np.random.default_rng(3)

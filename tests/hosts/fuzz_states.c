@@ -120,6 +120,8 @@ static void forge(unsigned char *bytes, size_t size)
 static void deserialize(host *h)
 {
     size_t k = below(N_SAVED), size = blob.size ? blob.size : below(MOST_BYTES);
+    if (saved[k].state)
+        return; /* a new state is made, and the old one would be lost */
     unsigned char changed[MOST_BYTES];
     memcpy(changed, blob.bytes, MOST_BYTES);
     int is_whole = blob.size > 0;
@@ -140,9 +142,10 @@ static void deserialize(host *h)
     }
     unsigned char *bytes = exactly(size);
     memcpy(bytes, changed, size);
-    if (CALL_EITHER(h, fmi2DeSerializeFMUstate, fmi3DeserializeFMUState, unit(h), due(bytes), size,
-                    due(&saved[k].state)) != OK)
+    void *made = (void *)1; /* what lies there before is nobody's business */
+    if (CALL_EITHER(h, fmi2DeSerializeFMUstate, fmi3DeserializeFMUState, unit(h), due(bytes), size, due(&made)) != OK)
         return;
+    saved[k].state = made;
     require(is_whole, "damaged bytes are refused");
     saved[k].kind = (kind)changed[KIND_AT];
     saved[k].mode = (mode)changed[MODE_AT];
