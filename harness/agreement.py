@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gough_stewart.harness.open_loop import FloatArray, Trajectory
+from gough_stewart.harness.open_loop import Trajectory
 from gough_stewart.model import dynamics, kane, newton_euler
 from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.kane_simulation import KaneTrajectory
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.vectors import FloatArray
 
 
 @dataclass(frozen=True)

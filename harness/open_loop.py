@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gough_stewart.model import energy, interface, kane_simulation
@@ -13,9 +12,8 @@ from gough_stewart.model.errors import StepError
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, FloatArray
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.open_loop import FloatArray, run_kernel
+from gough_stewart.harness.open_loop import run_kernel
 from gough_stewart.model.cases import paper_case, with_pairs_swapped
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.vectors import FloatArray
 
 # Enough for differences that are shown with three digits.
 _RTOL = 1e-9

@@ -1,9 +1,7 @@
 """The reproduction's report: one plain record, written as JSON, as Markdown, and as tables on the terminal."""
 
 import json
-import platform as machine
 from dataclasses import asdict
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -15,12 +13,11 @@ from rich.text import Text
 from gough_stewart.harness.agreement import Row
 from gough_stewart.harness.open_loop import Trajectory
 from gough_stewart.harness.readings import Reading
+from gough_stewart.harness.versions import versions
 from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.kane_simulation import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.state import State
-
-PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "fmpy", "ziglang", "polars", "matplotlib")
 
 
 def record(
@@ -63,11 +60,7 @@ def record(
         },
         "readings": [asdict(reading) for reading in readings],
         "published_forces": weight,
-        "versions": {
-            "python": machine.python_version(),
-            **{package: version(package) for package in PACKAGES},
-            "machine": f"{machine.system()} {machine.machine()}",
-        },
+        "versions": versions(),
     }
 
 

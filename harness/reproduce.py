@@ -3,7 +3,6 @@
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -13,10 +12,10 @@ from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 from gough_stewart.harness import figures, readings, report
 from gough_stewart.harness.agreement import agreement, of_fmus
 from gough_stewart.harness.fmu_runs import FmiType, run_fmu
-from gough_stewart.harness.open_loop import FloatArray, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.open_loop import run_kane, run_kernel, run_stepping
 from gough_stewart.harness.record import csv_of
 from gough_stewart.model.cases import OpenLoopCase
-from gough_stewart.model.files import write_whole
+from gough_stewart.model.vectors import FloatArray
 
 # Tolerance and (α, β) of the runs that show the drift; 1e-3 is ode45's default.
 _DRIFT_RUNS = {
@@ -118,10 +117,3 @@ def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes
                 runs[f"FMU, FMI {version} {how}"] = run_fmu(path, case, fmi_type)
                 done()
         return {path.name: path.read_bytes() for path in paths}, runs
-
-
-def write(reproduction: Reproduction, folder: Path) -> None:
-    """Write the files, each whole, into a folder that is made if needed."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in reproduction.files.items():
-        write_whole(folder / name, content)

@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, NoPoseError
 from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacobian
-from gough_stewart.model.platform import FloatArray, Platform
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
+from gough_stewart.model.vectors import FloatArray
 
 # One Newton step moves the platform by no more than this share of its size, and turns it by no more than this [rad].
 LARGEST_STEP = 0.5

@@ -5,13 +5,11 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.model import platform_checks
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.real import real_array
-
-FloatArray = NDArray[np.float64]
+from gough_stewart.model.vectors import FloatArray
 
 # Shape of every field that is not a text; () is a number. The first part is the parameter table of
 # `gough_stewart.model.interface`; a test holds the two against each other.

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 # Numbers or CasADi symbols: the algebra is the same, so the element type stays open.
 Array = NDArray[Any]
 Scalars = Array | float
+# Numbers alone.
+FloatArray = NDArray[np.float64]
 
 
 def dot(a: Array, b: Array) -> Array:

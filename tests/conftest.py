@@ -5,8 +5,10 @@ import os
 import pytest
 from hypothesis import settings
 
+from gough_stewart.fmu_build.build import build
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
+from tests.fmu_build.plants import Fmu
 from tests.random_platforms import Sample, random_sample
 
 # derandomize: a failure in CI is the same failure at home. `make evidence` searches wider.
@@ -25,3 +27,10 @@ def paper() -> Platform:
 def thousand() -> Sample:
     """1,000 random platforms in random states."""
     return random_sample(1000, seed=2000)
+
+
+@pytest.fixture(scope="session")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
+    """The native FMUs by FMI version, built once for all tests: archives and what is in them."""
+    folder = tmp_path_factory.mktemp("fmus")
+    return {str(fmu.description.fmiVersion): fmu for fmu in (Fmu(path) for path in build(folder))}

@@ -1,18 +1,10 @@
-"""The native FMUs, built once for all tests."""
+"""The native FMUs, one by one."""
 
 from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build.build import build
 from tests.fmu_build.plants import Fmu
-
-
-@pytest.fixture(scope="session")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
-    """By FMI version: the archives and what is in them."""
-    folder = tmp_path_factory.mktemp("fmus")
-    return {str(fmu.description.fmiVersion): fmu for fmu in (Fmu(path) for path in build(folder))}
 
 
 @pytest.fixture(scope="session")

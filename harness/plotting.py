@@ -1,0 +1,87 @@
+"""How all figures look, and how they become files: the same bytes for the same data."""
+
+import warnings
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any
+
+import matplotlib.style as mpl_style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+# Distinct in print and for colour-blind readers (Okabe & Ito, Color Universal Design, 2008).
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+DASHES = ("-", "--", "-.", "-", "--", "-.")
+STYLE: dict[str, Any] = {
+    "figure.dpi": 150,
+    "figure.constrained_layout.use": True,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.7,
+    "legend.frameon": False,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    # identifiers of an SVG are random otherwise
+    "svg.hashsalt": "gough-stewart",
+}
+Draw = Callable[[Figure], None]
+
+
+def png(draw: Draw, width: float, height: float = 3.6) -> bytes:
+    """What `draw` puts on a figure of this size [inch], as PNG."""
+    return _files(draw, width, height, ("png",))["png"]
+
+
+def pictures(name: str, draw: Draw, width: float, height: float = 3.6) -> dict[str, bytes]:
+    """The same as `name.png` and `name.svg`."""
+    return {f"{name}.{kind}": file for kind, file in _files(draw, width, height, ("png", "svg")).items()}
+
+
+def two_panels(figure: Figure, title: str) -> tuple[Axes, Axes]:
+    """Two axes side by side under a title."""
+    entitle(figure, title)
+    left, right = figure.subplots(1, 2)
+    return left, right
+
+
+def panel(figure: Figure, title: str) -> Axes:
+    """One axes under a title."""
+    entitle(figure, title)
+    axes: Axes = figure.subplots()
+    return axes
+
+
+def entitle(figure: Figure, title: str) -> None:
+    """The title of a figure, as it stands: a name may hold a dollar sign."""
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, fontweight="bold", parse_math=False)
+
+
+def label(axes: Axes, title: str, unit: str, horizontal: str = "time [s]") -> None:
+    """Title and units of axes that show something over time, or over something else."""
+    axes.set_title(title)
+    axes.set_ylabel(f"[{unit}]")
+    axes.set_xlabel(horizontal)
+    axes.margins(x=0)
+
+
+def _files(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
+    files = {}
+    with mpl_style.context(STYLE, after_reset=True), warnings.catch_warnings():
+        # a platform's name may be in any script; a box in its place is no reason to disturb the terminal
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure = Figure(figsize=(width, height))
+        draw(figure)
+        for kind in kinds:
+            buffer = BytesIO()
+            # an SVG carries the date of its making otherwise
+            figure.savefig(buffer, format=kind, metadata={"Date": None} if kind == "svg" else None)
+            files[kind] = buffer.getvalue()
+    return files
