@@ -1,7 +1,8 @@
 """Kinematics of the six legs: vectors, lengths, directions, rates, and the leg Jacobian.
 
 Closure of leg i (paper, fig. 1): l_i = t + R p_i − B_i, with t the position of Op, R from platform to world.
-All functions broadcast over leading axes and are traceable, except `conditioning`, which is NumPy only.
+All functions broadcast over leading axes and are traceable, except `conditioning` and `joint_angles`, which are NumPy
+only.
 """
 
 from typing import NamedTuple
@@ -104,6 +105,28 @@ def scaled_jacobian_of_legs(legs: LegGeometry) -> tuple[Array, Array]:
     rho = np.sqrt(dot(legs.arm, legs.arm).sum(axis=-1) / 6)
     moments = cross(legs.arm, legs.direction) / rho[..., None, None]
     return np.concatenate([legs.direction, moments], axis=-1), rho
+
+
+def joint_angles(
+    parameters: Parameters, position: Array, orientation: Array, home_position: Array, home_orientation: Array
+) -> tuple[Array, Array]:
+    """Angles of the base and of the platform joints from their directions in the home pose, each (..., 6) [rad].
+
+    At B_i the angle between u_i and its home direction in world, at P_i the same in platform axes; NumPy only.
+    """
+    here, home = (
+        (leg_geometry(parameters, p, o).direction, matrix_from_orientation(o)[..., None, :, :])
+        for p, o in ((position, orientation), (home_position, home_orientation))
+    )
+    # Rᵀ u: R_ab u_ia summed over a
+    seen, seen_at_home = ((R * u[..., :, None]).sum(axis=-2) for u, R in (here, home))
+    return _angle_between(here[0], home[0]), _angle_between(seen, seen_at_home)
+
+
+def _angle_between(a: Array, b: Array) -> Array:
+    """Of unit vectors (..., 3), exact also near 0: 2 atan2(|a − b|, |a + b|)."""
+    minus, plus = a - b, a + b
+    return np.asarray(2 * np.arctan2(np.sqrt(dot(minus, minus)), np.sqrt(dot(plus, plus))))
 
 
 def wrench_from_leg_forces(legs: LegGeometry, force: Array) -> Array:

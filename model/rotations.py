@@ -1,7 +1,7 @@
 """Orientation of the platform: roll, pitch, yaw about the fixed world axes X, then Y, then Z.
 
 The paper (section IV): "rotated about the X-axis first, then about the Y-axis, and finally about the Z-axis".
-The first three functions are traceable (see `gough_stewart.model.kernel`); the others are NumPy only.
+The first four functions are traceable (see `gough_stewart.model.kernel`); the others are NumPy only.
 """
 
 import numpy as np
@@ -39,6 +39,21 @@ def angular_velocity_from_orientation_rate(orientation: Array, rate: Array) -> A
     cg, sg = np.cos(orientation[..., 2]), np.sin(orientation[..., 2])
     da, db, dg = rate[..., 0], rate[..., 1], rate[..., 2]
     return np.stack([cg * cb * da - sg * db, sg * cb * da + cg * db, dg - sb * da], axis=-1)
+
+
+def angular_acceleration_from_orientation_rates(orientation: Array, rate: Array, acceleration: Array) -> Array:
+    """Angular acceleration in world components from first and second rates of roll, pitch and yaw.
+
+    ω̇ = γ̈ e_z + β̈ y + α̈ x + γ̇ e_z × (β̇ y + α̇ x) + β̇ y × α̇ x, with y = Rz e_y and x = Rz Ry e_x the axes that
+    yaw, and yaw and pitch, have turned; orientation [rad], rate [rad/s] and acceleration [rad/s²] (..., 3).
+    """
+    da, db, dg = (rate[..., i, None] for i in range(3))
+    zero = 0 * rate
+    x = angular_velocity_from_orientation_rate(orientation, zero + np.array([1.0, 0.0, 0.0]))
+    y = angular_velocity_from_orientation_rate(orientation, zero + np.array([0.0, 1.0, 0.0]))
+    z = zero + np.array([0.0, 0.0, 1.0])
+    turning = cross(dg * z, db * y + da * x) + cross(db * y, da * x)
+    return np.asarray(angular_velocity_from_orientation_rate(orientation, acceleration) + turning)
 
 
 def orientation_rate_from_angular_velocity(orientation: Array, angular_velocity: Array) -> Array:

@@ -93,3 +93,36 @@ def test_quaternion_rate_turns_with_the_angular_velocity(orientation: np.ndarray
     dq = rotations.quaternion_rate(q, omega)
     by_rate = [rotations.matrix_from_quaternion(q + s * h * dq) for s in (1, -1)]
     assert np.allclose((by_rate[0] - by_rate[1]) / (2 * h), (ahead - behind) / (2 * h), atol=1e-7)
+
+
+@given(angles=st.lists(st.floats(-1.4, 1.4), min_size=9, max_size=9))
+def test_angular_acceleration_is_the_derivative_of_angular_velocity(angles: list[float]) -> None:
+    """Expected: central differences of ω along θ + θ̇ t + θ̈ t²/2."""
+    theta, rate, acceleration = np.array(angles).reshape(3, 3)
+    h = 1e-5
+
+    def omega(t: float) -> np.ndarray:
+        return rotations.angular_velocity_from_orientation_rate(
+            theta + rate * t + acceleration * t**2 / 2, rate + acceleration * t
+        )
+
+    expected = (omega(h) - omega(-h)) / (2 * h)
+    found = rotations.angular_acceleration_from_orientation_rates(theta, rate, acceleration)
+    assert found == pytest.approx(expected, abs=1e-8)
+
+
+def test_angular_acceleration_broadcasts() -> None:
+    """Expected: row by row."""
+    rng = np.random.default_rng(1)
+    orientation, rate, acceleration = rng.normal(size=(4, 1, 3)), rng.normal(size=3), rng.normal(size=(5, 3))
+    found = rotations.angular_acceleration_from_orientation_rates(orientation, rate, acceleration)
+    assert found.shape == (4, 5, 3)
+    for i, j in np.ndindex(4, 5):
+        one = rotations.angular_acceleration_from_orientation_rates(orientation[i, 0], rate, acceleration[j])
+        assert np.allclose(found[i, j], one, rtol=1e-14, atol=1e-14)
+
+
+def test_steady_turns_about_two_axes_accelerate_about_the_third() -> None:
+    """Expected: γ̇ e_z × α̇ e_x = γ̇ α̇ e_y, from a platform at level."""
+    found = rotations.angular_acceleration_from_orientation_rates(np.zeros(3), np.array([2.0, 0, 3.0]), np.zeros(3))
+    assert np.allclose(found, [0, 6, 0], atol=1e-15)

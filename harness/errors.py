@@ -1,0 +1,47 @@
+"""Errors of the harness."""
+
+from gough_stewart.model.errors import GoughStewartError
+
+
+class PlantError(GoughStewartError):
+    """A plant that cannot be had, or that refuses what it was asked: no FMU, another model, the FMU's own complaint."""
+
+
+class ControllerError(GoughStewartError, ValueError):
+    """A controller of the wrong size or rate, gains that no controller can have, or a law that gave no forces."""
+
+
+class RecordError(GoughStewartError, ValueError):
+    """A file that is no record of a run, or a column that a record has not."""
+
+
+class MotionError(GoughStewartError, ValueError):
+    """A reference motion that cannot be: impossible numbers, a table with holes, a time outside of it."""
+
+
+class ReachError(GoughStewartError, ValueError):
+    """A reference that the platform cannot follow: which `quantity` has which `value`, when, and in which `leg`."""
+
+    def __init__(self, message: str, time: float, quantity: str, value: float, leg: int | None = None) -> None:
+        super().__init__(message)
+        self.time = time
+        self.quantity = quantity
+        self.value = value
+        self.leg = leg
+
+
+class ExperimentError(GoughStewartError, ValueError):
+    """An experiment that cannot be run as it is written: `where` names the file, `key` the place in it."""
+
+    def __init__(self, where: str, key: str, message: str) -> None:
+        super().__init__(": ".join(part for part in (where, key, message) if part))
+        self.where = where
+        self.key = key
+
+
+class UnstableLoopError(GoughStewartError, ValueError):
+    """A loop that is unstable when closed; `eigenvalue` is the worst, s [1/s] or z."""
+
+    def __init__(self, message: str, eigenvalue: complex) -> None:
+        super().__init__(message)
+        self.eigenvalue = eigenvalue
