@@ -1,0 +1,62 @@
+"""A native FMU that is built once for a state of this package, for those who only want to run one."""
+
+import hashlib
+import tempfile
+from importlib import resources
+from importlib.metadata import version
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from gough_stewart.fmu_build.build import Progress, build, file_name
+from gough_stewart.fmu_build.toolchain import cache_folder
+from gough_stewart.model.files import write_files
+
+# What the bytes of an FMU depend on beside this package's own files.
+_PACKAGES = ("gough-stewart", "casadi", "fmpy", "numpy", "scipy", "ziglang")
+
+
+def cached_build(fmi_version: str, progress: Progress | None = None) -> Path:
+    """The FMU of the paper's platform for this machine, from the cache if it was built from the same sources before.
+
+    Parameters
+    ----------
+    fmi_version
+        "2.0" or "3.0".
+    progress
+        Called with what is being done, if anything is.
+
+    Raises
+    ------
+    BuildError
+        As `build`.
+    OSError
+        The cache cannot be written.
+    """
+    path = cache_folder() / "fmus" / _digest() / file_name(fmi_version)
+    if not path.is_file():
+        with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
+            (built,) = build(folder, fmi=[fmi_version], progress=progress)
+            write_files(path.parent, {path.name: built.read_bytes()})
+    return path
+
+
+def _digest() -> str:
+    """Of every file of the packages that FMUs are made from, and of the versions of what makes them."""
+    state = hashlib.sha256()
+    for package in _PACKAGES:
+        state.update(f"{package} {version(package)}\n".encode())
+    for package in ("gough_stewart.model", "gough_stewart.fmu_build"):
+        for name, content in sorted(_files(resources.files(package), "")):
+            state.update(f"{name} {len(content)}\n".encode())
+            state.update(content)
+    return state.hexdigest()[:24]
+
+
+def _files(folder: Traversable, prefix: str) -> list[tuple[str, bytes]]:
+    found = []
+    for each in folder.iterdir():
+        if each.is_dir() and each.name != "__pycache__":
+            found += _files(each, f"{prefix}{each.name}/")
+        elif each.is_file():
+            found.append((prefix + each.name, each.read_bytes()))
+    return found

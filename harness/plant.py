@@ -1,0 +1,93 @@
+"""What the loop asks of a plant, and the plant in process."""
+
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Protocol, Self
+
+from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.vectors import FloatArray
+
+TOLERANCE = 1e-8  # of the integration, for all plants alike
+
+
+class Plant(Protocol):
+    """The platform as the loop sees it, whatever it is made of.
+
+    The contract:
+
+    1. A plant comes with its platform's parameters set, at time 0 in its start state, inputs 0.
+    2. `set_inputs` takes the whole input vector (12,) in the order of `interface.INPUTS`; it holds until it is set
+       anew.
+    3. `set_parameters` takes tunable parameters by name, together or not at all, at any time between two steps.
+    4. `results` gives all outputs and locals (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`, at the present
+       time under the present inputs; a copy. It changes nothing.
+    5. `do_step(time, step)` goes from `time`, the plant's own, to `time + step`.
+    6. What cannot be done raises an error of this project, with what the plant has to say, and leaves the plant as it
+       was: `StepError` for a motion that the plant cannot pass, others for wrong use.
+    7. Two plants of the same platform, start and inputs give the same results within their tolerance, 1e-8 by default.
+    8. `close` frees what the plant holds, at any time and more than once; a plant is a context manager that does so.
+    """
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        """Rule 2."""
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        """Rule 3."""
+
+    def results(self) -> FloatArray:
+        """Rule 4."""
+
+    def do_step(self, time: float, step: float) -> None:
+        """Rules 5 and 6; both in s."""
+
+    def close(self) -> None:
+        """Rule 8."""
+
+    def __enter__(self) -> Self:
+        """Rule 8."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Rule 8."""
+
+
+class ModelPlant:
+    """The stepping model as a `Plant`."""
+
+    def __init__(self, platform: Platform, start: State | None = None, tolerance: float = TOLERANCE) -> None:
+        self._model = SteppingModel(platform, tolerance)
+        if start is not None:
+            self._model.set_many(start._asdict())
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        """Rule 2."""
+        self._model.set_many(interface.unpack(interface.INPUTS, inputs))
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        """Rule 3."""
+        self._model.set_many(values)
+
+    def results(self) -> FloatArray:
+        """Rule 4."""
+        return self._model.result_vector()
+
+    def do_step(self, time: float, step: float) -> None:
+        """Rules 5 and 6."""
+        self._model.do_step(time, step)
+
+    def close(self) -> None:
+        """Rule 8; there is nothing to free."""
+
+    def __enter__(self) -> Self:
+        """Rule 8."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Rule 8."""
+        self.close()
