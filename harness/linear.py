@@ -1,0 +1,167 @@
+"""The platform as a python-control object: nonlinear, linearised exactly, at rest, and its modes."""
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.model import interface
+from gough_stewart.model.dynamics import mass_matrix, static_leg_forces
+from gough_stewart.model.errors import InterfaceError
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.real import real_array
+from gough_stewart.model.vectors import Array, FloatArray
+
+OUTPUTS = tuple(v.name for v in interface.OUTPUTS)
+STATE_NAMES = [name for v in interface.STATES for name in v.scalar_names]
+INPUT_NAMES = [name for v in interface.INPUTS for name in v.scalar_names]
+
+
+class OperatingPoint(NamedTuple):
+    """A state at rest with the inputs that hold it."""
+
+    state: FloatArray  # (12,)
+    inputs: FloatArray  # (12,)
+
+
+class Mode(NamedTuple):
+    """A mode of a linear system; a conjugate pair is one."""
+
+    eigenvalue: complex  # of continuous time [1/s]; of a pair the one with the positive imaginary part
+    frequency: float  # |eigenvalue| / 2π [Hz]
+    damping_ratio: float  # −Re / |eigenvalue|; negative where it grows
+
+
+def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> control.NonlinearIOSystem:
+    """The platform as python-control's nonlinear system: ẋ = f(x, u), y = g(x, u).
+
+    States, inputs and outputs carry the interface's scalar names: `position[1]`, `actuator_force[6]`, `leg_length[3]`.
+    python-control takes such names as parts of one signal, so that `interconnect` joins `plant.leg_length` as a whole.
+
+    Parameters
+    ----------
+    outputs
+        Names of outputs or locals of the interface.
+
+    Raises
+    ------
+    InterfaceError
+        A name that is none of these.
+    """
+    kernel, p = Kernel(), parameter_vector(platform)
+    names, rows = _rows(outputs)
+
+    def update(_t: float, x: Any, u: Any, _params: Any) -> FloatArray:
+        return kernel.derivatives(x, u, p).copy()
+
+    def output(_t: float, x: Any, u: Any, _params: Any) -> FloatArray:
+        return np.asarray(kernel.outputs(x, u, p)[rows])
+
+    return control.nlsys(update, output, states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
+
+
+def trim(
+    platform: Platform,
+    position: Array | None = None,
+    orientation: Array | None = None,
+    external_wrench: Array | float = 0.0,
+) -> OperatingPoint:
+    """The platform at rest in a pose (default: home) under the leg forces that hold it there.
+
+    Jᵀ F = n(pose, 0) − [f_ext; τ_ext], with the external wrench (6,) at Op in world components [N, N m].
+
+    Raises
+    ------
+    InterfaceError
+        The pose or the wrench is not finite, or has another shape.
+    SingularPoseError
+        The legs cannot hold the pose.
+    """
+    p, o = _pose(platform, position, orientation)
+    wrench = np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench
+    wrench = _checked("external_wrench", wrench, (6,))
+    force = static_leg_forces(platform, p, o, wrench)
+    return OperatingPoint(np.concatenate([p, o, np.zeros(6)]), np.concatenate([force, wrench]))
+
+
+def linearise(
+    platform: Platform,
+    position: Array | None = None,
+    orientation: Array | None = None,
+    outputs: Iterable[str] = OUTPUTS,
+) -> control.StateSpace:
+    """Linear model δẋ = A δx + B δu, δy = C δx + D δu about rest in a pose (default: home), by exact Jacobians.
+
+    Signals are named as in `plant_system`.
+
+    Raises
+    ------
+    InterfaceError, SingularPoseError
+        As `plant_system` and `trim`.
+    """
+    names, rows = _rows(outputs)
+    point = trim(platform, position, orientation)
+    A, B, C, D = (block.copy() for block in Kernel().jacobians(*point, parameter_vector(platform)))
+    return control.ss(A, B, C[rows], D[rows], states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
+
+
+def modes(system: Any) -> list[Mode]:
+    """Modes of a linear system, the slowest first; those of discrete time through λ = ln(z) / dt.
+
+    A pole at z = 0, of a pure delay, has no counterpart in continuous time and is left out.
+    """
+    poles = np.asarray(system.poles(), dtype=complex)
+    if system.isdtime(strict=True):
+        poles = np.log(poles[np.abs(poles) > 1e-9]) / system.dt
+    found = []
+    for pole in poles:
+        size = abs(pole)
+        if pole.imag < -1e-9 * size:
+            continue  # its conjugate is there
+        found.append(Mode(complex(pole), float(size / (2 * math.pi)), float(-pole.real / size) if size else 1.0))
+    return sorted(found, key=lambda mode: mode.frequency)
+
+
+def leg_space_mass(platform: Platform, position: Array | None = None, orientation: Array | None = None) -> FloatArray:
+    """Mass matrix that the legs feel in a pose (default: home), J⁻ᵀ M J⁻¹ (6, 6) [kg].
+
+    At rest and without gravity L̈ = (J⁻ᵀ M J⁻¹)⁻¹ F, since L̇ = J [v; ω] and M [v̇; ω̇] = Jᵀ F.
+
+    Raises
+    ------
+    InterfaceError
+        The pose is not finite, or has another shape.
+    """
+    pose = _pose(platform, position, orientation)
+    J_inverse = np.linalg.inv(leg_jacobian(platform, *pose))
+    return np.asarray(J_inverse.T @ mass_matrix(platform, *pose) @ J_inverse)
+
+
+def _pose(platform: Platform, position: Array | None, orientation: Array | None) -> tuple[FloatArray, FloatArray]:
+    return (
+        _checked("position", platform.home_position if position is None else position, (3,)),
+        _checked("orientation", platform.home_orientation if orientation is None else orientation, (3,)),
+    )
+
+
+def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
+    try:
+        return real_array(value, shape)
+    except ValueError as error:
+        raise InterfaceError(name, str(error)) from None
+
+
+def _rows(outputs: Iterable[str]) -> tuple[list[str], NDArray[np.intp]]:
+    """Scalar names of some results, and where they lie in the kernel's y."""
+    chosen = [outputs] if isinstance(outputs, str) else list(outputs)
+    everything = interface.unpack(interface.RESULTS, np.arange(interface.size_of(interface.RESULTS)))
+    for name in chosen:
+        if name not in everything:
+            raise InterfaceError(str(name), f"is no result of the plant{interface.nearest(str(name), everything)}")
+    names = [scalar for name in chosen for scalar in interface.BY_NAME[name].scalar_names]
+    return names, np.concatenate([np.ravel(everything[name]) for name in chosen])
