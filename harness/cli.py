@@ -2,8 +2,6 @@
 
 import io
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -11,10 +9,11 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from gough_stewart.harness.cli_run import experiments_command, margins_command, run_command
+from gough_stewart.harness.terminal import UsageError, clear_errors, errors
 from gough_stewart.model import cases, kinematics
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
@@ -28,7 +27,6 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_errors = Console(stderr=True)
 
 
 class Order(StrEnum):
@@ -43,10 +41,6 @@ PresetOption = Annotated[
     typer.Option(help="A platform that ships with the package; see `gough-stewart presets`.", metavar="NAME"),
 ]
 PlatformOption = Annotated[Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE")]
-
-
-class UsageError(GoughStewartError):
-    """Options that contradict each other."""
 
 
 def _show_version(wanted: bool) -> None:
@@ -100,16 +94,16 @@ def reproduce_command(
 
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
-    with _clear_errors():
+    with clear_errors():
         # here, not above: --help need not wait for CasADi and matplotlib
         from gough_stewart.harness.report import to_terminal
-        from gough_stewart.harness.reproduce import FILES, reproduce, write
-        from gough_stewart.model.files import check_output_folder
+        from gough_stewart.harness.reproduce import FILES, reproduce
+        from gough_stewart.model.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
         case = _chosen_case(order, preset, platform)
-        result = reproduce(case, _errors)
-        write(result, out)
+        result = reproduce(case, errors)
+        write_files(out, result.files)
         console = Console()
         console.print(to_terminal(result.report))
         console.print(f"Wrote {', '.join(result.files)} to {out}", style="dim", highlight=False)
@@ -155,14 +149,14 @@ def build_command(
 
     - `gough-stewart build --fmi 3.0 --target all --preset motion_base --out fmus`
     """
-    with _clear_errors():
+    with clear_errors():
         from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 
         chosen = _chosen_platform(preset, platform)
         versions = [v.value for v in fmi] if fmi else VERSIONS
         targets = target or ["native"]
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=_errors, transient=True) as progress:
+        with Progress(*columns, console=errors, transient=True) as progress:
             task = progress.add_task("building", total=number_of_steps(versions, targets))
 
             def told(what: str) -> None:
@@ -178,7 +172,7 @@ def presets_command(
     name: Annotated[str | None, typer.Argument(help="Print this preset's TOML file.", metavar="[NAME]")] = None,
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
-    with _clear_errors():
+    with clear_errors():
         if name is not None:
             typer.echo(preset_text(name), nl=False)
             return
@@ -190,6 +184,11 @@ def presets_command(
             number = kinematics.conditioning(*home).condition_number
             table.add_row(each, f"{p.platform_mass:g}", f"{length:.4g}", f"{number:.2f}", p.source)
         Console().print(table)
+
+
+app.command("run")(run_command)
+app.command("experiments")(experiments_command)
+app.command("margins")(margins_command)
 
 
 def main() -> None:
@@ -215,20 +214,3 @@ def _chosen_platform(preset: str | None, platform: Path | None) -> Platform:
     if platform is not None:
         return load_platform(platform)
     return load_preset(cases.PAPER_PRESET if preset is None else preset)
-
-
-@contextmanager
-def _clear_errors() -> Iterator[None]:
-    """One clear line and an exit code instead of a traceback."""
-    try:
-        yield
-    except GoughStewartError as error:
-        _errors.print(f"[bold red]error:[/bold red] {escape(str(error))}", soft_wrap=True, highlight=False)
-        raise typer.Exit(1) from error
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        _errors.print(f"[bold red]error:[/bold red] {escape(where)}{error.strerror}", soft_wrap=True)
-        raise typer.Exit(1) from error
-    except KeyboardInterrupt:
-        _errors.print("interrupted; nothing written", style="bold red")
-        raise typer.Exit(130) from None

@@ -1,18 +1,118 @@
-"""Results as a table: `time`, then every output and local of the interface under its FMI 2.0 name."""
+"""Records of runs as tables: one row per time, SI units, interface variables under their FMI 2.0 names."""
+
+import json
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
 
+from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.open_loop import Trajectory
 from gough_stewart.model import interface
+from gough_stewart.model.vectors import FloatArray
+
+_METADATA_KEY = "gough_stewart"
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run: what happened, row by row, and under which circumstances.
+
+    Columns are `time`, every input, output and local of the interface (`position[1]`, `actuator_force[6]`, …), and with
+    a prefix what the plant does not know of:
+
+    - `reference.` the wanted pose, its rates, and the leg lengths and velocities that belong to it;
+    - `error.` reference minus actual (`position`, `orientation`, `leg_length`);
+    - `measured.` what the controller was told at its last sample, and `controller.` what it made of it: `force` wanted
+      before any limit, `feedforward` in it, `state`;
+    - `flag.` truth values per leg: `force_limited`, `rate_limited`, `stroke_exceeded`.
+    """
+
+    table: polars.DataFrame
+    metadata: dict[str, Any]
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """A column (n,), or all columns of a variable (n, size): `record["position"]`, `record["error.leg_length"]`.
+
+        Raises
+        ------
+        RecordError
+            No such column; the nearest name is suggested.
+        """
+        if name in self.table.columns:
+            return self.table[name].to_numpy()
+        columns = self.columns_of(name)
+        if not columns:
+            names = {column.split("[")[0]: None for column in self.table.columns}
+            raise RecordError(f"the record has no '{name}'{interface.nearest(name, names)}")
+        return self.table.select(columns).to_numpy()
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is such a column or variable."""
+        return name in self.table.columns or bool(self.columns_of(name))
+
+    def columns_of(self, name: str) -> list[str]:
+        """The columns of a variable."""
+        return [column for column in self.table.columns if column.startswith(f"{name}[")]
+
+    def to_csv(self) -> bytes:
+        """CSV with the shortest digits that read back to the same numbers."""
+        return self.table.write_csv().encode()
+
+    def to_parquet(self) -> bytes:
+        """Parquet, with the metadata inside."""
+        buffer = BytesIO()
+        self.table.write_parquet(buffer, metadata={_METADATA_KEY: _json(self.metadata)})
+        return buffer.getvalue()
+
+    def to_metadata(self) -> bytes:
+        """The metadata as readable JSON."""
+        return (_json(self.metadata, indent=2) + "\n").encode()
+
+
+def read_record(path: Path | str) -> Record:
+    """A record from `record.parquet`, or from `record.csv` with `metadata.json` beside it.
+
+    Raises
+    ------
+    RecordError
+        The file, or the one beside it, is missing or is something else.
+    """
+    path = Path(path)
+    expected = "expected record.parquet, or record.csv with metadata.json beside it, as `gough-stewart run` writes them"
+    try:
+        if path.suffix == ".parquet":
+            said = polars.read_parquet_metadata(path).get(_METADATA_KEY)
+            if said is None:
+                raise RecordError(f"{path}: holds no metadata of a run; {expected}")
+            return Record(polars.read_parquet(path), json.loads(said))
+        metadata = json.loads(path.with_name("metadata.json").read_bytes())
+        # the first rows need not show that a column holds numbers with digits after the point
+        return Record(polars.read_csv(path, infer_schema_length=None), metadata)
+    except OSError as error:
+        raise RecordError(f"{error.filename or path}: {error.strerror or error}; {expected}") from error
+    except (ValueError, polars.exceptions.PolarsError) as error:
+        raise RecordError(f"{path}: cannot be read as a record ({error}); {expected}") from error
+
+
+def columns(prefix: str, size: int) -> list[str]:
+    """Names of a vector's columns, 1-based."""
+    return [f"{prefix}[{k + 1}]" for k in range(size)]
 
 
 def table_of(run: Trajectory) -> polars.DataFrame:
-    """One row per time."""
-    columns = ["time", *interface.RESULT_COLUMNS]
-    return polars.DataFrame(np.column_stack([run.time, run.results]), schema=columns)
+    """An open-loop trajectory: `time`, then every output and local."""
+    names = ["time", *interface.RESULT_COLUMNS]
+    return polars.DataFrame(np.column_stack([run.time, run.results]), schema=names)
 
 
 def csv_of(run: Trajectory) -> bytes:
-    """CSV with the shortest digits that read back to the same numbers."""
+    """`table_of` as CSV with the shortest digits that read back to the same numbers."""
     return table_of(run).write_csv().encode()
+
+
+def _json(data: dict[str, Any], indent: int | None = None) -> str:
+    return json.dumps(data, indent=indent, ensure_ascii=False)

@@ -266,7 +266,7 @@ def test_a_full_disk_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.Monke
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device", str(tmp_path / "open_loop.csv"))
 
-    monkeypatch.setattr("gough_stewart.harness.reproduce.write_whole", full)
+    monkeypatch.setattr("gough_stewart.model.files.write_whole", full)
     done = CliRunner().invoke(cli.app, ["reproduce", "--out", str(tmp_path)])
     assert done.exit_code == 1
     assert "No space left on device" in done.output

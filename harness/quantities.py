@@ -1,0 +1,106 @@
+"""Quantities in experiment files: a number in SI units, or a text with a unit, "20 mm".
+
+A small table instead of a units library: those take Hz and rad/s for the same unit, and would let 31 rad/s pass as 31
+Hz.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
+from gough_stewart.model.real import real_array
+
+# What each unit is in the SI unit that heads its row.
+UNITS: dict[str, dict[str, float]] = {
+    "m": {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
+    "rad": {"rad": 1, "mrad": 1e-3, "deg": math.pi / 180},
+    "s": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60},
+    "Hz": {"Hz": 1, "kHz": 1e3, "rad/s": 1 / (2 * math.pi), "rpm": 1 / 60},
+    "m/s": {"m/s": 1, "mm/s": 1e-3},
+    "rad/s": {"rad/s": 1, "deg/s": math.pi / 180},
+    "N": {"N": 1, "kN": 1e3},
+    "N/s": {"N/s": 1, "kN/s": 1e3},
+    "N.m": {"N.m": 1, "N m": 1, "Nm": 1, "kN.m": 1e3},
+    "N/m": {"N/m": 1, "kN/m": 1e3, "N/mm": 1e3},
+    "N.s/m": {"N.s/m": 1, "N s/m": 1, "kN.s/m": 1e3},
+    "N/(m.s)": {"N/(m.s)": 1, "N/(m s)": 1, "kN/(m.s)": 1e3},
+}
+
+
+def number(value: object, unit: str) -> float:
+    """A quantity as a number in SI units.
+
+    Raises
+    ------
+    ValueError
+        Neither a finite number nor a text of a number and a unit of this kind.
+    """
+    expected = f"expected a number of {unit}, or a text with one of the units {', '.join(UNITS[unit])}"
+    if not isinstance(value, str):
+        try:
+            return float(real_array(value, ()))
+        except ValueError:
+            raise ValueError(expected) from None
+    digits, _, found = value.strip().partition(" ")
+    if found.strip() not in UNITS[unit]:
+        raise ValueError(f"{expected}; found the unit '{found.strip()}'" if found else expected)
+    try:
+        size = float(digits)
+    except ValueError:
+        raise ValueError(expected) from None
+    if not math.isfinite(size):
+        raise ValueError(expected)
+    return size * UNITS[unit][found.strip()]
+
+
+def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
+    """A list of so many quantities, as numbers in SI units.
+
+    Raises
+    ------
+    ValueError
+        Another length, or as `number`, with the place in the list.
+    """
+    if not isinstance(value, list | tuple) or len(value) != size:
+        found = f"{len(value)} values" if isinstance(value, list | tuple) else "one value"
+        raise ValueError(f"expected a list of {size} [{unit}]; found {found}")
+    numbers = []
+    for k, each in enumerate(value):
+        try:
+            numbers.append(number(each, unit))
+        except ValueError as error:
+            raise ValueError(f"value {k + 1} of {size}: {error}") from None
+    return tuple(numbers)
+
+
+def _quantity(unit: str, bound: str | None = None) -> BeforeValidator:
+    def parse(value: Any) -> float:
+        size = number(value, unit)
+        if (bound == "> 0" and not size > 0) or (bound == ">= 0" and not size >= 0):
+            raise ValueError(f"expected {bound} {unit}")
+        return size
+
+    return BeforeValidator(parse)
+
+
+def _vector(unit: str, size: int) -> BeforeValidator:
+    parse: Callable[[Any], tuple[float, ...]] = lambda value: vector(value, unit, size)  # noqa: E731
+    return BeforeValidator(parse)
+
+
+Time = Annotated[float, _quantity("s", ">= 0")]
+PositiveTime = Annotated[float, _quantity("s", "> 0")]
+PositiveLength = Annotated[float, _quantity("m", "> 0")]
+Angle = Annotated[float, _quantity("rad")]
+Frequency = Annotated[float, _quantity("Hz", "> 0")]
+PositiveForce = Annotated[float, _quantity("N", "> 0")]
+PositiveForceRate = Annotated[float, _quantity("N/s", "> 0")]
+Position = Annotated[tuple[float, ...], _vector("m", 3)]
+Orientation = Annotated[tuple[float, ...], _vector("rad", 3)]
+Velocity = Annotated[tuple[float, ...], _vector("m/s", 3)]
+AngularVelocity = Annotated[tuple[float, ...], _vector("rad/s", 3)]
+Force = Annotated[tuple[float, ...], _vector("N", 3)]
+Torque = Annotated[tuple[float, ...], _vector("N.m", 3)]
+LegForces = Annotated[tuple[float, ...], _vector("N", 6)]
