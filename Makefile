@@ -4,11 +4,12 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/reproduce
+HEAVE ?= results/heave_step
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .PHONY: help demo test check bench evidence format figures lower-bounds clean
 help:
-	@echo "make demo      build the FMUs and reproduce the paper: tables on the terminal, files in $(OUT)"
+	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), close the loop (in $(HEAVE))"
 	@echo "make test      run the tests, with coverage"
 	@echo "make check     formatting, ruff, mypy, import directions"
 	@echo "make bench     speed, as ratios"
@@ -19,6 +20,7 @@ help:
 
 demo: $(VENV)/run
 	$(BIN)/gough-stewart reproduce --out $(OUT)
+	$(BIN)/gough-stewart run heave_step --plant fmu3 --out $(HEAVE)
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest --cov --cov-report=term
@@ -44,6 +46,7 @@ format: $(VENV)/dev
 
 figures: $(VENV)/run
 	$(BIN)/python docs/figures/draw.py
+	$(BIN)/python docs/figures/draw_loop.py
 
 lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest
