@@ -61,14 +61,13 @@ def run_command(
     """
     with clear_errors():
         chosen = _experiment(experiment, settings or [])
-        from gough_stewart.harness.run_files import drawing_aside, names_of_files, run_files
+        from gough_stewart.harness.run_files import names_of_files, run_files
         from gough_stewart.model.files import check_output_folder, write_files
 
         folder = out or Path("results", Path(experiment).stem)
         check_output_folder(folder, names_of_files())
-        with drawing_aside(round(chosen.loop.duration / (chosen.loop.plant_step or chosen.loop.sample_time))) as draw:
-            record = _run(chosen, plant, fmu)
-            files, tables = run_files(record, draw)
+        record = _run(chosen, plant, fmu)
+        files, tables = run_files(record)
         write_files(folder, files)
         console = Console()
         console.print(tables)
@@ -144,7 +143,8 @@ def _run(experiment: "Experiment", plant: PlantKind | None, fmu: Path | None) ->
     from gough_stewart.harness.run import run
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=errors, transient=True) as progress:
+    # every refresh costs the run as much as a hundred of its steps
+    with Progress(*columns, console=errors, transient=True, refresh_per_second=4) as progress:
         task = progress.add_task("preparing", total=experiment.loop.duration)
         return run(
             experiment,

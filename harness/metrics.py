@@ -278,8 +278,8 @@ def _leg_table(metrics: dict[str, Any]) -> Table:
 
 def _table(title: str, *heads: str) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold")
-    for k, head in enumerate(heads):
-        table.add_column(head, justify="right" if head else "left", no_wrap=k > 0)
+    for head in heads:
+        table.add_column(head, justify="right" if head else "left", no_wrap=True)
     return table
 
 
@@ -288,4 +288,8 @@ def _milli(value: float | None) -> str:
 
 
 def _text(value: float | None, digits: int = 4) -> str:
-    return "–" if value is None else f"{value:.{digits}g}"
+    """At most so many significant digits."""
+    if value is None:
+        return "–"
+    # large ones as they are: 18610 is shorter than 1.861e+04
+    return f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"

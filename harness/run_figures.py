@@ -24,7 +24,7 @@ WIDTH = 8.0  # [inch]
 _POINTS, _SPANS = 800, 200
 # Beyond this, the arithmetic of axes overflows.
 _LARGEST = 1e100
-# Less than this share of the whole, or of a unit, is no motion to look at.
+# Less than this share of the whole, or of a unit (a micrometre, a millionth of a degree), is no motion to look at.
 _LEAST = 1e-6
 # Layout engines, and what moves titles, measure everything anew for every file: half of the time.
 _PLACED_BY_HAND: dict[Any, Any] = {"figure.constrained_layout.use": False, "axes.titley": 1.0}
@@ -111,7 +111,7 @@ def _pose(figure: Figure, record: Record) -> None:
         each = [np.stack([curve[:, k] for curve in curves]) for k in range(3)]
         # an axis that hardly moves beside the others is drawn as such
         views = [_view(values, _LEAST) for values in each]
-        least = max(view.high - view.low for view in views) / 50
+        least = max(_LEAST, *((view.high - view.low) / 50 for view in views))
         lines += each
         panels += [(f"{names[k]} [{unit}]", _view(each[k], least)) for k in range(3)]
     for axes, both in zip(_panels(figure, record, "pose", panels, columns=3), lines, strict=True):
