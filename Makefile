@@ -47,6 +47,7 @@ format: $(VENV)/dev
 figures: $(VENV)/run
 	$(BIN)/python docs/figures/draw.py
 	$(BIN)/python docs/figures/draw_loop.py
+	$(BIN)/python docs/figures/draw_heave.py
 
 lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest

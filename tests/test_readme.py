@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gough_stewart.harness import experiment
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 COMMANDS = [
     line.split("#")[0].strip() for block in re.findall(r"```sh\n(.*?)```", README, re.S) for line in block.splitlines()
 ]
-FMU_SNIPPETS = re.findall(r"```python\n(.*?)```", (ROOT / "docs/fmu.md").read_text(), re.S)
+FMU_SNIPPETS, CONTROL_SNIPPETS = (
+    re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.S) for page in ("docs/fmu.md", "docs/control.md")
+)
 SNIPPETS = re.findall(r"```python\n(.*?)```", README, re.S)
 STEPPING, LQR = (
     next(s for s in SNIPPETS if word in s) for word in ('plant.get("leg_velocity")', "solve_continuous_are")
@@ -51,10 +55,12 @@ def test_the_two_commands_come_first() -> None:
 
 @pytest.mark.skipif(not (ROOT / ".venv" / "run").exists(), reason="not set up by make")
 def test_make_demo_runs(tmp_path: Path) -> None:
-    done = run(f"make -C {ROOT} demo OUT={tmp_path}", ROOT)
+    done = run(f"make -C {ROOT} demo OUT={tmp_path / 'paper'} HEAVE={tmp_path / 'heave'}", ROOT)
     assert done.returncode == 0, done.stderr
     assert "Agreement of the formulations" in done.stdout
-    assert (tmp_path / "report.md").exists()
+    assert (tmp_path / "paper" / "report.md").exists()
+    assert "Step response" in done.stdout
+    assert (tmp_path / "heave" / "pose.png").exists()
 
 
 def test_make_test_is_a_target() -> None:
@@ -73,11 +79,28 @@ def number_and_title(snippet: str) -> str:
     return next((line for line in snippet.splitlines() if "=" in line), snippet.splitlines()[0])
 
 
-@pytest.mark.parametrize("snippet", [*SNIPPETS, *FMU_SNIPPETS], ids=number_and_title)
+@pytest.mark.parametrize("snippet", [*SNIPPETS, *FMU_SNIPPETS, *CONTROL_SNIPPETS], ids=number_and_title)
 def test_the_snippets_run(snippet: str, built: Path) -> None:
     (built / "snippet.py").write_text(snippet)
     done = run(f"{sys.executable} snippet.py", built)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_commands_of_the_control_page_run_in_order(tmp_path: Path) -> None:
+    (block,) = re.findall(r"```sh\n(.*?)```", (ROOT / "docs/control.md").read_text(), re.S)
+    for command in block.splitlines():
+        done = run(command, tmp_path)
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+    assert (tmp_path / "results" / "mine" / "pose.png").exists()
+
+
+def test_the_control_page_names_every_key_of_an_experiment() -> None:
+    """Expected: the schema's own fields, each in backticks on the page."""
+    page = (ROOT / "docs/control.md").read_text()
+    sections = [value for value in vars(experiment).values() if isinstance(value, type)]
+    models = [each for each in sections if issubclass(each, experiment.Section) and each is not experiment.Section]
+    keys = {key for model in models for key in model.model_fields} - {"platform", "reference", "controller", "start"}
+    assert [key for key in sorted(keys) if not re.search(rf"[`\[.]{key}[`\].]", page)] == []
 
 
 def test_the_commands_of_the_fmu_page_are_options_of_the_command() -> None:
@@ -140,10 +163,11 @@ def test_the_pages_mention_every_equation_of_the_paper() -> None:
     assert [name for name in names if f"def {name}(" not in code] == []
 
 
-def test_the_picture_is_what_its_script_draws(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["platform", "loop", "heave"])
+def test_a_picture_is_what_its_script_draws(name: str, tmp_path: Path) -> None:
     """Expected: the committed bytes' shapes; matplotlib versions may differ in digits, so elements are counted."""
-    script = (ROOT / "docs/figures/draw.py").read_text()
-    (tmp_path / "draw.py").write_text(script)
+    script = "draw.py" if name == "platform" else f"draw_{name}.py"
+    (tmp_path / "draw.py").write_text((ROOT / "docs/figures" / script).read_text())
     assert run(f"{sys.executable} draw.py", tmp_path).returncode == 0
-    drawn, kept = ((p / "platform.svg").read_text().count("<path") for p in (tmp_path, ROOT / "docs/figures"))
+    drawn, kept = ((p / f"{name}.svg").read_text().count("<path") for p in (tmp_path, ROOT / "docs/figures"))
     assert drawn == pytest.approx(kept, rel=0.2)
