@@ -35,6 +35,7 @@ check: $(VENV)/dev
 bench: $(VENV)/bench
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/fmu.py
+	$(BIN)/python benchmarks/loop.py
 
 evidence: $(VENV)/evidence
 	$(BIN)/python -m pytest -m evidence -s

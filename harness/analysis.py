@@ -8,8 +8,8 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from gough_stewart.harness import experiment as schema
 from gough_stewart.harness.chosen_controllers import gains_of
+from gough_stewart.harness.controller_choice import PD
 from gough_stewart.harness.design_figures import design_figures
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment import Experiment
@@ -88,7 +88,7 @@ def analyse(experiment: Experiment) -> Analysis:
 
 def _gains(experiment: Experiment, prepared: Prepared) -> dict[str, Any] | None:
     """Of PD and PID, per channel."""
-    if not isinstance(experiment.controller, schema.PD):
+    if not isinstance(experiment.controller, PD):
         return None
     gains = gains_of(experiment.controller, prepared.platform)
     return {

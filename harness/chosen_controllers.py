@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness import experiment as schema
+from gough_stewart.harness.controller_choice import PD, PID
 from gough_stewart.harness.controllers import Gains, pid, sampled
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.gains import gains_from_bandwidth
@@ -14,7 +14,7 @@ from gough_stewart.harness.laws import Controller, LinearController, controller_
 from gough_stewart.model.platform import Platform
 
 
-def system_of(choice: schema.PD, platform: Platform, sample_time: float) -> LinearController:
+def system_of(choice: PD, platform: Platform, sample_time: float) -> LinearController:
     """PD or PID at a sample time [s].
 
     Raises
@@ -26,7 +26,7 @@ def system_of(choice: schema.PD, platform: Platform, sample_time: float) -> Line
     return LinearController(sampled(continuous, sample_time, choice.discretisation), space=choice.space)
 
 
-def gains_of(choice: schema.PD, platform: Platform) -> Gains:
+def gains_of(choice: PD, platform: Platform) -> Gains:
     """The gains as given, or from bandwidth and damping ratio.
 
     Raises
@@ -35,7 +35,7 @@ def gains_of(choice: schema.PD, platform: Platform) -> Gains:
         Gains that no controller can have.
     """
     integral_time = anti_windup_time = integral_gain = None
-    if isinstance(choice, schema.PID):
+    if isinstance(choice, PID):
         integral_time, anti_windup_time = choice.integral_time, choice.anti_windup_time
         integral_gain = choice.integral_gain
         if integral_gain is None and integral_time is None:

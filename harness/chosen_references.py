@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gough_stewart.harness import experiment as schema
 from gough_stewart.harness import references
-from gough_stewart.harness.references import Reference
+from gough_stewart.harness.motion import Reference
+from gough_stewart.harness.reference_choice import FileReference, ReferenceChoice
+from gough_stewart.harness.table_reference import read_reference
 from gough_stewart.model.platform import Platform
 
 _CLASSES: dict[str, Callable[..., Reference]] = {
@@ -20,7 +21,7 @@ _CLASSES: dict[str, Callable[..., Reference]] = {
 }
 
 
-def reference_of(choice: schema.ReferenceChoice, platform: Platform, folder: Path) -> Reference:
+def reference_of(choice: ReferenceChoice, platform: Platform, folder: Path) -> Reference:
     """The motion, about the home pose where the experiment says nothing else.
 
     Raises
@@ -28,8 +29,8 @@ def reference_of(choice: schema.ReferenceChoice, platform: Platform, folder: Pat
     MotionError
         A file that cannot be read, or numbers that make no motion.
     """
-    if isinstance(choice, schema.FileReference):
-        return references.read_reference(folder / choice.file)
+    if isinstance(choice, FileReference):
+        return read_reference(folder / choice.file)
     values = {key: np.array(v) if isinstance(v, tuple) else v for key, v in choice.model_dump(exclude={"type"}).items()}
     for key, home in (("position", platform.home_position), ("orientation", platform.home_orientation)):
         if values[key] is None:

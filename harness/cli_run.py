@@ -61,7 +61,7 @@ def run_command(
     """
     with clear_errors():
         chosen = _experiment(experiment, settings or [])
-        from gough_stewart.harness.run_files import names_of_files, run_files
+        from gough_stewart.harness.run_files import names_of_files, run_files, warnings_of
         from gough_stewart.model.files import check_output_folder, write_files
 
         folder = out or Path("results", Path(experiment).stem)
@@ -71,6 +71,8 @@ def run_command(
         write_files(folder, files)
         console = Console()
         console.print(tables)
+        for warning in warnings_of(record):
+            errors.print(f"[bold yellow]warning:[/bold yellow] {warning}", soft_wrap=True, highlight=False)
         outcome = record.metadata["outcome"]
         console.print(f"Wrote {', '.join(files)} to {folder}", style="dim", highlight=False)
         if outcome["status"] == "completed":

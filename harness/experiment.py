@@ -3,15 +3,13 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
+from gough_stewart.harness.controller_choice import ControllerChoice
 from gough_stewart.harness.kinds import PlantKind
 from gough_stewart.harness.quantities import (
-    Angle,
     AngularVelocity,
     Force,
-    Frequency,
-    LegForces,
     Orientation,
     Position,
     PositiveForce,
@@ -23,6 +21,8 @@ from gough_stewart.harness.quantities import (
     Velocity,
     number,
 )
+from gough_stewart.harness.reference_choice import ReferenceChoice
+from gough_stewart.harness.section import Section
 from gough_stewart.harness.signals import NAMES, VARIABLES
 from gough_stewart.model.cases import PAPER_PRESET
 
@@ -30,18 +30,12 @@ _REST = (0.0, 0.0, 0.0)
 _SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
-class Section(BaseModel):
-    """A table of the file: unknown keys are errors, nothing changes once it is made."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
 class PlatformChoice(Section):
     """`[platform]`: a preset, or a file of one's own; single parameters may be changed."""
 
     preset: str | None = None
     file: str | None = None
-    parameters: dict[str, Any] = {}
+    parameters: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> "PlatformChoice":
@@ -71,162 +65,6 @@ class Start(Section):
     orientation: Orientation | None = None
     velocity: Velocity | None = None
     angular_velocity: AngularVelocity | None = None
-
-
-class _Pose(Section):
-    """Where a motion happens; the home pose by default."""
-
-    position: Position | None = None
-    orientation: Orientation | None = None
-
-
-class HoldReference(_Pose):
-    """Stay."""
-
-    type: Literal["hold"]
-
-
-class StepReference(_Pose):
-    """Jump."""
-
-    type: Literal["step"]
-    position_change: Position = _REST
-    orientation_change: Orientation = _REST
-    at: Time = 0.0
-
-
-class PointToPointReference(StepReference):
-    """Go from rest to rest by a quintic polynomial."""
-
-    type: Literal["point_to_point"]  # type: ignore[assignment]
-    duration: PositiveTime
-
-
-class SineReference(_Pose):
-    """Swing."""
-
-    type: Literal["sine"]
-    position_amplitude: Position = _REST
-    orientation_amplitude: Orientation = _REST
-    frequency: Frequency
-    phase: Angle = 0.0
-    fade_in: Time = 0.0
-
-
-class CircleReference(_Pose):
-    """Circle."""
-
-    type: Literal["circle"]
-    radius: PositiveLength
-    frequency: Frequency
-    plane: Literal["xy", "xz", "yz"] = "xy"
-    fade_in: Time = 0.0
-
-
-class ChirpReference(_Pose):
-    """Swing ever faster, or slower."""
-
-    type: Literal["chirp"]
-    position_amplitude: Position = _REST
-    orientation_amplitude: Orientation = _REST
-    from_frequency: Frequency
-    to_frequency: Frequency
-    duration: PositiveTime
-    fade_in: Time = 0.0
-
-
-class FileReference(Section):
-    """Go through the rows of a CSV file."""
-
-    type: Literal["file"]
-    file: str
-
-
-ReferenceChoice = Annotated[
-    HoldReference
-    | StepReference
-    | PointToPointReference
-    | SineReference
-    | CircleReference
-    | ChirpReference
-    | FileReference,
-    Field(discriminator="type"),
-]
-
-
-class _Controller(Section):
-    feedforward: Literal["none", "gravity", "computed_torque"] = "none"
-    # what the feedforward takes for the platform, where that differs from the plant
-    model: dict[str, Any] = {}
-
-
-class OpenLoop(_Controller):
-    """Constant forces, and feedforward if wanted."""
-
-    type: Literal["open_loop"]
-    force: LegForces = (0.0,) * 6
-
-
-def _gains(value: Any, unit: str) -> tuple[float, ...]:
-    many = value if isinstance(value, list | tuple) else [value] * 6
-    if len(many) != 6:
-        raise ValueError(f"expected a number [{unit}] or a list of 6; found {len(many)} values")
-    return tuple(number(each, unit) for each in many)
-
-
-# In task space the last three channels are torques over angles: N.m/rad and so on, plain numbers.
-ProportionalGains = Annotated[tuple[float, ...], BeforeValidator(lambda value: _gains(value, "N/m"))]
-DerivativeGains = Annotated[tuple[float, ...], BeforeValidator(lambda value: _gains(value, "N.s/m"))]
-IntegralGains = Annotated[tuple[float, ...], BeforeValidator(lambda value: _gains(value, "N/(m.s)"))]
-
-
-class PD(_Controller):
-    """Proportional and derivative action in six channels."""
-
-    type: Literal["pd"]
-    space: Literal["leg", "task"] = "leg"
-    bandwidth: Frequency | None = None
-    damping_ratio: Annotated[float, Field(strict=False, gt=0)] = 0.7
-    proportional_gain: ProportionalGains | None = None
-    derivative_gain: DerivativeGains | None = None
-    derivative_on: Literal["error", "measurement"] = "error"
-    derivative_filter: PositiveTime | None = None
-    discretisation: Literal["tustin", "backward_diff", "zoh"] = "tustin"
-
-    @model_validator(mode="after")
-    def _gains_or_bandwidth(self) -> "PD":
-        gains = (self.proportional_gain, self.derivative_gain)
-        if (self.bandwidth is None) == (None in gains) and self.bandwidth is None:
-            raise ValueError("expected a bandwidth, or proportional_gain and derivative_gain")
-        if self.bandwidth is not None and gains != (None, None):
-            raise ValueError("expected a bandwidth or gains, not both")
-        return self
-
-
-class PID(PD):
-    """The same with integral action; anti-windup by back-calculation."""
-
-    type: Literal["pid"]  # type: ignore[assignment]
-    integral_gain: IntegralGains | None = None
-    integral_time: PositiveTime | None = None
-    anti_windup_time: PositiveTime | None = None
-
-    @model_validator(mode="after")
-    def _one_integral(self) -> "PID":
-        if self.integral_gain is not None and self.integral_time is not None:
-            raise ValueError("expected integral_gain or integral_time, not both")
-        return self
-
-
-class PythonController(_Controller):
-    """One's own, from a Python file: a discrete python-control system, a LinearController, or a function."""
-
-    type: Literal["python"]
-    file: str
-    name: str = "controller"
-
-
-ControllerChoice = Annotated[OpenLoop | PD | PID | PythonController, Field(discriminator="type")]
 
 
 class LoopChoice(Section):
@@ -260,8 +98,8 @@ PerSignal = Annotated[dict[str, float], BeforeValidator(_by_signal)]
 class SensorChoice(Section):
     """`[sensors]`: standard deviation of noise and step of quantisation by signal."""
 
-    noise: PerSignal = {}
-    quantisation: PerSignal = {}
+    noise: PerSignal = Field(default_factory=dict)
+    quantisation: PerSignal = Field(default_factory=dict)
     seed: Annotated[int, Field(ge=0)] = 0
 
 
@@ -285,8 +123,8 @@ class ChangeChoice(Section):
     """`[[change]]`: other tunable parameters from a time on, as values or as factors of the present ones."""
 
     at: Time
-    parameters: dict[str, Any] = {}
-    factors: dict[str, float] = {}
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    factors: dict[str, float] = Field(default_factory=dict)
 
 
 class DisturbanceChoice(Section):
@@ -312,8 +150,8 @@ class Experiment(Section):
     sensors: SensorChoice = SensorChoice()
     actuators: ActuatorChoice = ActuatorChoice()
     limits: LimitChoice = LimitChoice()
-    change: list[ChangeChoice] = []
-    disturbance: list[DisturbanceChoice] = []
+    change: list[ChangeChoice] = Field(default_factory=list)
+    disturbance: list[DisturbanceChoice] = Field(default_factory=list)
     _where: str = "experiment"
     _folder: Path = Path()
 

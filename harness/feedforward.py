@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.references import Motion
+from gough_stewart.harness.motion import Motion
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State

@@ -15,13 +15,14 @@ from gough_stewart.harness import signals
 from gough_stewart.harness.actuators import Actuators
 from gough_stewart.harness.chosen_controllers import controller_from_file, system_of
 from gough_stewart.harness.chosen_references import reference_of
+from gough_stewart.harness.controller_choice import ControllerChoice, OpenLoop, PythonController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import Experiment
 from gough_stewart.harness.feedforward import feedforward
 from gough_stewart.harness.laws import Controller, Law, controller_of, law_of
 from gough_stewart.harness.loop import Change, Limits, Loop, Timing
+from gough_stewart.harness.motion import Motion
 from gough_stewart.harness.reach import LegMotion, check_reach, legs_of
-from gough_stewart.harness.references import Motion
 from gough_stewart.harness.sensors import Sensors
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError
@@ -76,7 +77,7 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
     chosen, clocks = experiment.controller, experiment.loop
     with section("loop"):
         timing = Timing(clocks.duration, clocks.sample_time, clocks.plant_step or clocks.sample_time)
-    is_closed = controller is not None or not isinstance(chosen, schema.OpenLoop)
+    is_closed = controller is not None or not isinstance(chosen, OpenLoop)
     if experiment.reference is None and (is_closed or chosen.feedforward != "none"):
         raise ExperimentError(
             experiment.where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
@@ -98,7 +99,7 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
         # forces are held: those of the middle of the time in which they will act
         ahead = timing.samples + (clocks.delay + 0.5) * timing.sample_time
         planned = feedforward(chosen.feedforward, believed, reference(np.minimum(ahead, timing.times[-1])))
-    if isinstance(chosen, schema.OpenLoop) and controller is None:
+    if isinstance(chosen, OpenLoop) and controller is None:
         planned = planned + np.array(chosen.force)
     start = _start(experiment.start, platform, motion)
     with section("controller"):
@@ -146,10 +147,10 @@ def _start(choice: schema.Start, platform: Platform, motion: Motion | None) -> S
     return state._replace(**given)
 
 
-def _controller(chosen: schema.ControllerChoice, platform: Platform, timing: Timing, folder: Path) -> Controller | None:
-    if isinstance(chosen, schema.OpenLoop):
+def _controller(chosen: ControllerChoice, platform: Platform, timing: Timing, folder: Path) -> Controller | None:
+    if isinstance(chosen, OpenLoop):
         return None
-    if isinstance(chosen, schema.PythonController):
+    if isinstance(chosen, PythonController):
         return controller_from_file(folder / chosen.file, chosen.name)
     return system_of(chosen, platform, timing.sample_time)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ReachError
-from gough_stewart.harness.references import Motion
+from gough_stewart.harness.motion import Motion
 from gough_stewart.model.kinematics import (
     LegGeometry,
     conditioning_of_legs,

@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 from rich.console import RenderableType
 
 from gough_stewart.harness.metrics import metrics, metrics_json, metrics_table
@@ -29,3 +30,13 @@ def run_files(record: Record) -> tuple[dict[str, bytes], RenderableType]:
             **figures,
         }
     return files, metrics_table(measured)
+
+
+def warnings_of(record: Record) -> list[str]:
+    """What a run did that no machine may do, and yet went on; unless it was told to ignore the stroke."""
+    exceeded = record["flag.stroke_exceeded"]
+    if record.metadata["experiment"]["limits"]["stroke"] != "warn" or not exceeded.any():
+        return []
+    row, leg = (int(k) for k in np.argwhere(exceeded)[0])
+    length, time = record["leg_length"][row, leg], record["time"][row]
+    return [f"leg {leg + 1} has left its stroke at {time:.6g} s, {length:.6g} m long; see flag.stroke_exceeded"]

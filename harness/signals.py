@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.motion import Motion
 from gough_stewart.harness.reach import LegMotion
-from gough_stewart.harness.references import Motion
 from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gough_stewart.harness import experiment
+from gough_stewart.harness import controller_choice, experiment, reference_choice
+from gough_stewart.harness.section import Section
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -97,8 +98,9 @@ def test_the_commands_of_the_control_page_run_in_order(tmp_path: Path) -> None:
 def test_the_control_page_names_every_key_of_an_experiment() -> None:
     """Expected: the schema's own fields, each in backticks on the page."""
     page = (ROOT / "docs/control.md").read_text()
-    sections = [value for value in vars(experiment).values() if isinstance(value, type)]
-    models = [each for each in sections if issubclass(each, experiment.Section) and each is not experiment.Section]
+    modules = (experiment, controller_choice, reference_choice)
+    sections = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
+    models = [each for each in sections if issubclass(each, Section) and each is not Section]
     keys = {key for model in models for key in model.model_fields} - {"platform", "reference", "controller", "start"}
     assert [key for key in sorted(keys) if not re.search(rf"[`\[.]{key}[`\].]", page)] == []
 

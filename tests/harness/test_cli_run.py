@@ -75,6 +75,7 @@ def test_an_experiment_that_diverges_exits_with_3_and_keeps_its_record(tmp_path:
     done = invoke("run", "too_slow", "--out", str(tmp_path), "--set", "loop.plant_step=0.02")
     assert done.exit_code == 3
     assert "diverged at" in done.output
+    assert "has left its stroke at" in done.output
     assert {p.name for p in tmp_path.iterdir()} == FILES
     assert json.loads((tmp_path / "metadata.json").read_text())["outcome"]["status"] == "diverged"
 

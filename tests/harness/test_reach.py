@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.errors import ReachError
+from gough_stewart.harness.motion import Motion
 from gough_stewart.harness.reach import check_reach, legs_of
-from gough_stewart.harness.references import Hold, Motion, PointToPoint, Sine
+from gough_stewart.harness.references import Hold, PointToPoint, Sine
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import joint_angles, leg_jacobian
 from gough_stewart.model.platform import Platform

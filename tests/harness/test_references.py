@@ -12,18 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.references import (
-    Chirp,
-    Circle,
-    FromTable,
-    Hold,
-    Motion,
-    PointToPoint,
-    Reference,
-    Sine,
-    Step,
-    read_reference,
-)
+from gough_stewart.harness.motion import Motion, Reference
+from gough_stewart.harness.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
+from gough_stewart.harness.table_reference import FromTable, read_reference
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
