@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import control
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from gough_stewart.harness import signals
 from gough_stewart.harness.errors import ControllerError
@@ -57,7 +58,7 @@ class LinearController:
                 f"controller is {type(self.system).__name__}; expected a control.StateSpace or TransferFunction in "
                 "discrete time, or a function of a Sample"
             )
-        object.__setattr__(self, "system", control.ss(self.system))
+        object.__setattr__(self, "system", _state_space(self.system))
         object.__setattr__(self, "signals", tuple([self.signals] if isinstance(self.signals, str) else self.signals))
         if self.space not in ("leg", "task"):
             raise ControllerError(f"space is {self.space!r}; expected 'leg' or 'task'")
@@ -226,6 +227,26 @@ class _FunctionLaw:
         if force.shape != (N_LEGS,):
             raise ControllerError(f"the control function gave {given!r} at time {time:g} s; expected {N_LEGS} forces")
         return force
+
+
+def _state_space(system: Any) -> Any:
+    """A state space of a system; of a matrix of transfer functions element by element.
+
+    python-control converts such a matrix only with slycot, which would find fewer states.
+    """
+    if not isinstance(system, control.TransferFunction) or system.issiso():
+        return control.ss(system)
+    m, n = system.noutputs, system.ninputs
+    elements = [
+        [control.ss(control.tf(system.num[i][j], system.den[i][j], system.dt)) for j in range(n)] for i in range(m)
+    ]
+    # state (i, j) is driven by input j and seen at output i
+    flat = [(i, j, elements[i][j]) for i in range(m) for j in range(n)]
+    A = block_diag(*(each.A for _, _, each in flat))
+    B = np.vstack([np.outer(each.B[:, 0], np.eye(n)[j]) for _, j, each in flat])
+    C = np.hstack([np.outer(np.eye(m)[i], each.C[0]) for i, _, each in flat])
+    D = np.array([[elements[i][j].D[0, 0] for j in range(n)] for i in range(m)])
+    return control.ss(A, B, C, D, system.dt)
 
 
 def _as_slice(positions: NDArray[np.intp]) -> slice | NDArray[np.intp]:

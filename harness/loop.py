@@ -23,6 +23,8 @@ OnStroke = Literal["ignore", "warn", "stop"]
 Progress = Callable[[float], None]
 _LENGTHS = slice(12, 18)  # of the legs, in the vector of all signals
 _ROWS_A_REPORT = 64
+# A row takes some 150 numbers, and they are there twice while the record is made.
+MOST_STEPS = 1_000_000
 _NO_ACCELERATION = np.zeros(6)
 # Times are multiples of the plant step to this share of it.
 _ROUNDING = 1e-6
@@ -44,7 +46,7 @@ class Timing:
     Raises
     ------
     ControllerError
-        The plant step does not divide the sample time, or the sample time the duration.
+        The plant step does not divide the sample time or the duration, or there would be more than `MOST_STEPS`.
     """
 
     duration: float  # [s]
@@ -63,6 +65,11 @@ class Timing:
                     f"{part} {short:g} s does not divide {whole} {long:g} s ({long / short:g} times); expected a whole "
                     f"number, for instance a {part} of {long / max(1, round(long / short)):g} s"
                 )
+        if self.steps > MOST_STEPS:
+            raise ControllerError(
+                f"the run would have {self.steps} plant steps; expected at most {MOST_STEPS}, which fill about 3 GB of "
+                "memory; make it shorter, or the plant_step longer"
+            )
 
     @property
     def steps(self) -> int:

@@ -100,37 +100,34 @@ def test_a_stroke_that_stops_exits_with_3(tmp_path: Path) -> None:
 
 def test_ctrl_c_keeps_what_ran_so_far(tmp_path: Path) -> None:
     """Expected: exit code 130, all files, marked as interrupted."""
-    lines = ["import time", "def controller(sample):", "    time.sleep(0.01)", "    return [4078.57] * 6"]
-    (tmp_path / "slow.py").write_text("\n".join(lines))
+    lines = ["import os, signal", "def controller(sample):", "    if sample.time > 0.0195:"]
+    lines += ["        os.kill(os.getpid(), signal.SIGINT)", "    return [4078.57] * 6"]
+    (tmp_path / "stopping.py").write_text("\n".join(lines))
     (tmp_path / "mine.toml").write_text(
         """
-        title = "a slow law that holds still"
+        title = "a law that holds still, and presses Ctrl-C"
         platform.preset = "motion_base"
         reference.type = "hold"
-        controller = { type = "python", file = "slow.py" }
+        controller = { type = "python", file = "stopping.py" }
         loop.duration = "100 s"
         """
     )
-    process = subprocess.Popen(
+    done = subprocess.run(
         [*COMMAND, "run", "mine.toml", "--out", "out"],
         cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        capture_output=True,
         text=True,
+        check=False,
         env={**os.environ, "TERM": "dumb"},
         # a test run in the background may have been told to ignore it
-        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )
-    with pytest.raises(subprocess.TimeoutExpired):
-        process.wait(timeout=6)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, errors
-    assert "interrupted at" in errors
-    assert "Traceback" not in errors
+    assert done.returncode == 130, done.stderr
+    assert "interrupted at" in done.stderr
+    assert "Traceback" not in done.stderr
     record = read_record(tmp_path / "out" / "record.parquet")
     assert record.metadata["outcome"]["status"] == "interrupted"
-    assert 10 < record.table.height < 10_000
+    assert record.table.height in (20, 21)
 
 
 def test_experiments_are_listed_and_printed() -> None:

@@ -123,6 +123,21 @@ def test_systems_of_three_sizes_drop_in(columns: int) -> None:
     assert law.force(0, 0.0, wanted, measured, excess) == pytest.approx(np.full(6, expected))
 
 
+def test_a_matrix_of_transfer_functions_drops_in() -> None:
+    """Expected: the same response as its elements, with zeros beside the diagonal and one element that is not."""
+    one = control.sample_system(control.tf([3.0, 1.0], [0.1, 1]), T, "tustin")
+    num = [
+        [one.num_array[0, 0] if i == j else [2.0] if (i, j) == (0, 5) else [0.0] for j in range(6)] for i in range(6)
+    ]
+    den = [[one.den_array[0, 0] if i == j else [1.0] for j in range(6)] for i in range(6)]
+    made = controller_of(control.tf(num, den, T))
+    assert isinstance(made, LinearController)
+    z = np.exp(0.4j)
+    expected = np.asarray(one(z)) * np.eye(6)
+    expected[0, 5] = 2.0
+    assert response(made.system, z) == pytest.approx(expected)
+
+
 def test_a_state_feedback_takes_twelve_errors() -> None:
     """Expected: signals in the order in which they are named."""
     names = ("position", "orientation", "velocity", "angular_velocity")

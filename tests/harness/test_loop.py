@@ -264,6 +264,7 @@ def test_a_function_that_gives_no_six_forces_is_an_error(given_back: object) -> 
         ((-1.0, 0.01, 0.01), "duration is -1.0"),
         ((1.0, float("nan"), 0.01), "sample_time is nan"),
         ((1.0, 0.01, 0.0), "plant_step is 0.0"),
+        ((1e9, 0.01, 0.01), "100000000000 plant steps; expected at most 1000000"),
     ],
 )
 def test_clocks_that_do_not_fit_are_refused(clocks: tuple[float, float, float], match: str) -> None:
