@@ -40,6 +40,7 @@ class Drives:
         self._on_its_way = deque([start.copy() for _ in range(actuators.delay)])
         self._target = start.copy()
         self._reached = start.copy()  # behind the rate limit
+        self._planned = start.copy()  # the same when the newest command will have acted for a sample
         self._force = start.copy()  # behind the lag
         # over a step h under constant r: f⁺ = r + (f − r) e^(−h/τ), mean of f = r + (f − r) (1 − e^(−h/τ)) τ/h
         ratio = plant_step / actuators.lag if actuators.lag > 0 else np.inf
@@ -50,7 +51,7 @@ class Drives:
         """Take the forces (6,) [N] wanted at a sample.
 
         Returns which of them the force limit cut (6,), and the excess (6,) [N]: what the limits of force and rate leave
-        of the command until the next sample, minus the command.
+        of the command when it has acted for a sample, minus the command.
         """
         limited = _between(-self._force_limit, force, self._force_limit)
         self._on_its_way.append(limited)
@@ -58,8 +59,8 @@ class Drives:
         if self._follows_at_once:
             return limited != force, limited - force
         change = self._largest_change_of_a_sample
-        within_reach = _between(self._reached - change, limited, self._reached + change)
-        return limited != force, within_reach - force
+        self._planned = _between(self._planned - change, limited, self._planned + change)
+        return limited != force, self._planned - force
 
     def step(self) -> tuple[FloatArray, BoolArray]:
         """Mean forces (6,) [N] over the next plant step, and which of them the rate limit holds back."""

@@ -9,7 +9,7 @@ import numpy as np
 from gough_stewart.harness.controller_choice import PD, PID
 from gough_stewart.harness.controllers import Gains, pid, sampled
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.gains import gains_from_bandwidth
+from gough_stewart.harness.gains import DAMPING_RATIO, gains_from_bandwidth
 from gough_stewart.harness.laws import Controller, LinearController, controller_of
 from gough_stewart.model.platform import Platform
 
@@ -22,7 +22,14 @@ def system_of(choice: PD, platform: Platform, sample_time: float) -> LinearContr
     ControllerError
         Gains that no controller can have, or a filter too fast for the samples.
     """
-    continuous = pid(gains_of(choice, platform), choice.derivative_on)
+    gains = gains_of(choice, platform)
+    tracking = float(gains.tracking_time[np.asarray(gains.integral) > 0].min(initial=np.inf))
+    if tracking < sample_time:
+        raise ControllerError(
+            f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since a "
+            "controller hears of the limits one sample late"
+        )
+    continuous = pid(gains, choice.derivative_on)
     return LinearController(sampled(continuous, sample_time, choice.discretisation), space=choice.space)
 
 
@@ -46,7 +53,7 @@ def gains_of(choice: PD, platform: Platform) -> Gains:
         return gains_from_bandwidth(
             platform,
             choice.bandwidth,
-            choice.damping_ratio,
+            DAMPING_RATIO if choice.damping_ratio is None else choice.damping_ratio,
             choice.space,
             integral_time,
             choice.derivative_filter,

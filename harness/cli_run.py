@@ -61,20 +61,22 @@ def run_command(
     """
     with clear_errors():
         chosen = _experiment(experiment, settings or [])
-        from gough_stewart.harness.run_files import names_of_files, run_files, warnings_of
+        from gough_stewart.harness.run_files import names_of_files, record_files, result_files, warnings_of
         from gough_stewart.model.files import check_output_folder, write_files
 
         folder = out or Path("results", Path(experiment).stem)
         check_output_folder(folder, names_of_files())
         record = _run(chosen, plant, fmu)
-        files, tables = run_files(record)
+        files = record_files(record)
         write_files(folder, files)
+        more, tables = result_files(record)
+        write_files(folder, more)
         console = Console()
         console.print(tables)
         for warning in warnings_of(record):
             errors.print(f"[bold yellow]warning:[/bold yellow] {warning}", soft_wrap=True, highlight=False)
         outcome = record.metadata["outcome"]
-        console.print(f"Wrote {', '.join(files)} to {folder}", style="dim", highlight=False)
+        console.print(f"Wrote {', '.join([*files, *more])} to {folder}", style="dim", highlight=False)
         if outcome["status"] == "completed":
             return
         errors.print(f"[bold red]{outcome['status']}[/bold red] at {outcome['time']:.6g} s: ", end="", highlight=False)

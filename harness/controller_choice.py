@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from gough_stewart.harness.quantities import Frequency, LegForces, PositiveTime, number
+from gough_stewart.harness.quantities import Frequency, LegForces, Number, PositiveTime, number
 from gough_stewart.harness.section import Section
 
 
@@ -12,6 +12,12 @@ class _Controller(Section):
     feedforward: Literal["none", "gravity", "computed_torque"] = "none"
     # what the feedforward takes for the platform, where that differs from the plant
     model: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _model_of_feedforward(self) -> "_Controller":
+        if self.model and self.feedforward == "none":
+            raise ValueError("model is what feedforward believes in, and there is none; choose a feedforward")
+        return self
 
 
 class OpenLoop(_Controller):
@@ -40,7 +46,7 @@ class PD(_Controller):
     type: Literal["pd"]
     space: Literal["leg", "task"] = "leg"
     bandwidth: Frequency | None = None
-    damping_ratio: Annotated[float, Field(strict=False, gt=0)] = 0.7
+    damping_ratio: Annotated[Number, Field(gt=0)] | None = None
     proportional_gain: ProportionalGains | None = None
     derivative_gain: DerivativeGains | None = None
     derivative_on: Literal["error", "measurement"] = "error"
@@ -54,6 +60,8 @@ class PD(_Controller):
             raise ValueError("expected a bandwidth, or proportional_gain and derivative_gain")
         if self.bandwidth is not None and gains != (None, None):
             raise ValueError("expected a bandwidth or gains, not both")
+        if self.bandwidth is None and self.damping_ratio is not None:
+            raise ValueError("damping_ratio goes with a bandwidth; gains have theirs")
         return self
 
 

@@ -10,9 +10,9 @@ from gough_stewart.harness.kinds import PlantKind
 from gough_stewart.harness.quantities import (
     AngularVelocity,
     Force,
+    Number,
     Orientation,
     Position,
-    PositiveForce,
     PositiveForceRate,
     PositiveLength,
     PositiveTime,
@@ -27,6 +27,8 @@ from gough_stewart.harness.signals import NAMES, VARIABLES
 from gough_stewart.model.cases import PAPER_PRESET
 
 _REST = (0.0, 0.0, 0.0)
+# Noise and steps below are rounding, and their inverse overflows.
+_FINEST = 1e-15
 _SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
@@ -54,7 +56,7 @@ class PlantChoice(Section):
 
     kind: PlantKind = "model"
     fmu: str | None = None
-    tolerance: Annotated[float, Field(strict=False, ge=1e-13, le=1e-2)] = 1e-8
+    tolerance: Annotated[Number, Field(ge=1e-13, le=1e-2)] = 1e-8
     fixed_step_size: Time = 0.0
 
 
@@ -87,8 +89,8 @@ def _by_signal(value: Any) -> dict[str, float]:
             found[name] = number(size, _SIGNAL_UNITS[name])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
-        if not found[name] >= 0:
-            raise ValueError(f"{name} is {size!r}; expected >= 0 {_SIGNAL_UNITS[name]}")
+        if found[name] and not found[name] >= _FINEST:
+            raise ValueError(f"{name} is {size!r}; expected 0, or at least {_FINEST:g} {_SIGNAL_UNITS[name]}")
     return found
 
 
@@ -103,10 +105,22 @@ class SensorChoice(Section):
     seed: Annotated[int, Field(ge=0)] = 0
 
 
+def _force_limit(value: Any) -> float | str:
+    if value in ("platform", "none"):
+        return str(value)
+    try:
+        limit = number(value, "N")
+    except ValueError as error:
+        raise ValueError(f"{error}; or 'platform', or 'none'") from None
+    if not limit > 0:
+        raise ValueError("expected > 0 N, or 'platform', or 'none'")
+    return limit
+
+
 class ActuatorChoice(Section):
     """`[actuators]`: limits, and the time constant of a lag; the platform's force limit by default."""
 
-    force_limit: PositiveForce | Literal["platform", "none"] = "platform"
+    force_limit: Annotated[float | str, BeforeValidator(_force_limit)] = "platform"
     rate_limit: PositiveForceRate | None = None
     lag: Time = 0.0
 
@@ -116,7 +130,7 @@ class LimitChoice(Section):
 
     stroke: Literal["ignore", "warn", "stop"] = "warn"
     position_error: PositiveLength | None = None
-    condition_number: Annotated[float, Field(strict=False, gt=1)] = 100.0
+    condition_number: Annotated[Number, Field(gt=1)] = 100.0
 
 
 class ChangeChoice(Section):
@@ -124,7 +138,13 @@ class ChangeChoice(Section):
 
     at: Time
     parameters: dict[str, Any] = Field(default_factory=dict)
-    factors: dict[str, float] = Field(default_factory=dict)
+    factors: dict[str, Number] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _something(self) -> "ChangeChoice":
+        if not self.parameters and not self.factors:
+            raise ValueError("changes nothing; expected parameters or factors")
+        return self
 
 
 class DisturbanceChoice(Section):

@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,8 @@ def load_experiment(path: Path | str, settings: Iterable[str] = ()) -> Experimen
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        hint = f"; `{path.stem}` without .toml and folder is a shipped one" if path.stem in shipped_names() else ""
+        close = get_close_matches(path.stem, shipped_names(), n=1)
+        hint = f"; a shipped one is called '{close[0]}', without folder and .toml" if close else ""
         raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}{hint}") from error
     values = with_settings(_parsed(text, str(path)), settings)
     return experiment_from(values, str(path)).from_file(str(path), path.parent)
@@ -98,9 +100,11 @@ def with_settings(values: Mapping[str, Any], settings: Iterable[str]) -> dict[st
         names = key.strip().split(".")
         if not equals or not all(names):
             raise ExperimentError(f"--set {setting}", "", "expected key=value, for instance loop.duration=2")
+        if "\n" in text:
+            raise ExperimentError(f"--set {setting}", "", "expected one line")
         try:
             value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             value = text.strip()
         table: Any = made
         for name in names[:-1]:
@@ -152,16 +156,17 @@ def _said(error: Any, values: Mapping[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         return f"unknown key (= {error['input']!r}){nearest(str(error['loc'][-1]), _keys_beside(error['loc'], values))}"
-    if kind == "missing":
-        return "is missing; add it"
-    if kind == "union_tag_not_found":
-        return "the key type is missing; `gough-stewart experiments heave_step` shows a whole file"
-    if kind == "union_tag_invalid":
-        return f"type is {context['tag']!r}; expected one of {context['expected_tags']}"
+    fixed = {
+        "missing": "is missing; add it",
+        "union_tag_not_found": "the key type is missing; `gough-stewart experiments heave_step` shows a whole file",
+        "union_tag_invalid": "type is {tag!r}; expected one of {expected_tags}",
+    }
+    if kind in fixed:
+        return fixed[kind].format(**context)
     text = str(context.get("error", "")) or error["msg"].replace("Input should be", "expected")
-    if isinstance(error["input"], Mapping):
-        return text
-    return f"is {error['input']!r}; {text}"
+    if kind in ("model_attributes_type", "model_type"):
+        text = "expected a table of keys"
+    return text if isinstance(error["input"], Mapping) else f"is {error['input']!r}; {text}"
 
 
 def _keys_beside(place: tuple[int | str, ...], values: Mapping[str, Any]) -> list[str]:

@@ -12,11 +12,13 @@ from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
+DAMPING_RATIO = 0.7
+
 
 def gains_from_bandwidth(
     platform: Platform,
     bandwidth: float,
-    damping_ratio: float = 0.7,
+    damping_ratio: float = DAMPING_RATIO,
     space: Space = "leg",
     integral_time: float | None = None,
     derivative_filter: float | None = None,

@@ -38,9 +38,9 @@ class LinearController:
     references and measurements (2 n), or these and the excess of the limits at the last sample (2 n + 6; force after
     the limits minus force before them, for anti-windup). Its outputs are the six actuator forces.
 
-    In task space the errors are those of the pose as far as legs tell, e = J⁻¹ (L_reference − L), [m] and [rad] about
-    the world's axes, and the outputs a wrench w [N, N m], from which F = J⁻ᵀ w; J is the leg Jacobian in the reference
-    pose.
+    In task space references and measurements are poses as far as legs tell, J⁻¹ (L − L_0) from the lengths L_0 at the
+    start, [m] and [rad] about the world's axes, so that errors are J⁻¹ (L_reference − L); the outputs are a wrench w
+    [N, N m], from which F = J⁻ᵀ w. J is the leg Jacobian in the reference pose.
 
     Raises
     ------
@@ -200,11 +200,13 @@ class _TaskLaw(_LinearLaw):
         super().__init__(controller, measured)
         self._J = jacobians
         self._J_inverse = np.linalg.inv(jacobians)
+        self._start = measured[self._at].copy()
 
     def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        error = self._J_inverse[k] @ (wanted[self._at] - measured[self._at])
+        # poses as far as legs tell, from where the run began
+        r, y = (self._J_inverse[k] @ (lengths[self._at] - self._start) for lengths in (wanted, measured))
         # w = Jᵀ F also for what the limits cut off
-        self._feed(error, np.zeros(N_LEGS), self._J[k].T @ excess)
+        self._feed(r, y, self._J[k].T @ excess)
         return np.asarray(self._J_inverse[k].T @ self._advance())
 
 
@@ -219,14 +221,19 @@ class _FunctionLaw:
 
     def force(self, _k: int, time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
         reference = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), wanted.copy())
-        given = self._function(Sample(time, reference, interface.unpack(signals.VARIABLES, measured.copy())))
         try:
-            force = np.array(given, dtype=float)
-        except (TypeError, ValueError):
+            given = self._function(Sample(time, reference, interface.unpack(signals.VARIABLES, measured.copy())))
+        except (Exception, SystemExit) as error:  # a user's code may fail in any way
+            raise ControllerError(
+                f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
+            ) from error
+        try:
+            force = np.array(given)
+        except ValueError:  # ragged
             force = np.zeros(0)
-        if force.shape != (N_LEGS,):
+        if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
             raise ControllerError(f"the control function gave {given!r} at time {time:g} s; expected {N_LEGS} forces")
-        return force
+        return force.astype(float)
 
 
 def _state_space(system: Any) -> Any:

@@ -60,16 +60,16 @@ class Timing:
                 raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
         for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
             long, short = getattr(self, whole), getattr(self, part)
+            if not long / short <= MOST_STEPS:
+                raise ControllerError(
+                    f"{whole} {long:g} s has {long / short:.3g} plant steps of {short:g} s; expected at most "
+                    f"{MOST_STEPS}, which fill about 3 GB of memory; make it shorter, or the plant_step longer"
+                )
             if round(long / short) < 1 or abs(long / short - round(long / short)) > _ROUNDING:
                 raise ControllerError(
                     f"{part} {short:g} s does not divide {whole} {long:g} s ({long / short:g} times); expected a whole "
                     f"number, for instance a {part} of {long / max(1, round(long / short)):g} s"
                 )
-        if self.steps > MOST_STEPS:
-            raise ControllerError(
-                f"the run would have {self.steps} plant steps; expected at most {MOST_STEPS}, which fill about 3 GB of "
-                "memory; make it shorter, or the plant_step longer"
-            )
 
     @property
     def steps(self) -> int:
@@ -172,7 +172,7 @@ def simulate(
     Raises
     ------
     ControllerError
-        The controller gave no forces.
+        The controller gave no forces at its first sample.
     PlantError
         The plant refuses what it is asked for.
     """
@@ -181,16 +181,13 @@ def simulate(
     sampler, changes = _Sampler(loop, law_from, drives), _by_row(loop)
     results, inputs = np.zeros((n + 1, N_RESULTS)), np.zeros((n + 1, N_INPUTS))
     rate_limited = np.zeros((n + 1, 6), dtype=bool)
-    acting = np.zeros(N_INPUTS)
+    acting = np.append(loop.start_force, np.zeros(N_INPUTS - 6))
     outcome: Outcome | None = None
     rows = 0
     try:
         for k, time in enumerate(times.tolist()):
             for change in changes.get(k, ()):
-                if change.parameters:
-                    plant.set_parameters(change.parameters)
-                if change.external_wrench is not None:
-                    acting[6:] = change.external_wrench
+                _apply(change, plant, acting)
             now = plant.results()[: signals.SIZE]
             if k < n:
                 outcome = sampler.at_row(k, time, now)
@@ -207,8 +204,10 @@ def simulate(
                 plant.do_step(time, loop.timing.plant_step)
             if progress is not None and k % _ROWS_A_REPORT == 0:
                 progress(time)
-    except StepError as error:
-        outcome = Outcome("diverged", float(times[rows - 1]), str(error))
+    except (StepError, ControllerError) as error:
+        if not rows:
+            raise
+        outcome = Outcome("diverged" if isinstance(error, StepError) else "stopped", float(times[rows - 1]), str(error))
     except KeyboardInterrupt:
         if not rows:
             raise
@@ -265,6 +264,14 @@ class _Sampler:
             return Outcome("diverged", time, f"the controller's forces are {command.tolist()} N")
         self.force_limited[j], self._excess = self._drives.command(command)
         return None
+
+
+def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
+    """Parameters to the plant, the wrench into the inputs (12,)."""
+    if change.parameters:
+        plant.set_parameters(change.parameters)
+    if change.external_wrench is not None:
+        acting[6:] = change.external_wrench
 
 
 def _end_of(loop: Loop, k: int, time: float, now: FloatArray) -> Outcome | None:

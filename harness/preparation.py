@@ -23,6 +23,7 @@ from gough_stewart.harness.laws import Controller, Law, controller_of, law_of
 from gough_stewart.harness.loop import Change, Limits, Loop, Timing
 from gough_stewart.harness.motion import Motion
 from gough_stewart.harness.reach import LegMotion, check_reach, legs_of
+from gough_stewart.harness.reference_choice import ReferenceChoice
 from gough_stewart.harness.sensors import Sensors
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError
@@ -77,6 +78,11 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
     chosen, clocks = experiment.controller, experiment.loop
     with section("loop"):
         timing = Timing(clocks.duration, clocks.sample_time, clocks.plant_step or clocks.sample_time)
+        if not clocks.delay * timing.sample_time < timing.duration:
+            raise ControllerError(
+                f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; expected "
+                "fewer samples, or a longer run"
+            )
     is_closed = controller is not None or not isinstance(chosen, OpenLoop)
     if experiment.reference is None and (is_closed or chosen.feedforward != "none"):
         raise ExperimentError(
@@ -88,6 +94,7 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
     if experiment.reference is not None:
         with section("reference"):
             reference = reference_of(experiment.reference, platform, folder)
+            _check_frequency(experiment.reference, timing)
             motion = reference(timing.times)
             check_reach(platform, timing.times, motion, experiment.limits.condition_number)
             legs = legs_of(platform, motion)
@@ -136,6 +143,17 @@ def _changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
         if name not in SHAPES:
             raise PlatformError(name, f"no such parameter{nearest(name, SHAPES)}")
     return replace(platform, **parameters) if parameters else platform
+
+
+def _check_frequency(choice: ReferenceChoice, timing: Timing) -> None:
+    """Refuse a motion that samples would take for a slower one."""
+    names = ("frequency", "from_frequency", "to_frequency")
+    fastest = max((getattr(choice, name) for name in names if hasattr(choice, name)), default=0.0)
+    if not fastest < 0.5 / timing.sample_time:
+        raise ControllerError(
+            f"frequency of {fastest:g} Hz at a sample_time of {timing.sample_time:g} s; expected less than half the "
+            f"sample rate, {0.5 / timing.sample_time:g} Hz"
+        )
 
 
 def _start(choice: schema.Start, platform: Platform, motion: Motion | None) -> State:
@@ -196,6 +214,11 @@ def _disturbances(experiment: Experiment, timing: Timing) -> list[Change]:
     rows = set[int]()
     for begin, end, _ in ends:
         rows.add(timing.row(begin, "a disturbance"))
+        if end - begin < 0.5 * timing.plant_step:
+            raise ControllerError(
+                f"a disturbance of {end - begin:g} s at {begin:g} s; expected at least the plant_step of "
+                f"{timing.plant_step:g} s"
+            )
         if end < timing.duration:
             rows.add(timing.row(end, "the end of a disturbance"))
     # half a plant step aside, where rounding cannot tell begin from end

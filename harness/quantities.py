@@ -28,6 +28,8 @@ UNITS: dict[str, dict[str, float]] = {
     "N/(m.s)": {"N/(m.s)": 1, "N/(m s)": 1, "kN/(m.s)": 1e3},
 }
 
+LARGEST = 1e12
+
 
 def number(value: object, unit: str) -> float:
     """A quantity as a number in SI units.
@@ -40,9 +42,10 @@ def number(value: object, unit: str) -> float:
     expected = f"expected a number of {unit}, or a text with one of the units {', '.join(UNITS[unit])}"
     if not isinstance(value, str):
         try:
-            return float(real_array(value, ()))
+            size = float(real_array(value, ()))
         except ValueError:
             raise ValueError(expected) from None
+        return _of_this_world(size)
     digits, _, found = value.strip().partition(" ")
     if found.strip() not in UNITS[unit]:
         raise ValueError(f"{expected}; found the unit '{found.strip()}'" if found else expected)
@@ -50,9 +53,14 @@ def number(value: object, unit: str) -> float:
         size = float(digits)
     except ValueError:
         raise ValueError(expected) from None
-    if not math.isfinite(size):
-        raise ValueError(expected)
-    return size * UNITS[unit][found.strip()]
+    return _of_this_world(size * UNITS[unit][found.strip()])
+
+
+def _of_this_world(size: float) -> float:
+    """Refuse what no machine has, and NaN; squares and cubes would overflow further on."""
+    if not abs(size) <= LARGEST:
+        raise ValueError(f"expected a number of at most {LARGEST:g} in SI units")
+    return size
 
 
 def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
@@ -90,6 +98,21 @@ def _vector(unit: str, size: int) -> BeforeValidator:
     return BeforeValidator(parse)
 
 
+def plain_number(value: object) -> float:
+    """A finite number without unit; not a text, nor a truth value.
+
+    Raises
+    ------
+    ValueError
+        Anything else.
+    """
+    try:
+        return float(real_array(value, ()))
+    except ValueError:
+        raise ValueError("expected a number") from None
+
+
+Number = Annotated[float, BeforeValidator(plain_number)]
 Time = Annotated[float, _quantity("s", ">= 0")]
 PositiveTime = Annotated[float, _quantity("s", "> 0")]
 PositiveLength = Annotated[float, _quantity("m", "> 0")]

@@ -115,4 +115,4 @@ def csv_of(run: Trajectory) -> bytes:
 
 
 def _json(data: dict[str, Any], indent: int | None = None) -> str:
-    return json.dumps(data, indent=indent, ensure_ascii=False)
+    return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False)

@@ -29,13 +29,15 @@ class StepReference(_Pose):
     type: Literal["step"]
     position_change: Position = _REST
     orientation_change: Orientation = _REST
-    at: Time = 0.0
+    # at 0 there would be nothing to step from
+    at: PositiveTime
 
 
 class PointToPointReference(StepReference):
     """Go from rest to rest by a quintic polynomial."""
 
     type: Literal["point_to_point"]  # type: ignore[assignment]
+    at: Time = 0.0
     duration: PositiveTime
 
 

@@ -65,7 +65,7 @@ def run_prepared(
         prepared.platform,
         prepared.start,
         tolerance=choice.tolerance,
-        fixed_step_size=choice.fixed_step_size if kind != "model" else 0.0,
+        fixed_step_size=choice.fixed_step_size,
         fmu=fmu,
         progress=told,
     ) as opened:

@@ -1,7 +1,5 @@
 """The files of a run: record, metadata, metrics, figures; made purely, then written."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 from rich.console import RenderableType
 
@@ -11,25 +9,24 @@ from gough_stewart.harness.run_figures import FIGURES, run_figures
 
 
 def names_of_files() -> list[str]:
-    """What `run_files` may make."""
+    """What `record_files` and `result_files` may make."""
     figures = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
     return ["record.csv", "record.parquet", "metadata.json", "metrics.json", *figures]
 
 
-def run_files(record: Record) -> tuple[dict[str, bytes], RenderableType]:
-    """Contents by file name, and the metrics as tables for the terminal."""
+def record_files(record: Record) -> dict[str, bytes]:
+    """The run itself by file name; quick, so that it can be written before anything else may go wrong."""
+    return {
+        "record.csv": record.to_csv(),
+        "record.parquet": record.to_parquet(),
+        "metadata.json": record.to_metadata(),
+    }
+
+
+def result_files(record: Record) -> tuple[dict[str, bytes], RenderableType]:
+    """Metrics and figures by file name, and the metrics as tables for the terminal."""
     measured = metrics(record)
-    with ThreadPoolExecutor(1) as aside:  # polars works outside of Python's lock
-        csv, parquet = aside.submit(record.to_csv), aside.submit(record.to_parquet)
-        figures = run_figures(record)
-        files = {
-            "record.csv": csv.result(),
-            "record.parquet": parquet.result(),
-            "metadata.json": record.to_metadata(),
-            "metrics.json": metrics_json(measured),
-            **figures,
-        }
-    return files, metrics_table(measured)
+    return {"metrics.json": metrics_json(measured), **run_figures(record)}, metrics_table(measured)
 
 
 def warnings_of(record: Record) -> list[str]:

@@ -159,6 +159,17 @@ def test_a_controller_in_task_space_goes_through_the_jacobian() -> None:
     assert law.force(1, 0.0, wanted, np.zeros(SIZE), np.zeros(6)) == pytest.approx(expected)
 
 
+def test_task_space_tells_references_from_measurements() -> None:
+    """Expected: F = J⁻ᵀ (K_r J⁻¹ (L_r − L_0) + K_y J⁻¹ (L − L_0)); a derivative on the measurement needs its own."""
+    rng = np.random.default_rng(2)
+    J, K = rng.normal(size=(1, 6, 6)), rng.normal(size=(6, 12))
+    start, wanted, measured = (rng.normal(size=SIZE) for _ in range(3))
+    law = law_of(LinearController(control.ss([], [], [], K, T), space="task"), T, J, start)
+    r, y = (np.linalg.solve(J[0], (each - start)[12:18]) for each in (wanted, measured))
+    expected = np.linalg.solve(J[0].T, K @ np.concatenate([r, y]))
+    assert law.force(0, 0.0, wanted, measured, np.zeros(6)) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("derivative_on", ["error", "measurement"])
 def test_a_controller_starts_at_rest(derivative_on: Any) -> None:
     """Expected: no force while the legs stay where they are and where they are wanted, whatever their length."""

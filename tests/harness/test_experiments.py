@@ -92,6 +92,45 @@ BROKEN = {
     "a fraction of a sample": ("delay = 1", "delay = 1.5", "loop.delay: is 1.5"),
     "an unknown signal": ("leg_length = ", "leg_lenght = ", "sensors.quantisation.*no signal 'leg_lenght'"),
     "a wrong unit of a signal": ('leg_length = "10 um"', 'leg_length = "1 deg"', "leg_length.*found the unit 'deg'"),
+    "a step at once": ('at = "0.2 s"', "at = 0", "reference.at: is 0; expected > 0 s"),
+    "a truth value for a ratio": ("damping_ratio = 0.8", "damping_ratio = true", "controller.damping_ratio: is True"),
+    "a text for a tolerance": (
+        "tolerance = 1e-10",
+        "tolerance = '1e-10'",
+        "plant.tolerance: is '1e-10'; expected a number",
+    ),
+    "an infinite condition number": (
+        "[loop]",
+        "[limits]\ncondition_number = inf\n[loop]",
+        "limits.condition_number: is inf",
+    ),
+    "a velocity out of this world": (
+        "[loop]",
+        "[start]\nvelocity = [1e200, 0, 0]\n[loop]",
+        "start.velocity.*at most 1e.12",
+    ),
+    "an unknown force limit": (
+        "[loop]",
+        "[actuators]\nforce_limit = 'weak'\n[loop]",
+        "actuators.force_limit: is 'weak'.*'platform'",
+    ),
+    "a step of rounding": (
+        'leg_length = "10 um"',
+        "leg_length = 1e-320",
+        "leg_length is 1e-320; expected 0, or at least 1e-15",
+    ),
+    "a number for a table": ("title = ", "plant = 3\ntitle = ", "plant: is 3; expected a table of keys"),
+    "a change of nothing": ("[loop]", "[[change]]\nat = 1\n[loop]", "change.1: changes nothing"),
+    "a model without feedforward": (
+        'feedforward = "gravity"',
+        "model = {platform_mass = 3}",
+        "controller: model is what feedforward",
+    ),
+    "a damping ratio beside gains": (
+        'bandwidth = "2 Hz"',
+        "proportional_gain = 1\nderivative_gain = 1",
+        "controller: damping_ratio goes with a bandwidth",
+    ),
     "a missing key": ('duration = "2 s"', "", "loop.duration: is missing"),
     "no TOML": ("[loop]", "[loop", "is not TOML"),
 }
@@ -143,8 +182,28 @@ IMPOSSIBLE = {
         "change: leg_lower_mass: cannot change during a run",
     ),
     "a change to what cannot be": (["change=[{at=1, parameters={platform_mass=-1}}]"], "change: platform_mass: is -1"),
-    "a change between rows": (["change=[{at=0.10005}]"], "change: a change at 0.10005 s; expected.*multiple"),
+    "a change between rows": (
+        ["change=[{at=0.10005, factors={platform_mass=2}}]"],
+        "change: a change at 0.10005 s; expected.*multiple",
+    ),
     "a disturbance after the end": (["disturbance=[{at=3, duration=0.1}]"], "disturbance: a disturbance at 3 s"),
+    "a delay longer than the run": (
+        ["loop.delay=1000", "loop.duration=0.5"],
+        "loop: delay of 1000 samples in a run of 0.5 s",
+    ),
+    "a disturbance of no time": (["disturbance=[{at=1, duration=1e-9}]"], "disturbance: a disturbance of 1e-09 s"),
+    "a sine beyond the samples": (
+        ["reference={type='sine', frequency=1000, position_amplitude=[0, 0, 0.01]}"],
+        "reference: frequency of 1000 Hz.*less than half the sample rate, 500 Hz",
+    ),
+    "an anti-windup faster than the samples": (
+        ["controller.type=pid", "controller.integral_time=0.5", "controller.anti_windup_time=1e-9"],
+        "controller: anti_windup_time is 1e-09 s; expected at least the sample_time",
+    ),
+    "a run that no memory holds": (
+        ["loop.duration=1e9"],
+        "loop: sample_time|loop: duration 1e.09 s has 1e.12 plant steps",
+    ),
     "a closed loop without reference": (["reference="], "reference"),
 }
 
@@ -175,8 +234,8 @@ def test_a_reference_out_of_reach_is_refused_with_time_and_leg() -> None:
 
 
 def test_a_missing_file_names_a_shipped_one_of_that_name(tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match=r"heave_step.toml: cannot read.*`heave_step` without .toml"):
-        load_experiment(tmp_path / "heave_step.toml")
+    with pytest.raises(ExperimentError, match=r"heave_ste.toml: cannot read.*a shipped one is called 'heave_step'"):
+        load_experiment(tmp_path / "heave_ste.toml")
     with pytest.raises(ExperimentError, match=r"no such experiment; did you mean 'heave_step'"):
         shipped_experiment("heave_stp")
 
@@ -198,7 +257,10 @@ def test_settings_replace_and_add() -> None:
     assert shipped_experiment("impulse", ["disturbance.1.force=['3 kN', 0, 0]"]).disturbance[0].force == (3000, 0, 0)
 
 
-@pytest.mark.parametrize("setting", ["loop.duration", "=3", "loop..delay=1", "title.more=1", "disturbance.2.at=1"])
+@pytest.mark.parametrize(
+    "setting",
+    ["loop.duration=0.1\nother=3", "loop.duration", "=3", "loop..delay=1", "title.more=1", "disturbance.2.at=1"],
+)
 def test_settings_that_are_none_are_refused(setting: str) -> None:
     with pytest.raises(ExperimentError, match="--set"):
         shipped_experiment("impulse", [setting])

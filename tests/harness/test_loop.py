@@ -132,6 +132,17 @@ def test_the_rate_limit_is_part_of_the_excess() -> None:
     assert run.command[:, 0].tolist() == [9.0, 1.0]
 
 
+@pytest.mark.parametrize("delay", [0, 2, 10])
+def test_a_ramp_slower_than_the_rate_limit_cuts_nothing(delay: int) -> None:
+    """Expected: half the rate limit is never held back, so that the controller hears of no excess."""
+    heard = control.ss([], [], [], np.hstack([np.zeros((6, 12)), np.eye(6)]), 0.01)
+    loop = loop_of(1.0, actuators=Actuators(rate_limit=1000.0, delay=delay))
+    ramp = Loop(**{**vars(loop), "feedforward": 5.0 * np.arange(100.0)[:, None] * np.ones(6)})
+    run = run_with(heard, ramp)
+    assert run.command == pytest.approx(ramp.feedforward, abs=1e-9)
+    assert not run.rate_limited.any()
+
+
 @given(seed=st.integers(0, 2**32), deviation=st.floats(1e-6, 1e-2))
 def test_the_same_seed_gives_the_same_bytes(seed: int, deviation: float) -> None:
     """Expected: identical bits for a seed, others for another; noise on one signal leaves the others' alone."""
@@ -249,10 +260,24 @@ def test_a_function_sees_reference_and_measurement_by_name() -> None:
     assert (seen[0].reference["angular_acceleration"] == 0).all()
 
 
-@pytest.mark.parametrize("given_back", [None, 3.0, [1, 2, 3], ["a"] * 6])
+@pytest.mark.parametrize("given_back", [None, 3.0, [1, 2, 3], ["1"] * 6, np.zeros(6) + 1j])
 def test_a_function_that_gives_no_six_forces_is_an_error(given_back: object) -> None:
     with pytest.raises(ControllerError, match="time 0 s; expected 6 forces"):
         run_with(lambda _sample: given_back, loop_of())
+
+
+def test_a_function_that_fails_in_mid_run_ends_it_with_its_words() -> None:
+    """Expected: an outcome with kind, text and time, and the rows before."""
+
+    def failing(sample: Sample) -> list[float]:
+        if sample.time > 0.095:
+            raise RuntimeError("no more")
+        return [1.0] * 6
+
+    run = run_with(failing, loop_of())
+    assert run.outcome.status == "stopped"
+    assert "failed at time 0.1 s with RuntimeError: no more" in str(run.outcome.cause)
+    assert len(run.time) == 10
 
 
 @pytest.mark.parametrize(
@@ -264,7 +289,7 @@ def test_a_function_that_gives_no_six_forces_is_an_error(given_back: object) -> 
         ((-1.0, 0.01, 0.01), "duration is -1.0"),
         ((1.0, float("nan"), 0.01), "sample_time is nan"),
         ((1.0, 0.01, 0.0), "plant_step is 0.0"),
-        ((1e9, 0.01, 0.01), "100000000000 plant steps; expected at most 1000000"),
+        ((1e9, 0.01, 0.01), r"duration 1e\+09 s has 1e\+11 plant steps of 0.01 s; expected at most 1000000"),
     ],
 )
 def test_clocks_that_do_not_fit_are_refused(clocks: tuple[float, float, float], match: str) -> None:

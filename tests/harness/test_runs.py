@@ -77,6 +77,14 @@ def test_computed_torque_with_the_wrong_payload_is_worse(fmus: dict[str, Fmu]) -
     assert np.abs(wrong["error.position"]).max() > 100 * np.abs(right["error.position"]).max()
 
 
+def test_damping_on_the_measurement_works_in_task_space_too(fmus: dict[str, Fmu]) -> None:
+    """Expected: a damping ratio of 0.8 leaves hardly an overshoot, on the error or on the measurement."""
+    for on in ("error", "measurement"):
+        settings = ["controller.space=task", f"controller.derivative_on={on}", "loop.duration=1"]
+        record = run(shipped_experiment("heave_step", settings), plant="fmu3", fmu=fmus["3.0"].path)
+        assert record["position[3]"].max() < 2.05 + 0.1 * 0.05
+
+
 def test_integral_action_finds_the_static_forces(fmus: dict[str, Fmu]) -> None:
     """Expected: at rest in the end, so the actuators hold what static equilibrium asks for."""
     record = run(shipped_experiment("hold_against_gravity"), plant="fmu3", fmu=fmus["3.0"].path)
