@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import mass_matrix, static_leg_forces
+from gough_stewart.model.dynamics import mass_matrix, solve_leg_forces, static_leg_forces
 from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -41,7 +42,9 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> contro
     """The platform as python-control's nonlinear system: ẋ = f(x, u), y = g(x, u).
 
     States, inputs and outputs carry the interface's scalar names: `position[1]`, `actuator_force[6]`, `leg_length[3]`.
-    python-control takes such names as parts of one signal, so that `interconnect` joins `plant.leg_length` as a whole.
+    python-control takes such names as parts of one signal, so that `interconnect` joins `plant.leg_length` as a whole,
+    and of a range `plant.leg_length[2:4]` elements 2 and 3. Not so `joint_force[2,1]`, of two indices, which it knows
+    one by one only.
 
     Parameters
     ----------
@@ -51,7 +54,7 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> contro
     Raises
     ------
     InterfaceError
-        A name that is none of these.
+        A name that is none of these, a name twice, or no name.
     """
     kernel, p = Kernel(), parameter_vector(platform)
     names, rows = _rows(outputs)
@@ -78,7 +81,7 @@ def trim(
     Raises
     ------
     InterfaceError
-        The pose or the wrench is not finite, or has another shape.
+        The pose or the wrench is not finite, or has another shape; or the pitch is ±90°.
     SingularPoseError
         The legs cannot hold the pose.
     """
@@ -135,18 +138,22 @@ def leg_space_mass(platform: Platform, position: Array | None = None, orientatio
     Raises
     ------
     InterfaceError
-        The pose is not finite, or has another shape.
+        The pose is not finite, or has another shape; or the pitch is ±90°.
+    SingularPoseError
+        The legs do not determine the motion of the platform.
     """
     pose = _pose(platform, position, orientation)
-    J_inverse = np.linalg.inv(leg_jacobian(platform, *pose))
+    # row k is J⁻ᵀ e_k, so that together they are J⁻¹
+    J_inverse = solve_leg_forces(leg_jacobian(platform, *pose).T, np.eye(6))
     return np.asarray(J_inverse.T @ mass_matrix(platform, *pose) @ J_inverse)
 
 
 def _pose(platform: Platform, position: Array | None, orientation: Array | None) -> tuple[FloatArray, FloatArray]:
-    return (
-        _checked("position", platform.home_position if position is None else position, (3,)),
-        _checked("orientation", platform.home_orientation if orientation is None else orientation, (3,)),
-    )
+    p = _checked("position", platform.home_position if position is None else position, (3,))
+    o = _checked("orientation", platform.home_orientation if orientation is None else orientation, (3,))
+    if not abs(o[1]) < LARGEST_PITCH:
+        raise InterfaceError("orientation", f"has a pitch of {o[1]:.6g} rad; expected less than {LARGEST_PITCH:.6g}")
+    return p, o
 
 
 def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
@@ -160,8 +167,12 @@ def _rows(outputs: Iterable[str]) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and where they lie in the kernel's y."""
     chosen = [outputs] if isinstance(outputs, str) else list(outputs)
     everything = interface.unpack(interface.RESULTS, np.arange(interface.size_of(interface.RESULTS)))
+    if not chosen:
+        raise InterfaceError("outputs", "is empty; expected one name at least, such as 'leg_length'")
     for name in chosen:
         if name not in everything:
             raise InterfaceError(str(name), f"is no result of the plant{interface.nearest(str(name), everything)}")
+        if chosen.count(name) > 1:
+            raise InterfaceError(name, "is named twice; expected every output once")
     names = [scalar for name in chosen for scalar in interface.BY_NAME[name].scalar_names]
     return names, np.concatenate([np.ravel(everything[name]) for name in chosen])

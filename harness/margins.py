@@ -5,22 +5,24 @@ L is the 6×6 loop transfer cut at the actuators, u = −L u; S = (1 + L)⁻¹, 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
-from gough_stewart.harness.errors import UnstableLoopError
+from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.model.vectors import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
 _GRID = 600
 _FINE_GRID = 4000
-_REAL = 0.02  # imaginary over real part of a response that has come to the real axis
+_FLAT = 0.02  # relative change of a response that has come to its limit, and its distance from the real axis
+_BOUNDLESS = 1e6  # a gain that may grow or sink by more than this is free
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class LegMargins:
 
     gain_up: float  # factor by which the leg's gain may grow
     gain_down: float  # factor to which it may sink
-    phase: float  # [rad], by which the leg may lag
+    phase: float  # [rad], by which the leg may lag or lead
     delay: float  # [s], the same as time at the crossover that allows least
     crossover: float  # of the gain, the fastest [Hz]; NaN if there is none
 
@@ -61,32 +63,48 @@ class Margins:
 def loop_margins(L: Any) -> Margins:
     """Margins of a loop transfer (6×6), in continuous or discrete time.
 
+    Peaks and crossings are looked for on a grid of frequencies that is dense about the poles, then refined.
+
     Raises
     ------
+    ControllerError
+        Not square, not finite, or an algebraic loop without solution.
     UnstableLoopError
         The closed loop is unstable, so that it has no margins.
     """
     L = control.ss(L)
     check_stable(L)
-    low, high = frequency_range(L)
-    disk_peak, at = _peak(lambda S, T: (S - T) / 2, L, low, high)
-    omega = np.geomspace(low, high * (1 - 1e-9), _FINE_GRID)
-    everything = response(L, omega)
+    coarse, fine = _frequencies(L, _GRID), _frequencies(L, _FINE_GRID)
+    disk_peak, at = _peak(lambda S, T: (S - T) / 2, L, coarse)
+    everything = response(L, fine)
     alpha = 1 / disk_peak
     half = alpha / 2
-    gain = ((1 - half) / (1 + half), (1 + half) / (1 - half)) if half < 1 else (0.0, math.inf)
+    gain = ((1 - half) / (1 + half), (1 + half) / (1 - half)) if half < 1 - 1e-9 else (0.0, math.inf)
     return Margins(
-        tuple(_leg_margins(one_leg_open(everything, k), omega) for k in range(L.noutputs)),
+        tuple(_leg_margins(L, k, fine, one_leg_open(everything, k)) for k in range(L.noutputs)),
         DiskMargin(alpha, gain, 2 * math.atan(half), at / (2 * math.pi)),
-        _peak(lambda S, _T: S, L, low, high)[0],
-        _peak(lambda _S, T: T, L, low, high)[0],
+        _peak(lambda S, _T: S, L, coarse)[0],
+        _peak(lambda _S, T: T, L, coarse)[0],
     )
 
 
 def closed_loop(L: Any) -> control.StateSpace:
-    """T = L (1 + L)⁻¹ as a state space."""
+    """T = L (1 + L)⁻¹ as a state space.
+
+    Raises
+    ------
+    ControllerError
+        Not square, not finite, or an algebraic loop without solution.
+    """
     L = control.ss(L)
-    return control.feedback(L, control.ss([], [], [], np.eye(L.noutputs), L.dt))
+    if L.ninputs != L.noutputs:
+        raise ControllerError(f"the loop transfer is {L.noutputs}×{L.ninputs}; expected as many outputs as inputs")
+    if not all(np.isfinite(block).all() for block in (L.A, L.B, L.C, L.D)):
+        raise ControllerError("the loop transfer is not finite; expected finite numbers only")
+    one = np.eye(L.noutputs)
+    if not np.linalg.cond(one + L.D) < 1 / np.finfo(float).eps:
+        raise ControllerError("1 + L has no inverse at infinite frequency; expected a delay or a lag in the loop")
+    return control.feedback(L, control.ss([], [], [], one, L.dt))
 
 
 def check_stable(L: Any) -> None:
@@ -94,6 +112,8 @@ def check_stable(L: Any) -> None:
 
     Raises
     ------
+    ControllerError
+        As `closed_loop`.
     UnstableLoopError
         Names the worst eigenvalue.
     """
@@ -131,15 +151,12 @@ def one_leg_open(response_of_all: ComplexArray, k: int) -> ComplexArray:
 
 def frequency_range(L: Any) -> tuple[float, float]:
     """Where a loop has something to say [rad/s]: about its poles, and up to half the sample rate."""
-    closed, opened = closed_loop(L), control.ss(L)
-    sizes = []
-    for system in (closed, opened):
-        poles = np.asarray(system.poles(), dtype=complex)
-        if system.isdtime(strict=True):
-            poles = np.log(poles[np.abs(poles) > 1e-9]) / system.dt
-        sizes += [s for s in np.abs(poles) if s > 1e-6]
-    top = math.pi / opened.dt if opened.isdtime(strict=True) else 100 * max(sizes, default=1.0)
-    return min(min(sizes, default=1.0) / 1000, top / 10), top
+    L = control.ss(L)
+    sizes = np.abs(_poles(L))
+    sizes = sizes[sizes > 1e-6]
+    slowest, fastest = (float(sizes.min()), float(sizes.max())) if sizes.size else (1.0, 1.0)
+    top = math.pi / L.dt if L.isdtime(strict=True) else 100 * fastest
+    return min(slowest / 1000, top / 10), top
 
 
 def sensitivities(L: Any, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -149,37 +166,73 @@ def sensitivities(L: Any, omega: FloatArray) -> tuple[ComplexArray, ComplexArray
     return S, np.asarray(one - S)
 
 
-def _leg_margins(loop: ComplexArray, omega: FloatArray) -> LegMargins:
-    # from the sampled response, since the polynomials of so many states have no correct digits
-    gains, phases, _, _, crossings, _ = control.stability_margins(control.frd(loop, omega, smooth=True), returnall=True)
-    gains, phases, crossings = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (gains, phases, crossings))
-    # at the lowest and the highest frequency a loop may cross the negative axis without a change of sign
-    for end in loop[[0, -1]]:
-        if end.real < 0 and abs(end.imag) < _REAL * abs(end.real):
-            gains = np.append(gains, 1 / abs(end))
-    up, down = gains[gains > 1], gains[(gains < 1) & (gains > 0)]
+def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMargins:
+    # on the response, since the polynomials of so many states have no correct digits
+
+    def at(frequencies: FloatArray) -> ComplexArray:
+        return one_leg_open(response(L, frequencies), k)
+
+    real = at(_crossings(lambda w: at(w).imag, omega, loop.imag))
+    real = np.concatenate([real[np.abs(real.imag) < _FLAT * np.abs(real.real)], _limits(at, L, omega)])
+    gains = 1 / np.abs(real[real.real < 0])
+    gains = gains[(gains > 1 / _BOUNDLESS) & (gains < _BOUNDLESS)]
+    crossings = _crossings(lambda w: np.log(np.abs(at(w))), omega, np.log(np.abs(loop)))
     # a loop may only lag more: what leads by φ lags by 2π − φ
-    lags = np.radians(np.mod(phases, 360.0))
-    delays = lags / crossings
+    lags = np.mod(np.angle(-at(crossings)), 2 * math.pi)
     return LegMargins(
-        float(up.min(initial=math.inf)),
-        float(down.max(initial=0.0)),
+        float(gains[gains > 1].min(initial=math.inf)),
+        float(gains[gains < 1].max(initial=0.0)),
         float(np.minimum(lags, 2 * math.pi - lags).min(initial=math.inf)),
-        float(delays.min(initial=math.inf)),
+        float((lags / crossings).min(initial=math.inf)),
         float(crossings.max() / (2 * math.pi)) if crossings.size else math.nan,
     )
 
 
-def _peak(of: Any, L: Any, low: float, high: float) -> tuple[float, float]:
+def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray) -> ComplexArray:
+    """The response at frequency 0 and at the highest, where it has come to rest on the real axis (at most 2).
+
+    There it may end on the negative real axis, which is an edge of stability, without a change of sign before. One that
+    tends to infinity or zero along the axis does not come to rest.
+    """
+    low, high = omega[0], omega[-1]
+    beyond = high if L.isdtime(strict=True) else 10 * high
+    near, far = at(np.array([low, high])), at(np.array([low / 10, beyond]))
+    size = np.abs(near)
+    return near[(np.abs(far - near) <= _FLAT * size) & (np.abs(near.imag) < _FLAT * size)]
+
+
+def _crossings(of: Callable[[FloatArray], FloatArray], omega: FloatArray, values: FloatArray) -> FloatArray:
+    """Frequencies [rad/s] at which a function, of these values on the grid, changes its sign."""
+    after = np.nonzero(np.diff(np.sign(values)))[0]
+    return np.array([brentq(lambda w: float(of(np.array([w]))[0]), omega[i], omega[i + 1]) for i in after])
+
+
+def _poles(L: Any) -> ComplexArray:
+    """Poles of the open and of the closed loop in continuous time [1/s], without those of pure delays."""
+    poles = np.concatenate([np.asarray(each.poles(), dtype=complex) for each in (L, closed_loop(L))])
+    if L.isdtime(strict=True):
+        poles = np.log(poles[np.abs(poles) > 1e-9]) / L.dt
+    return poles
+
+
+def _frequencies(L: Any, n: int) -> FloatArray:
+    """Grid [rad/s] over `frequency_range`, dense where a pole near the axis makes a narrow peak."""
+    low, high = frequency_range(L)
+    high *= 1 - 1e-9
+    poles = _poles(L)
+    about = (np.abs(poles.imag)[:, None] + poles.real[:, None] * np.linspace(-3, 3, 13)).ravel()
+    return np.unique(np.concatenate([np.geomspace(low, high, n), about[(about > low) & (about < high)]]))
+
+
+def _peak(of: Any, L: Any, grid: FloatArray) -> tuple[float, float]:
     """Largest singular value over frequency of a function of S and T, and where [rad/s]."""
 
     def sigma(omega: FloatArray) -> FloatArray:
         return np.linalg.svd(of(*sensitivities(L, omega)), compute_uv=False)[:, 0]
 
-    grid = np.geomspace(low, high * (1 - 1e-9), _GRID)
     values = sigma(grid)
     best = int(values.argmax())
-    bracket = (math.log(grid[max(best - 1, 0)]), math.log(grid[min(best + 1, _GRID - 1)]))
+    bracket = (math.log(grid[max(best - 1, 0)]), math.log(grid[min(best + 1, len(grid) - 1)]))
     found = minimize_scalar(
         lambda x: -float(sigma(np.array([math.exp(x)]))[0]), bounds=bracket, method="bounded", options={"xatol": 1e-9}
     )

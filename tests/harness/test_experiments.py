@@ -40,7 +40,7 @@ def test_shipped_experiments_can_be_prepared(name: str) -> None:
     assert prepared.loop.feedforward.shape == (len(timing.samples), 6)
 
 
-def test_every_kind_that_the_issue_of_a_controller_engineer_needs_is_shipped() -> None:
+def test_the_control_page_names_every_shipped_experiment() -> None:
     """Expected: the list of docs/control.md."""
     page = (Path(__file__).parents[2] / "docs" / "control.md").read_text()
     assert [name for name in SHIPPED if f"`{name}`" not in page] == []
@@ -119,7 +119,7 @@ BROKEN = {
         "leg_length = 1e-320",
         "leg_length is 1e-320; expected 0, or at least 1e-15",
     ),
-    "a number for a table": ("title = ", "plant = 3\ntitle = ", "plant: is 3; expected a table of keys"),
+    "a number for a table": ("title = ", "limits = 3\ntitle = ", "limits: is 3; expected a table of keys"),
     "a change of nothing": ("[loop]", "[[change]]\nat = 1\n[loop]", "change.1: changes nothing"),
     "a model without feedforward": (
         'feedforward = "gravity"',

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gough_stewart.harness.controllers import Gains, pid, sampled
-from gough_stewart.harness.errors import UnstableLoopError
+from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.gains import gains_from_bandwidth
 from gough_stewart.harness.laws import LinearController
 from gough_stewart.harness.linear import leg_space_mass, linearise, modes
@@ -51,7 +51,7 @@ def test_a_double_integrator_under_pd_has_its_closed_form() -> None:
         assert leg.crossover == pytest.approx(crossover / (2 * np.pi), rel=1e-4)
         assert leg.phase == pytest.approx(phase, rel=1e-4)
         assert leg.delay == pytest.approx(phase / crossover, rel=1e-4)
-        assert leg.gain_up == np.inf
+        assert (leg.gain_down, leg.gain_up) == (0, np.inf)
     s = 1j * np.geomspace(0.01, 100, 200_000)
     loop = (kd * s + kp) / s**2
     assert margins.disk.alpha == pytest.approx(1 / np.abs((1 - loop) / (1 + loop) / 2).max(), rel=1e-6)
@@ -73,6 +73,34 @@ def test_six_equal_loops_have_the_disk_margin_of_one(kp: float, kd: float, lag: 
     assert 20 * np.log10(margins.disk.gain[1]) == pytest.approx(float(gain_db), rel=1e-3)
     assert np.degrees(margins.disk.phase) == pytest.approx(float(phase), rel=1e-3)
     assert np.degrees(margins.legs[3].phase) == pytest.approx(control.margin(one)[1], rel=1e-3)
+    assert (margins.legs[3].gain_down, margins.legs[3].gain_up) == (0, np.inf)  # by Routh, for all kd > kp lag
+
+
+@pytest.mark.parametrize(
+    ("one", "down", "up"),
+    [
+        (control.tf([4.0], [1, 3, 3, 1]), 0.0, 2.0),  # 4/(s + 1)³: closed s³ + 3 s² + 3 s + 1 + 4 k by Routh
+        (control.tf([2.0], [1, -1]), 0.5, np.inf),  # pole 1 − 2 k
+        (control.tf([-0.5], [1]), 0.0, 2.0),  # 1 − k/2 = 0
+        (control.tf([1.0], [1, -1], 0.1), 0.0, 2.0),  # pole 1 − k, leaves the circle at −1
+        (control.tf([1.0], [1, 0, 0]) * control.tf([1.0, 1.0], [0.01, 1]), 0.0, np.inf),  # Routh: 1 > 0.01
+    ],
+)
+def test_gain_margins_have_their_closed_form_and_no_others(one: Any, down: float, up: float) -> None:
+    """Expected: by hand, in the comments; also where the loop meets the axis only at frequency 0 or at its highest."""
+    for leg in loop_margins(diagonal(one)).legs:
+        assert leg.gain_down == pytest.approx(down, rel=1e-5)
+        assert leg.gain_up == pytest.approx(up, rel=1e-5)
+
+
+def test_a_narrow_resonance_is_not_overlooked() -> None:
+    """Expected for 0.05/(s² + 2 ζ s + 1), ζ = 1e-5: |S| peaks where the closed loop does, (1.05 − 1)/(2 ζ √1.05)."""
+    zeta = 1e-5
+    margins = loop_margins(diagonal(control.tf([0.05], [1, 2 * zeta, 1])))
+    assert margins.sensitivity_peak == pytest.approx(0.05 / (2 * zeta * np.sqrt(1.05)), rel=1e-3)
+    # gain 1 at ω² ≈ 1.05 and 0.95, where the phase is −180° or 0° but for 2 ζ ω/0.05
+    assert margins.legs[0].phase == pytest.approx(2 * zeta * np.sqrt(1.05) / 0.05, rel=1e-3)
+    assert margins.legs[0].delay == pytest.approx(2 * zeta / 0.05, rel=1e-3)
 
 
 @pytest.mark.parametrize("leg", [0, 3])
@@ -131,6 +159,25 @@ def test_an_unstable_loop_has_no_margins() -> None:
     assert abs(caught.value.eigenvalue) > 1
     with pytest.raises(UnstableLoopError, match="1/s, expected left of 0"):
         loop_margins(diagonal(control.tf([1.0], [1, 0, 0])))
+
+
+def test_loops_that_are_none_are_refused() -> None:
+    for loop, message in (
+        (np.ones((6, 5)), "is 6×5; expected as many outputs as inputs"),
+        (np.full((6, 6), np.nan), "is not finite"),
+        (-np.eye(6), "expected a delay or a lag"),
+    ):
+        with pytest.raises(ControllerError, match=message):
+            loop_margins(control.ss([], [], [], loop))
+
+
+def test_a_static_loop_has_the_margins_of_a_number() -> None:
+    """Expected for L = 2: S = 1/3, T = 2/3, α = 2/|S − T| = 6; no gain > 0 and no delay makes it unstable."""
+    margins = loop_margins(control.ss([], [], [], 2 * np.eye(6)))
+    assert margins.disk.alpha == pytest.approx(6)
+    assert margins.disk.gain == (0, np.inf)
+    assert (margins.sensitivity_peak, margins.complementary_peak) == pytest.approx((1 / 3, 2 / 3))
+    assert {(leg.gain_down, leg.gain_up, leg.phase, leg.delay) for leg in margins.legs} == {(0, np.inf, np.inf, np.inf)}
 
 
 def test_plain_types_have_none_for_what_is_infinite() -> None:
