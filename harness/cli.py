@@ -1,5 +1,6 @@
 """The command line: `gough-stewart`."""
 
+import gc
 import io
 import sys
 from enum import StrEnum
@@ -193,6 +194,8 @@ app.command("margins")(margins_command)
 
 def main() -> None:
     """Entry point of the console script."""
+    # imports and figures make objects by the hundred thousand, none of them garbage to look for
+    gc.set_threshold(200_000, 30, 30)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without Greek gets question marks, not a traceback

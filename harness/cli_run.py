@@ -1,5 +1,6 @@
 """The commands of the closed loop: `run`, `experiments`, `margins`."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,15 +62,16 @@ def run_command(
     """
     with clear_errors():
         chosen = _experiment(experiment, settings or [])
-        from gough_stewart.harness.run_files import names_of_files, record_files, result_files, warnings_of
+        from gough_stewart.harness.run_files import names_of_files, result_files, warnings_of
         from gough_stewart.model.files import check_output_folder, write_files
 
         folder = out or Path("results", Path(experiment).stem)
         check_output_folder(folder, names_of_files())
         record = _run(chosen, plant, fmu)
-        files = record_files(record)
-        write_files(folder, files)
-        more, tables = result_files(record)
+        with ThreadPoolExecutor(1) as aside:  # polars works outside of Python's lock
+            written = aside.submit(_write_record, record, folder)
+            more, tables = result_files(record)
+            files = written.result()
         write_files(folder, more)
         console = Console()
         console.print(tables)
@@ -141,6 +143,16 @@ def _experiment(given: str, settings: list[str]) -> "Experiment":
     if given in shipped_names() and not Path(given).is_file():
         return shipped_experiment(given, settings)
     return load_experiment(given, settings)
+
+
+def _write_record(record: "Record", folder: Path) -> list[str]:
+    """Write the run itself, whatever else may go wrong; names of its files."""
+    from gough_stewart.harness.run_files import record_files
+    from gough_stewart.model.files import write_files
+
+    files = record_files(record)
+    write_files(folder, files)
+    return list(files)
 
 
 def _run(experiment: "Experiment", plant: PlantKind | None, fmu: Path | None) -> "Record":
