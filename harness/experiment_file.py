@@ -3,7 +3,6 @@
 import tomllib
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,10 @@ from pydantic import BaseModel, ValidationError
 
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment import Experiment
+from gough_stewart.model import shipped
 from gough_stewart.model.interface import nearest
+
+_SHIPPED = ("gough_stewart.harness", "experiments")
 
 
 def load_experiment(path: Path | str, settings: Iterable[str] = ()) -> Experiment:
@@ -36,8 +38,7 @@ def load_experiment(path: Path | str, settings: Iterable[str] = ()) -> Experimen
 
 def shipped_names() -> tuple[str, ...]:
     """Names of the experiments that ship with the package."""
-    files = resources.files("gough_stewart.harness").joinpath("experiments").iterdir()
-    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+    return shipped.names(*_SHIPPED)
 
 
 def shipped_text(name: str) -> str:
@@ -50,8 +51,7 @@ def shipped_text(name: str) -> str:
     """
     if name not in shipped_names():
         raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, shipped_names())}")
-    file = resources.files("gough_stewart.harness").joinpath("experiments", f"{name}.toml")
-    return file.read_text(encoding="utf-8")
+    return shipped.text(*_SHIPPED, name)
 
 
 def shipped_experiment(name: str, settings: Iterable[str] = ()) -> Experiment:

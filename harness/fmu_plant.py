@@ -4,8 +4,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from ctypes import POINTER, Array, byref, c_bool, c_double, c_uint
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -15,7 +14,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from gough_stewart.fmu_build.layout import BY_NAME
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plant import TOLERANCE
+from gough_stewart.harness.plant import TOLERANCE, Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.platform import Platform
@@ -26,7 +25,7 @@ _DISCARD = 2
 _REMEDY = "make one by `gough-stewart build`"
 
 
-class FmuPlant:
+class FmuPlant(Plant):
     """An FMU of this project as a `Plant`; the file is unpacked once, and cleaned up by `close`.
 
     Any build will do: all parameters of the platform are set, whatever platform it was built for.
@@ -117,16 +116,6 @@ class FmuPlant:
         folder, self._folder = self._folder, None
         if folder is not None:
             folder.cleanup()
-
-    def __enter__(self) -> Self:
-        """Rule 8 of `Plant`."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Rule 8 of `Plant`."""
-        self.close()
 
     # --- inside ------------------------------------------------------------------------------------------------
 

@@ -83,6 +83,21 @@ class LinearController:
         """Of the system [s]; None where it names none (a static gain)."""
         return None if self.system.dt in (None, True, 0) else float(self.system.dt)
 
+    def check_sample_time(self, sample_time: float) -> None:
+        """Refuse a loop of another sample time [s] than the controller was made for.
+
+        Raises
+        ------
+        ControllerError
+            Names both.
+        """
+        own = self.sample_time
+        if own is not None and abs(own - sample_time) > 1e-9 * sample_time:
+            raise ControllerError(
+                f"the controller's sample time is {own:g} s, the loop's {sample_time:g} s; sample the controller anew, "
+                "or set the loop's sample_time"
+            )
+
 
 Controller = LinearController | ControlFunction
 
@@ -140,12 +155,7 @@ def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, me
     """
     if not isinstance(controller, LinearController):
         return _FunctionLaw(controller)
-    own = controller.sample_time
-    if own is not None and abs(own - sample_time) > 1e-9 * sample_time:
-        raise ControllerError(
-            f"the controller's sample time is {own:g} s, the loop's {sample_time:g} s; sample the controller anew, or "
-            "set the loop's sample_time"
-        )
+    controller.check_sample_time(sample_time)
     return (_TaskLaw if controller.space == "task" else _LegLaw)(controller, jacobians, measured)
 
 

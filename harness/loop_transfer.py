@@ -43,30 +43,16 @@ def loop_transfer(
     ControllerError
         The controller has another sample time.
     """
-    return feedback_part(platform, controller, position, orientation) * sampled_plant(
-        platform, controller.signals, sample_time, delay=delay, lag=lag, position=position, orientation=orientation
-    )
-
-
-def sampled_plant(
-    platform: Platform,
-    measured: tuple[str, ...],
-    sample_time: float,
-    *,
-    delay: int = 0,
-    lag: float = 0.0,
-    position: Array | None = None,
-    orientation: Array | None = None,
-) -> control.StateSpace:
-    """The linear plant from commanded forces to signals as the controller meets it; see `loop_transfer`."""
-    linear = linearise(replace(platform, leg_coulomb_friction=0.0), position, orientation, measured)
+    controller.check_sample_time(sample_time)
+    moving = replace(platform, leg_coulomb_friction=0.0)
+    linear = linearise(moving, position, orientation, controller.signals)
     plant = control.ss(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
     if lag > 0:
         plant = plant * control.append(*[control.ss([[-1 / lag]], [[1 / lag]], [[1]], [[0]])] * 6)
     plant = control.sample_system(plant, sample_time)
     for _ in range(delay):
         plant = plant * control.ss(np.zeros((6, 6)), np.eye(6), np.eye(6), np.zeros((6, 6)), sample_time)
-    return plant
+    return feedback_part(platform, controller, position, orientation) * plant
 
 
 def feedback_part(

@@ -48,14 +48,16 @@ class Plant(Protocol):
 
     def __enter__(self) -> Self:
         """Rule 8."""
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Rule 8."""
+        self.close()
 
 
-class ModelPlant:
+class ModelPlant(Plant):
     """The stepping model as a `Plant`."""
 
     def __init__(self, platform: Platform, start: State | None = None, tolerance: float = TOLERANCE) -> None:
@@ -81,13 +83,3 @@ class ModelPlant:
 
     def close(self) -> None:
         """Rule 8; there is nothing to free."""
-
-    def __enter__(self) -> Self:
-        """Rule 8."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Rule 8."""
-        self.close()

@@ -5,19 +5,20 @@ back to the same float, so that TOML → Platform → TOML changes nothing.
 """
 
 import tomllib
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomlkit
 
+from gough_stewart.model import shipped
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.platform import OPTIONAL_LIMITS, SHAPES, Platform
 
 KEYS = ("name", "source", *SHAPES)
+_PRESETS = ("gough_stewart.model", "presets")
 _DEFAULTED = (
     "name",
     "source",
@@ -101,8 +102,7 @@ def save_platform(platform: Platform, path: Path | str) -> None:
 
 def preset_names() -> tuple[str, ...]:
     """Names of the platforms that ship with the package."""
-    files = resources.files("gough_stewart.model").joinpath("presets").iterdir()
-    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+    return shipped.names(*_PRESETS)
 
 
 def preset_text(name: str) -> str:
@@ -115,8 +115,7 @@ def preset_text(name: str) -> str:
     """
     if name not in preset_names():
         raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
-    file = resources.files("gough_stewart.model").joinpath("presets", f"{name}.toml")
-    return file.read_text(encoding="utf-8")
+    return shipped.text(*_PRESETS, name)
 
 
 def load_preset(name: str) -> Platform:

@@ -249,6 +249,12 @@ def test_the_lag_of_the_actuators_is_in_the_loop() -> None:
     assert ratio == pytest.approx(1 / np.abs(1 + 1j * omega * tau), rel=1e-2)
 
 
+def test_a_controller_of_another_sample_time_is_refused() -> None:
+    controller = LinearController(sampled(pid(Gains(1e3, 100.0)), T))
+    with pytest.raises(ValueError, match=r"sample time is 0.001 s, the loop's 0.002 s"):
+        loop_transfer(load_preset("liu2000"), controller, 2 * T)
+
+
 def test_coulomb_friction_is_left_out_of_the_loop() -> None:
     """Expected: its slope F/v at rest, 100 N over 1 mm/s, would damp the linear platform a hundred times over."""
     platform = load_preset("motion_base")

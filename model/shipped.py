@@ -1,0 +1,14 @@
+"""TOML files that ship with a package: their names, and their texts."""
+
+from importlib import resources
+
+
+def names(package: str, folder: str) -> tuple[str, ...]:
+    """Names of the files in a folder of a package, without .toml."""
+    files = resources.files(package).joinpath(folder).iterdir()
+    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+
+
+def text(package: str, folder: str, name: str) -> str:
+    """The file of that name as it ships, with its comments."""
+    return resources.files(package).joinpath(folder, f"{name}.toml").read_text(encoding="utf-8")
