@@ -6,9 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from gough_stewart.harness.record import Record
 from gough_stewart.model.vectors import FloatArray
@@ -52,7 +49,7 @@ def metrics(record: Record) -> dict[str, Any]:
 
     Parts are None where the record lacks their columns.
     """
-    kept = _finite_part(record)
+    kept = finite_part(record)
     n = kept.table.height
     time = kept["time"]
     # what overflows becomes None
@@ -76,23 +73,8 @@ def metrics_json(metrics: dict[str, Any]) -> bytes:
     return (json.dumps(metrics, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def metrics_table(metrics: dict[str, Any]) -> RenderableType:
-    """Tables for the terminal, at most 100 columns wide: tracking, step response, legs."""
-    parts: list[RenderableType] = []
-    outcome = metrics["outcome"]
-    if outcome["status"] != "completed":
-        cause = f": {outcome['cause']}" if outcome.get("cause") else ""
-        parts.append(Text(f"{outcome['status']} at {_text(outcome['time'], 6)} s{cause}", "bold red"))
-    if metrics["tracking"]:
-        parts.append(_tracking_table(metrics["tracking"]))
-    if metrics["step_response"]:
-        parts.append(_step_table(metrics["step_response"]))
-    if metrics["force"]:
-        parts.append(_leg_table(metrics))
-    return Group(*parts)
-
-
-def _finite_part(record: Record) -> Record:
+def finite_part(record: Record) -> Record:
+    """The rows before the first at which the plant's values are not finite."""
     fine: NDArray[np.bool_] = np.ones(record.table.height, dtype=bool)
     for name in (*_USED, *(f"error.{e}" for e in _ERRORS), "reference.position", "reference.orientation"):
         if name in record:
@@ -225,71 +207,3 @@ def _number(value: Any) -> float | None:
 
 def _list(values: FloatArray) -> list[float | None]:
     return [_number(value) for value in values]
-
-
-def _tracking_table(tracking: dict[str, Any]) -> Table:
-    table = _table("Tracking error", "", "RMS", "peak", "")
-    for name, axes, unit in (("position", "xyz", "mm"), ("orientation", ("roll", "pitch", "yaw"), "mrad")):
-        if name in tracking:
-            part = tracking[name]
-            for axis, rms, peak in zip(axes, part["rms"], part["peak"], strict=True):
-                table.add_row(axis, _milli(rms), _milli(peak), unit)
-            table.add_row(f"|{name}|", _milli(part["norm_rms"]), _milli(part["norm_peak"]), unit, end_section=True)
-    return table
-
-
-def _step_table(responses: list[dict[str, Any]]) -> Table:
-    heads = ("from", "to", "at s", "overshoot %", "rise s", "settling s", "final error")
-    table = _table("Step response", "", *heads)
-    for r in responses:
-        unit = "m" if r["axis"] in "xyz" else "rad"
-        numbers = [_text(r[key]) for key in ("at", "overshoot_percent", "rise_time", "settling_time")]
-        error = f"{_milli(r['final_error'])} m{unit}"
-        table.add_row(f"{r['axis']} [dim]{unit}[/dim]", _text(r["from"]), _text(r["to"]), *numbers, error)
-    return table
-
-
-def _leg_table(metrics: dict[str, Any]) -> Table:
-    table = _table("Legs", "", *(f"{i}" for i in range(1, 7)), "all")
-    energy, stroke = metrics["energy"], metrics["stroke"]
-
-    def row(what: str, unit: str, values: list[float | None], total: str = "") -> None:
-        table.add_row(f"{what} [dim]{unit}[/dim]", *(_text(value) for value in values), total)
-
-    if "leg_length" in (metrics["tracking"] or {}):
-        error = metrics["tracking"]["leg_length"]
-        row("RMS error", "mm", [None if e is None else 1e3 * e for e in error["rms"]])
-        row("peak error", "mm", [None if e is None else 1e3 * e for e in error["peak"]])
-    row("shortest", "m", stroke["shortest"])
-    row("longest", "m", stroke["longest"])
-    row("peak force", "N", metrics["force"]["peak"])
-    row("RMS force", "N", metrics["force"]["rms"])
-    row("peak power", "W", metrics["power"]["peak"])
-    row("mean power", "W", metrics["power"]["mean"])
-    row("net work", "J", energy["net"], _text(energy["net_total"]))
-    row("work, absolute", "J", energy["absolute"], _text(energy["absolute_total"]))
-    shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
-    for name, share in shares.items():
-        # a row of zeros says nothing
-        if share and share["any"]:
-            row(name.replace("_", " "), "%", [100 * leg for leg in share["legs"]], _text(100 * share["any"]))
-    return table
-
-
-def _table(title: str, *heads: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for head in heads:
-        table.add_column(head, justify="right" if head else "left", no_wrap=True)
-    return table
-
-
-def _milli(value: float | None) -> str:
-    return _text(None if value is None else 1e3 * value)
-
-
-def _text(value: float | None, digits: int = 4) -> str:
-    """At most so many significant digits."""
-    if value is None:
-        return "–"
-    # large ones as they are: 18610 is shorter than 1.861e+04
-    return f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"

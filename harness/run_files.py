@@ -3,7 +3,8 @@
 import numpy as np
 from rich.console import RenderableType
 
-from gough_stewart.harness.metrics import metrics, metrics_json, metrics_table
+from gough_stewart.harness.metrics import metrics, metrics_json
+from gough_stewart.harness.metrics_tables import metrics_table
 from gough_stewart.harness.record import Record
 from gough_stewart.harness.run_figures import FIGURES, run_figures
 

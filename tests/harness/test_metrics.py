@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from gough_stewart.harness.metrics import metrics, metrics_json, metrics_table
+from gough_stewart.harness.metrics import metrics, metrics_json
+from gough_stewart.harness.metrics_tables import metrics_table
 from gough_stewart.harness.record import Record, columns
 from gough_stewart.model.vectors import FloatArray
 

@@ -1,0 +1,74 @@
+"""Tables as plain data, for the terminal and for pages."""
+
+from dataclasses import dataclass, field
+from html import escape
+
+from rich.markup import escape as escape_markup
+from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Named:
+    """A first cell: what the row is of, and its unit."""
+
+    what: str
+    unit: str
+
+
+@dataclass
+class Sheet:
+    """A table before anybody has chosen how it looks: heads and rows of text, names at the left."""
+
+    title: str
+    heads: tuple[str, ...]
+    rows: list[tuple[str | Named, ...]] = field(default_factory=list)
+    # indices of rows that end a group
+    group_ends: list[int] = field(default_factory=list)
+
+    def add(self, *cells: str | Named, ends_group: bool = False) -> None:
+        """One more row."""
+        if ends_group:
+            self.group_ends.append(len(self.rows))
+        self.rows.append(cells)
+
+
+def to_terminal(sheet: Sheet) -> Table:
+    """For rich."""
+    table = Table(title=escape_markup(sheet.title), title_justify="left", title_style="bold")
+    for k, head in enumerate(sheet.heads):
+        table.add_column(head, justify="right" if head and k else "left", no_wrap=True)
+    for k, row in enumerate(sheet.rows):
+        table.add_row(*map(_marked_up, row), end_section=k in sheet.group_ends)
+    return table
+
+
+def to_html(sheet: Sheet) -> str:
+    """For a page; every text is escaped."""
+    heads = "".join(f'<th scope="col">{escape(head)}</th>' for head in sheet.heads)
+    rows = []
+    for k, (first, *rest) in enumerate(sheet.rows):
+        kind = ' class="group-end"' if k in sheet.group_ends else ""
+        cells = "".join(f"<td>{_hypertext(cell)}</td>" for cell in rest)
+        rows.append(f'<tr{kind}><th scope="row">{_hypertext(first)}</th>{cells}</tr>')
+    caption = f"<caption>{escape(sheet.title)}</caption>"
+    return f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def number_text(value: float | None, digits: int = 4) -> str:
+    """At most so many significant digits."""
+    if value is None:
+        return "–"
+    # large ones as they are: 18610 is shorter than 1.861e+04
+    return f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"
+
+
+def _marked_up(cell: str | Named) -> str:
+    if isinstance(cell, Named):
+        return f"{escape_markup(cell.what)} [dim]{escape_markup(cell.unit)}[/dim]"
+    return escape_markup(cell)
+
+
+def _hypertext(cell: str | Named) -> str:
+    if isinstance(cell, Named):
+        return f'{escape(cell.what)} <span class="unit">{escape(cell.unit)}</span>'
+    return escape(cell)
