@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from gough_stewart.harness.cli_run import experiments_command, margins_command, run_command
+from gough_stewart.harness.cli_run import ReportOption, experiments_command, margins_command, run_command
+from gough_stewart.harness.cli_view import view_command
 from gough_stewart.harness.terminal import UsageError, clear_errors, errors
 from gough_stewart.model import cases, kinematics
 from gough_stewart.model.errors import GoughStewartError
@@ -73,6 +74,7 @@ def reproduce_command(
     ] = None,
     preset: PresetOption = None,
     platform: PlatformOption = None,
+    report: ReportOption = False,
 ) -> None:
     """Reproduce the paper's open-loop simulation, and prove it by independent formulations.
 
@@ -81,8 +83,8 @@ def reproduce_command(
     and with the energy balance.
 
     Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
-    **drift.png**, **report.md**, **report.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. Exit
-    code 1 if a comparison misses its bound.
+    **drift.png**, **report.md**, **report.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; with
+    `--report` also **report.html**. Exit code 1 if a comparison misses its bound.
 
     On another platform the case is scaled to its size: time and velocities by Froude's rule, forces about its own
     static ones.
@@ -99,11 +101,12 @@ def reproduce_command(
         # here, not above: --help need not wait for CasADi and matplotlib
         from gough_stewart.harness.report import to_terminal
         from gough_stewart.harness.reproduce import FILES, reproduce
+        from gough_stewart.harness.view_page import PAGE
         from gough_stewart.model.files import check_output_folder, write_files
 
-        check_output_folder(out, FILES)
+        check_output_folder(out, [*FILES, PAGE])
         case = _chosen_case(order, preset, platform)
-        result = reproduce(case, errors)
+        result = reproduce(case, errors, report)
         write_files(out, result.files)
         console = Console()
         console.print(to_terminal(result.report))
@@ -190,6 +193,7 @@ def presets_command(
 app.command("run")(run_command)
 app.command("experiments")(experiments_command)
 app.command("margins")(margins_command)
+app.command("view")(view_command)
 
 
 def main() -> None:

@@ -28,6 +28,9 @@ SetOption = Annotated[
 OutOption = Annotated[
     Path | None, typer.Option(help="Folder for the files; made if needed. Default: results/NAME.", metavar="DIR")
 ]
+ReportOption = Annotated[
+    bool, typer.Option("--report", help="Write report.html too: the motion in 3-D beside its curves, for a browser.")
+]
 # Beside 0 and 1 (an error): the run is there, but it did not come to its end.
 EXIT_NOT_COMPLETED = 3
 EXIT_INTERRUPTED = 130
@@ -43,11 +46,13 @@ def run_command(
     ] = None,
     out: OutOption = None,
     settings: SetOption = None,
+    report: ReportOption = False,
 ) -> None:
     """Run an experiment: a controller around the stepping model or the FMU, sampled as on the machine.
 
     Writes **record.csv**, **record.parquet** and **metadata.json** (all variables, references, errors, controller
-    states, flags), **metrics.json**, and **pose**, **errors**, **forces** and **legs** as PNG and SVG.
+    states, flags), **metrics.json**, and **pose**, **errors**, **forces** and **legs** as PNG and SVG; with `--report`
+    also **report.html**.
 
     Exit code 3 if the loop diverged or was stopped by a limit, 130 after Ctrl-C; what ran so far is written all the
     same.
@@ -70,7 +75,7 @@ def run_command(
         record = _run(chosen, plant, fmu)
         with ThreadPoolExecutor(1) as aside:  # polars works outside of Python's lock
             written = aside.submit(_write_record, record, folder)
-            more, tables = result_files(record)
+            more, tables = result_files(record, report)
             files = written.result()
         write_files(folder, more)
         console = Console()

@@ -12,6 +12,7 @@ import polars
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.open_loop import Trajectory
 from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 _METADATA_KEY = "gough_stewart"
@@ -74,7 +75,7 @@ class Record:
 
 
 def read_record(path: Path | str) -> Record:
-    """A record from `record.parquet`, or from `record.csv` with `metadata.json` beside it.
+    """A record from `record.parquet`, or from `record.csv` with `metadata.json` beside it, or from their folder.
 
     Raises
     ------
@@ -83,6 +84,13 @@ def read_record(path: Path | str) -> Record:
     """
     path = Path(path)
     expected = "expected record.parquet, or record.csv with metadata.json beside it, as `gough-stewart run` writes them"
+    if path.is_dir():
+        found = [path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()]
+        if not found:
+            raise RecordError(f"{path}: a folder without a record; {expected}")
+        path = found[0]
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file; {expected}")
     try:
         if path.suffix == ".parquet":
             said = polars.read_parquet_metadata(path).get(_METADATA_KEY)
@@ -112,6 +120,11 @@ def table_of(run: Trajectory) -> polars.DataFrame:
 def csv_of(run: Trajectory) -> bytes:
     """`table_of` as CSV with the shortest digits that read back to the same numbers."""
     return table_of(run).write_csv().encode()
+
+
+def plain(platform: Platform) -> dict[str, Any]:
+    """A platform in plain types, as metadata hold it."""
+    return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}
 
 
 def _json(data: dict[str, Any], indent: int | None = None) -> str:

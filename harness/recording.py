@@ -9,10 +9,9 @@ from gough_stewart.harness import signals
 from gough_stewart.harness.laws import LinearController
 from gough_stewart.harness.loop import Run
 from gough_stewart.harness.preparation import Prepared
-from gough_stewart.harness.record import Record, columns
+from gough_stewart.harness.record import Record, columns, plain
 from gough_stewart.harness.versions import versions
 from gough_stewart.model import interface
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 FORMAT = 1
@@ -98,8 +97,3 @@ def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> di
         "platform": plain(prepared.platform),
         "versions": versions(),
     }
-
-
-def plain(platform: Platform) -> dict[str, Any]:
-    """A platform in plain types."""
-    return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}

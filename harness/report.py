@@ -13,6 +13,7 @@ from rich.text import Text
 from gough_stewart.harness.agreement import Row
 from gough_stewart.harness.open_loop import Trajectory
 from gough_stewart.harness.readings import Reading
+from gough_stewart.harness.tables import Named, Sheet
 from gough_stewart.harness.versions import versions
 from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.kane_simulation import KaneTrajectory
@@ -116,6 +117,14 @@ def to_markdown(report: dict[str, Any]) -> bytes:
         "are the plant for other simulators, built for this machine with the platform of this case.",
     ]
     return ("\n\n".join(parts) + "\n").encode()
+
+
+def agreement_sheet(report: dict[str, Any]) -> Sheet:
+    """The comparisons, for a page."""
+    sheet = Sheet("Agreement of the formulations", ("comparison", "measured", "bound", ""))
+    for r in report["agreement"]:
+        sheet.add(Named(r["what"], r["unit"]), f"{r['measured']:.1e}", f"{r['bound']:.0e}", _verdict(r["holds"]))
+    return sheet
 
 
 def to_terminal(report: dict[str, Any]) -> RenderableType:

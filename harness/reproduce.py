@@ -13,7 +13,9 @@ from gough_stewart.harness import figures, readings, report
 from gough_stewart.harness.agreement import agreement, of_fmus
 from gough_stewart.harness.fmu_runs import FmiType, run_fmu
 from gough_stewart.harness.open_loop import run_kane, run_kernel, run_stepping
+from gough_stewart.harness.open_loop_record import record_of_case
 from gough_stewart.harness.record import csv_of
+from gough_stewart.harness.view_page import PAGE, view_page
 from gough_stewart.model.cases import OpenLoopCase
 from gough_stewart.model.vectors import FloatArray
 
@@ -52,8 +54,8 @@ class Reproduction:
         return all(row["holds"] for row in self.report["agreement"])
 
 
-def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
-    """Run the case by all formulations and make report, table and figures; writes nothing.
+def reproduce(case: OpenLoopCase, console: Console, page: bool = False) -> Reproduction:
+    """Run the case by all formulations and make report, table and figures, and the page if wanted; writes nothing.
 
     Raises
     ------
@@ -104,6 +106,8 @@ def reproduce(case: OpenLoopCase, console: Console) -> Reproduction:
         "report.json": report.to_json(said),
         **fmus,
     }
+    if page:
+        files[PAGE] = view_page([record_of_case(case, kernel)], [case.title], [report.agreement_sheet(said)])
     return Reproduction(said, files)
 
 

@@ -7,12 +7,13 @@ from gough_stewart.harness.metrics import metrics, metrics_json
 from gough_stewart.harness.metrics_tables import metrics_table
 from gough_stewart.harness.record import Record
 from gough_stewart.harness.run_figures import FIGURES, run_figures
+from gough_stewart.harness.view_page import PAGE, view_page
 
 
 def names_of_files() -> list[str]:
     """What `record_files` and `result_files` may make."""
     figures = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
-    return ["record.csv", "record.parquet", "metadata.json", "metrics.json", *figures]
+    return ["record.csv", "record.parquet", "metadata.json", "metrics.json", *figures, PAGE]
 
 
 def record_files(record: Record) -> dict[str, bytes]:
@@ -24,10 +25,13 @@ def record_files(record: Record) -> dict[str, bytes]:
     }
 
 
-def result_files(record: Record) -> tuple[dict[str, bytes], RenderableType]:
-    """Metrics and figures by file name, and the metrics as tables for the terminal."""
+def result_files(record: Record, report: bool = False) -> tuple[dict[str, bytes], RenderableType]:
+    """Metrics, figures and, if wanted, the page by file name, and the metrics as tables for the terminal."""
     measured = metrics(record)
-    return {"metrics.json": metrics_json(measured), **run_figures(record)}, metrics_table(measured)
+    files = {"metrics.json": metrics_json(measured), **run_figures(record)}
+    if report:
+        files[PAGE] = view_page([record], [record.metadata["title"]])
+    return files, metrics_table(measured)
 
 
 def warnings_of(record: Record) -> list[str]:

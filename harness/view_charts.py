@@ -1,0 +1,215 @@
+"""The interactive curves of a page, as a figure of plotly.js: one column of panels over a common time axis."""
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.plotting import COLOURS
+from gough_stewart.harness.record import Record
+from gough_stewart.harness.run_figures import decimated
+from gough_stewart.harness.view_data import packed_line
+from gough_stewart.model.kinematics import conditioning
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# Of a line, if there is one record; several share them.
+POINTS = 800
+# of the records, by plotly.js' name or lengths [px]
+DASHES = ("solid", "6px,4px", "2px,3px", "10px,4px", "8px,3px,2px,3px", "4px,2px")
+_REFERENCE = {"color": "#222222", "width": 1, "dash": "dot"}
+_LIMIT = {"color": "#D55E00", "width": 1, "dash": "dot"}
+_HEIGHT, _GAP, _TOP, _BOTTOM = 190, 62, 40, 44  # [px]
+_AXES = ("x", "y", "z")
+_ANGLES = ("roll", "pitch", "yaw")
+_LEGS = tuple(str(i) for i in range(1, 7))
+
+
+class _Curves(NamedTuple):
+    """Columns (n, size) that share a panel: actual values, and perhaps wanted ones."""
+
+    values: FloatArray
+    wanted: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class _Panel:
+    title: str
+    names: tuple[str, ...]
+    curves: tuple[_Curves | None, ...]  # by record
+    bounds: tuple[float, ...] = ()
+    logarithmic: bool = False
+
+
+def chart_of(records: Sequence[Record], platforms: Sequence[Platform], names: Sequence[str]) -> dict[str, Any]:
+    """Data and layout for `Plotly.newPlot`, and the figure's height [px].
+
+    Lines are `decimated`: no peak is lost. Colours tell axes and legs, dashes tell records, dotted black is wanted.
+    """
+    panels = [panel for panel in _panels(records, platforms) if any(panel.curves)]
+    height = _TOP + _BOTTOM + len(panels) * _HEIGHT + (len(panels) - 1) * _GAP
+    inner = height - _TOP - _BOTTOM
+    data: list[dict[str, Any]] = []
+    layout: dict[str, Any] = {
+        "height": height,
+        "margin": {"l": 64, "r": 16, "t": _TOP, "b": _BOTTOM},
+        "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#222"},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "#ffffff",
+        "hovermode": "x unified",
+        "hoverlabel": {"font": {"size": 11}, "bgcolor": "rgba(255,255,255,0.92)"},
+        "annotations": [],
+        "shapes": [],
+        "dragmode": "zoom",
+    }
+    ends = [float(record["time"][k]) for record in records for k in (0, -1)]
+    for k, panel in enumerate(panels):
+        number = "" if k == 0 else str(k + 1)
+        top = 1 - k * (_HEIGHT + _GAP) / inner
+        layout[f"yaxis{number}"] = {
+            "domain": [max(0.0, top - _HEIGHT / inner), top],
+            "gridcolor": "#e6e9ed",
+            "zeroline": False,
+            "type": "log" if panel.logarithmic else "linear",
+            "exponentformat": "power",
+            "minexponent": 5,
+            "automargin": False,
+        }
+        layout[f"xaxis{number}"] = {
+            "anchor": f"y{number}",
+            "gridcolor": "#e6e9ed",
+            "zeroline": False,
+            "range": [min(ends), max(ends)],
+            **({"matches": "x"} if k else {}),
+        }
+        if k == len(panels) - 1:
+            layout[f"xaxis{number}"]["title"] = {"text": "time [s]", "standoff": 6}
+        layout["annotations"].append(
+            {
+                "text": f"<b>{panel.title}</b>",
+                "xref": "paper",
+                "yref": "paper",
+                "x": 0,
+                "y": top,
+                "xanchor": "left",
+                "yanchor": "bottom",
+                "yshift": 20,
+                "showarrow": False,
+            }
+        )
+        layout[f"legend{number}"] = {
+            "orientation": "h",
+            "x": 0,
+            "y": top,
+            "xanchor": "left",
+            "yanchor": "bottom",
+            "font": {"size": 11},
+            "bgcolor": "rgba(0,0,0,0)",
+        }
+        axes = {"xaxis": f"x{number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
+        data += _lines(panel, records, names, axes)
+        layout["shapes"] += [
+            {"type": "line", "xref": f"x{number} domain", "yref": f"y{number}", "x0": 0, "x1": 1, "y0": y, "y1": y}
+            | {"line": _LIMIT}
+            for y in _near(panel)
+        ]
+    return {"data": data, "layout": layout, "panels": len(panels)}
+
+
+def _panels(records: Sequence[Record], platforms: Sequence[Platform]) -> list[_Panel]:
+    def each(name: str, scale: float, wanted: str | None = None, home: str | None = None) -> tuple[_Curves | None, ...]:
+        found: list[_Curves | None] = []
+        for record, platform in zip(records, platforms, strict=True):
+            if name not in record:
+                found.append(None)
+                continue
+            zero = getattr(platform, home) if home else 0.0
+            other = scale * (record[wanted] - zero) if wanted and wanted in record else None
+            found.append(_Curves(scale * (record[name] - zero), other))
+        return tuple(found)
+
+    degree = 180 / np.pi
+    limits = {(p.leg_length_min, p.leg_length_max) for p in platforms}
+    stroke = tuple(x for x in next(iter(limits)) if x is not None) if len(limits) == 1 else ()
+    strongest = {record.metadata.get("force_limit") for record in records}
+    common = next(iter(strongest)) if len(strongest) == 1 else None
+    force = () if common is None else (float(common), -float(common))
+    condition = tuple(
+        _Curves(conditioning(p, r["position"], r["orientation"]).condition_number[:, None])
+        for r, p in zip(records, platforms, strict=True)
+    )
+    return [
+        _Panel("position from home [mm]", _AXES, each("position", 1e3, "reference.position", "home_position")),
+        _Panel(
+            "orientation from home [deg]",
+            _ANGLES,
+            each("orientation", degree, "reference.orientation", "home_orientation"),
+        ),
+        _Panel("position error [mm]", _AXES, each("error.position", 1e3)),
+        _Panel("orientation error [mrad]", _ANGLES, each("error.orientation", 1e3)),
+        _Panel("actuator force of legs [N]", _LEGS, each("actuator_force", 1.0), force),
+        _Panel("length of legs [m]", _LEGS, each("leg_length", 1.0, "reference.leg_length"), stroke),
+        _Panel("sliding velocity of legs [m/s]", _LEGS, each("leg_velocity", 1.0)),
+        _Panel("condition number of the leg Jacobian", ("condition number",), condition),
+    ]
+
+
+def _lines(
+    panel: _Panel, records: Sequence[Record], names: Sequence[str], axes: dict[str, str]
+) -> list[dict[str, Any]]:
+    lines = []
+    points = max(POINTS // len(records), 100)
+    wanted_shown: list[FloatArray] = []
+    for k, (record, curves) in enumerate(zip(records, panel.curves, strict=True)):
+        if curves is None:
+            continue
+        which = "" if len(records) == 1 else f" · {_without_markup(names[k])}"
+        for i, name in enumerate(panel.names):
+            said = f"leg {name}" if panel.names is _LEGS else name
+            style = {"color": COLOURS[i], "width": 1.6, "dash": DASHES[k % len(DASHES)]}
+            lines.append(
+                _line(record, curves.values[:, i], points, name, style)
+                | axes
+                | {"hovertemplate": f"{said}{which}: %{{y:.5g}}<extra></extra>"}
+                | {"legendgroup": f"{panel.title} {name}", "showlegend": len(panel.names) > 1 and k == 0}
+            )
+            lines[-1]["meta"] = k
+        if curves.wanted is None or any(np.array_equal(curves.wanted, other) for other in wanted_shown):
+            continue
+        wanted_shown.append(curves.wanted)
+        for i, name in enumerate(panel.names):
+            entry = {"legendgroup": f"{panel.title} wanted", "showlegend": i == 0 and len(wanted_shown) == 1}
+            lines.append(
+                _line(record, curves.wanted[:, i], points, "wanted", _REFERENCE)
+                | axes
+                | entry
+                | {"hoverinfo": "skip", "text": name}
+            )
+    return lines
+
+
+def _line(record: Record, values: FloatArray, points: int, name: str, style: dict[str, Any]) -> dict[str, Any]:
+    time, shown = decimated(record["time"], values, points)
+    return {
+        "type": "scatter",
+        "mode": "lines" if len(time) > 1 else "markers",
+        "x": packed_line(time),
+        "y": packed_line(shown),
+        "name": name,
+        "line": style,
+    }
+
+
+def _without_markup(name: str) -> str:
+    """A name that plotly.js, which knows some HTML and templates, shows as it is."""
+    return html.escape(name, quote=False).replace("%{", "%&#123;")
+
+
+def _near(panel: _Panel) -> list[float]:
+    """The bounds that do not press the lines flat."""
+    shown = np.concatenate([c.values.ravel() for c in panel.curves if c is not None])
+    low, high = float(shown.min()), float(shown.max())
+    air = max(high - low, 0.02 * max(abs(low), abs(high), 1e-9))
+    return [bound for bound in panel.bounds if low - air <= bound <= high + air]

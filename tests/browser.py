@@ -1,0 +1,51 @@
+"""Chromium for tests of pages: Debian's package, driven by Playwright; a page opened is watched."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+# No sandbox: tests often run as root in a container. SwiftShader draws where there is no graphics card.
+_ARGUMENTS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-sync"]
+
+
+@dataclass
+class Watched:
+    """A page with everything that must not happen on it."""
+
+    page: Page
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """A headless browser."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def watched(browser: Browser, width: int = 1000, height: int = 640) -> Watched:
+    """A new page; what it complains of, and whatever it asks for besides its own file, is kept."""
+    page = browser.new_page(viewport={"width": width, "height": height})
+    found = Watched(page)
+    page.on("console", lambda said: found.errors.append(said.text) if said.type == "error" else None)
+    page.on("pageerror", lambda error: found.errors.append(str(error)))
+    page.on("request", lambda request: found.requests.append(request.url))
+    return found
+
+
+def open_report(browser: Browser, path: Path, moment: float | None = None) -> Watched:
+    """The page of a record, drawn; standing still at a moment [s] if one is given."""
+    found = watched(browser)
+    found.page.goto(path.as_uri() + ("" if moment is None else f"#t={moment}"))
+    found.page.wait_for_function("GoughStewart.ready.picture && GoughStewart.ready.curves", timeout=60_000)
+    return found
