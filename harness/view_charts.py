@@ -22,6 +22,8 @@ DASHES = ("solid", "6px,4px", "2px,3px", "10px,4px", "8px,3px,2px,3px", "4px,2px
 _REFERENCE = {"color": "#222222", "width": 1, "dash": "dot"}
 _LIMIT = {"color": "#D55E00", "width": 1, "dash": "dot"}
 _HEIGHT, _GAP, _TOP, _BOTTOM = 190, 62, 40, 44  # [px]
+# Less than this, in a panel's unit, is no motion to look at.
+_LEAST = 1e-5
 _AXES = ("x", "y", "z")
 _ANGLES = ("roll", "pitch", "yaw")
 _LEGS = tuple(str(i) for i in range(1, 7))
@@ -76,6 +78,7 @@ def chart_of(records: Sequence[Record], platforms: Sequence[Platform], names: Se
             "exponentformat": "power",
             "minexponent": 5,
             "automargin": False,
+            **_range_of_what_rests(panel),
         }
         layout[f"xaxis{number}"] = {
             "anchor": f"y{number}",
@@ -205,6 +208,14 @@ def _line(record: Record, values: FloatArray, points: int, name: str, style: dic
 def _without_markup(name: str) -> str:
     """A name that plotly.js, which knows some HTML and templates, shows as it is."""
     return html.escape(name, quote=False).replace("%{", "%&#123;")
+
+
+def _range_of_what_rests(panel: _Panel) -> dict[str, Any]:
+    """A range for a panel in which nothing moves; plotly.js would blow rounding up to its height."""
+    shown = np.concatenate([part for c in panel.curves if c is not None for part in c if part is not None])
+    low, high = float(shown.min()), float(shown.max())
+    rests = high - low < _LEAST * max(1.0, abs(high))
+    return {"range": [(low + high) / 2 + sign * max(1.0, abs(high)) / 100 for sign in (-1, 1)]} if rests else {}
 
 
 def _near(panel: _Panel) -> list[float]:

@@ -22,7 +22,7 @@ from gough_stewart.model.platform import Platform
 
 PAGE = "report.html"
 MOST_RECORDS = len(COLOURS)
-_SCRIPTS = ("data.js", "scene.js", "charts.js", "player.js")
+_SCRIPTS = ("data.js", "colours.js", "bodies.js", "scene.js", "charts.js", "player.js")
 
 
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
@@ -67,6 +67,7 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
         footer=html.escape(_footer(records, scenes)),
         # no text may end the element it stands in
         data=json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"),
+        licences=_licences().replace("<", "‹"),
         viewer=_library("meshcat", "viewer/dist/main.min.js"),
         code="\n".join(_asset(name) for name in _SCRIPTS),
         plots=_library("plotly", "package_data/plotly.min.js"),
@@ -162,8 +163,15 @@ def _asset(name: str) -> str:
     return (files("gough_stewart.harness") / "web" / name).read_text(encoding="utf-8")
 
 
+def _licences() -> str:
+    """What the licences of MeshCat and of what is built into it want to go along; plotly.js carries its own."""
+    built_in = json.loads(_library("meshcat", "viewer/dist/main.min.js.THIRD_PARTY_LICENSES.json"))
+    texts = [f"{each['name']} {each['version']}\n\n{each['licenseText']}" for each in built_in]
+    return "\n\n".join(["MeshCat\n\n" + _library("meshcat", "viewer/LICENSE"), *texts])
+
+
 def _library(package: str, path: str) -> str:
-    """JavaScript that a package carries; found without importing the package, which would take a second."""
+    """A text that a package carries; found without importing the package, which would take a second."""
     spec = find_spec(package)
     if spec is None or spec.submodule_search_locations is None:
         raise RecordError(f"the package '{package}' is missing; install gough-stewart with what it depends on")

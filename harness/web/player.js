@@ -41,7 +41,7 @@
       const turned = GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, 2)}°`);
       caption.textContent = `${title ? title + ": " : ""}x ${x}  y ${y}  z ${z} m   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}`;
       for (let k = 0; k < 6; k++) {
-        const dot = `<i style="background:${GS.css ? GS.css(GS.legColour(colour, record, at, k)) : "transparent"}"></i>`;
+        const dot = `<i style="background:${GS.css(GS.legColour(colour, record, at, k))}"></i>`;
         cells[k].innerHTML = dot + GS.text(record.force[6 * at.frame + k]);
         cells[6 + k].textContent = GS.between(record.length, 6, at)[k].toFixed(4);
         if (record.nearness) cells[12 + k].textContent = (100 * record.nearness.values[6 * at.frame + k]).toFixed(0);
@@ -81,9 +81,20 @@
     player.seek(longest.time[Math.min(Math.max(to, 0), longest.time.length - 1)]);
   };
 
+  // Where frames come slowly, as without a graphics card, shadows and pixels are given up for motion.
+  const gaps = [];
+  const keepUp = (gap) => {
+    gaps.push(gap);
+    if (gaps.length < 12) return;
+    const mean = gaps.reduce((sum, each) => sum + each, 0) / gaps.length;
+    gaps.length = 0;
+    if (mean > 80) view.simpler();
+  };
+
   const tick = (stamp) => {
     requestAnimationFrame(tick);
     if (player.playing) {
+      if (view && before && GS.ready.curves) keepUp(stamp - before);
       // a page that was out of sight goes on where it was
       const passed = before ? Math.min((stamp - before) / 1000, 0.25) : 0;
       before = stamp;

@@ -15,7 +15,7 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from tests.browser import CHROMIUM, Watched, chromium, open_report
+from tests.browser import CHROMIUM, Watched, chromium, open_report, until
 from tests.harness.records import waving_record
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; `make evidence` insists on it")
@@ -78,7 +78,7 @@ def test_the_page_plays_by_itself_in_silence(browser: Browser, report: Path) -> 
     assert page.evaluate("GoughStewart.player.playing")
     page.select_option("#speed", "0.05")
     before = page.evaluate("[GoughStewart.player.time, performance.now()]")
-    page.wait_for_function("time => GoughStewart.player.time !== time", arg=before[0])
+    until(page, f"GoughStewart.player.time !== {before[0]}")
     page.wait_for_timeout(600)
     after = page.evaluate("[GoughStewart.player.time, performance.now()]")
     assert 0 < (after[0] - before[0]) % 0.5 <= 0.05 * (after[1] - before[1]) / 1000 + 0.02
@@ -134,7 +134,7 @@ def test_the_cursor_follows_and_a_click_on_a_curve_goes_to_its_time(still: Watch
         cursor = page.locator("#cursor").evaluate("e => e.getBoundingClientRect().left")
         assert cursor == pytest.approx(box["x"] + time / 0.5 * box["width"], abs=1.5)
     page.mouse.click(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"])
-    page.wait_for_function("Math.abs(GoughStewart.player.time - 0.35) < 0.004")
+    until(page, "Math.abs(GoughStewart.player.time - 0.35) < 0.004")
 
 
 def test_arrows_go_frame_by_frame_and_space_plays(still: Watched, record: Record) -> None:
@@ -211,7 +211,7 @@ def test_without_webgl_curves_and_tables_are_still_there(browser: Browser, repor
         "  return kind.includes('webgl') ? null : own.call(this, kind, ...more); };"
     )
     page.goto(report.as_uri())
-    page.wait_for_function("GoughStewart.ready.curves", timeout=60_000)
+    until(page, "GoughStewart.ready.curves")
     assert "no 3-D graphics" in page.inner_text("#no-view")
     assert page.locator("#chart .scatterlayer .trace").count() > 10
     assert "Tracking error" in page.inner_text(".tables")

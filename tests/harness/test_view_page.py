@@ -181,6 +181,13 @@ def test_ten_seconds_at_a_kilohertz_make_at_most_eight_megabytes(base: Platform,
     assert len(page) <= 8e6
 
 
+def test_the_licences_of_the_libraries_go_along(page: bytes) -> None:
+    """Expected: the holders of the copyrights of MeshCat, three.js and plotly.js."""
+    text = page.decode()
+    for holder in ("Copyright (c) 2018 Robin Deits", "three.js authors", "Plotly, Inc."):
+        assert holder in text
+
+
 def test_text_of_the_user_stays_text(base: Platform) -> None:
     """Expected: markup in a title, name or cause is shown, not obeyed."""
     bad = "</script><script>alert(1)</script><b>%{x}"

@@ -1,0 +1,83 @@
+"""A page of ten seconds at 1 kHz: how long it takes to make, its size, and how soon Chromium shows it."""
+
+import shutil
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+from playwright.sync_api import Browser, sync_playwright
+from rich.console import Console
+from rich.table import Table
+
+from gough_stewart.harness.experiment_file import shipped_experiment
+from gough_stewart.harness.record import Record
+from gough_stewart.harness.run import run
+from gough_stewart.harness.view_page import view_page
+
+REPEATS = 5
+MARK = "name => performance.getEntriesByName(name)[0].startTime"
+FRAME = """async () => {
+  const frames = 30, start = performance.now();
+  for (let k = 0; k < frames; k++) {
+    GoughStewart.player.seek(k * GoughStewart.end / frames);
+    await new Promise(requestAnimationFrame);
+  }
+  return (performance.now() - start) / frames;
+}"""
+
+
+def main() -> None:
+    """Print the table."""
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    if chromium is None:
+        raise SystemExit("no Chromium here; install the package chromium")
+    record = run(shipped_experiment("circle", ["loop.duration=10"]), plant="fmu3")
+    seconds, page = timed(record)
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=chromium, args=arguments)
+        report, bare = Path(folder, "report.html"), Path(folder, "bare.html")
+        report.write_bytes(page)
+        # the same bytes without what draws: what reading and running the libraries takes
+        bare.write_bytes(page.replace(b"GS.scene($(", b"null && GS.scene($(").replace(b"GoughStewart.charts();", b""))
+        first, curves, frame = (
+            statistics.median(each) for each in zip(*shown(browser, report, curves=True), strict=True)
+        )
+        without, *_ = (statistics.median(each) for each in zip(*shown(browser, bare, curves=False), strict=True))
+        browser.close()
+    table = Table(
+        "a page of 10 s at 1 kHz", "measured", "asked", title=f"median of {REPEATS}, drawn without a graphics card"
+    )
+    table.add_row("making it", f"{seconds:.2f} s", "")
+    table.add_row("size", f"{len(page) / 1e6:.2f} MB", "≤ 8 MB")
+    table.add_row("first picture", f"{first / 1e3:.2f} s", "≤ 2 s")
+    table.add_row("the same over a page that draws nothing", f"{first / without:.1f} ×", "")
+    table.add_row("curves drawn", f"{curves / 1e3:.2f} s", "")
+    table.add_row("one frame of the animation", f"{frame:.0f} ms", "")
+    Console().print(table)
+
+
+def timed(record: Record) -> tuple[float, bytes]:
+    """Seconds that a page takes, the second time, and the page."""
+    view_page([record], ["circle"])
+    start = time.perf_counter()
+    page = view_page([record], ["circle"])
+    return time.perf_counter() - start, page
+
+
+def shown(browser: Browser, path: Path, curves: bool) -> list[tuple[float, float, float]]:
+    """First picture, curves and a frame [ms], each time in a new tab without a cache."""
+    found = []
+    for _ in range(REPEATS):
+        page = browser.new_context(viewport={"width": 1280, "height": 800}, bypass_csp=True).new_page()
+        page.goto(f"{path.as_uri()}#t=1")
+        page.wait_for_function("GoughStewart.ready.picture" + (" && GoughStewart.ready.curves" if curves else ""))
+        first = page.evaluate(MARK, "first-picture")
+        found.append((first, page.evaluate(MARK, "curves"), page.evaluate(FRAME)) if curves else (first, 0.0, 0.0))
+        page.context.close()
+    return found
+
+
+if __name__ == "__main__":
+    main()
