@@ -13,13 +13,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from gough_stewart.harness.cli_platform import PlatformOption, PresetOption, chosen_platform
 from gough_stewart.harness.cli_run import ReportOption, experiments_command, margins_command, run_command
 from gough_stewart.harness.cli_view import view_command
+from gough_stewart.harness.cli_workspace import workspace_command
 from gough_stewart.harness.terminal import UsageError, clear_errors, errors
 from gough_stewart.model import cases, kinematics
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_platform, load_preset, preset_names, preset_text
+from gough_stewart.model.platform_toml import load_preset, preset_names, preset_text
 
 app = typer.Typer(
     name="gough-stewart",
@@ -36,13 +37,6 @@ class Order(StrEnum):
 
     plus_first = "plus-first"
     minus_first = "minus-first"
-
-
-PresetOption = Annotated[
-    str | None,
-    typer.Option(help="A platform that ships with the package; see `gough-stewart presets`.", metavar="NAME"),
-]
-PlatformOption = Annotated[Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE")]
 
 
 def _show_version(wanted: bool) -> None:
@@ -156,7 +150,7 @@ def build_command(
     with clear_errors():
         from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 
-        chosen = _chosen_platform(preset, platform)
+        chosen = chosen_platform(preset, platform)
         versions = [v.value for v in fmi] if fmi else VERSIONS
         targets = target or ["native"]
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
@@ -194,6 +188,7 @@ app.command("run")(run_command)
 app.command("experiments")(experiments_command)
 app.command("margins")(margins_command)
 app.command("view")(view_command)
+app.command("workspace")(workspace_command)
 
 
 def main() -> None:
@@ -207,17 +202,9 @@ def main() -> None:
 
 
 def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> cases.OpenLoopCase:
-    chosen = _chosen_platform(preset, platform)
+    chosen = chosen_platform(preset, platform)
     if order is None:
         return cases.case_of(chosen)
     if platform is not None or preset not in (None, cases.PAPER_PRESET):
         raise UsageError(f"--order is a reading of the paper's own platform; leave it out, or use {cases.PAPER_PRESET}")
     return cases.paper_case(minus_first=order is Order.minus_first)
-
-
-def _chosen_platform(preset: str | None, platform: Path | None) -> Platform:
-    if preset is not None and platform is not None:
-        raise UsageError("--preset and --platform exclude each other; give one")
-    if platform is not None:
-        return load_platform(platform)
-    return load_preset(cases.PAPER_PRESET if preset is None else preset)

@@ -36,7 +36,7 @@ def to_terminal(sheet: Sheet) -> Table:
     """For rich."""
     table = Table(title=escape_markup(sheet.title), title_justify="left", title_style="bold")
     for k, head in enumerate(sheet.heads):
-        table.add_column(head, justify="right" if head and k else "left", no_wrap=True)
+        table.add_column(escape_markup(head), justify="right" if head and k else "left", no_wrap=True)
     for k, row in enumerate(sheet.rows):
         table.add_row(*map(_marked_up, row), end_section=k in sheet.group_ends)
     return table

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.pages import packed
 from gough_stewart.harness.plotting import COLOURS
 from gough_stewart.harness.record import Record
 from gough_stewart.harness.run_figures import decimated
-from gough_stewart.harness.view_data import packed_line
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -198,8 +198,8 @@ def _line(record: Record, values: FloatArray, points: int, name: str, style: dic
     return {
         "type": "scatter",
         "mode": "lines" if len(time) > 1 else "markers",
-        "x": packed_line(time),
-        "y": packed_line(shown),
+        "x": packed(time, "f4"),
+        "y": packed(shown, "f4"),
         "name": name,
         "line": style,
     }

@@ -3,8 +3,6 @@
 import html
 import json
 from collections.abc import Sequence
-from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -12,11 +10,12 @@ from typing import Any
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.metrics import finite_part, metrics
 from gough_stewart.harness.metrics_tables import metrics_sheets
+from gough_stewart.harness.pages import as_json, asset, library, plotly
 from gough_stewart.harness.plotting import COLOURS
 from gough_stewart.harness.record import Record
 from gough_stewart.harness.tables import Sheet, to_html
 from gough_stewart.harness.view_charts import DASHES, POINTS, chart_of
-from gough_stewart.harness.view_scene import FRAMES, scene_of
+from gough_stewart.harness.view_scene import FRAMES, frame_rows, scene_of
 from gough_stewart.harness.view_tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
 from gough_stewart.model.platform import Platform
 
@@ -58,19 +57,18 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     }
     titles = [str(record.metadata.get("title", name)) for record, name in zip(records, names, strict=True)]
     title = titles[0] if len(records) == 1 else " · ".join(names)
-    page = Template(_asset("view.html")).substitute(
+    page = Template(asset("view.html")).substitute(
         title=html.escape(title),
-        style=_asset("view.css"),
+        style=asset("view.css"),
         lead=html.escape(_lead(records[0]) if len(records) == 1 else "several runs laid over each other"),
         records=_heads(records, names),
         tables=_tables(shown, records, platforms, names, more),
-        footer=html.escape(_footer(records, scenes)),
-        # no text may end the element it stands in
-        data=json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"),
+        footer=html.escape(_footer(records, scenes, frames)),
+        data=as_json(data),
         licences=_licences().replace("<", "‹"),
-        viewer=_library("meshcat", "viewer/dist/main.min.js"),
-        code="\n".join(_asset(name) for name in _SCRIPTS),
-        plots=_library("plotly", "package_data/plotly.min.js"),
+        viewer=library("meshcat", "viewer/dist/main.min.js"),
+        code="\n".join(asset(name) for name in _SCRIPTS),
+        plots=plotly(),
     )
     return page.encode()
 
@@ -148,9 +146,10 @@ def _sheets(sheets: Sequence[Sheet], kind: str = "sheets") -> str:
     return f'<div class="{kind}">' + "".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets) + "</div>"
 
 
-def _footer(records: Sequence[Record], scenes: Sequence[dict[str, Any]]) -> str:
+def _footer(records: Sequence[Record], scenes: Sequence[dict[str, Any]], frames: int) -> str:
     shown = ", ".join(
-        f"{scene['time']['shape']} of {record.table.height} rows" for record, scene in zip(records, scenes, strict=True)
+        f"{len(frame_rows(scene['rows'], frames))} of {record.table.height} rows"
+        for record, scene in zip(records, scenes, strict=True)
     )
     return (
         f"The animation shows {shown} and straight lines between them; curves keep the smallest and the largest value "
@@ -159,20 +158,8 @@ def _footer(records: Sequence[Record], scenes: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def _asset(name: str) -> str:
-    return (files("gough_stewart.harness") / "web" / name).read_text(encoding="utf-8")
-
-
 def _licences() -> str:
     """What the licences of MeshCat and of what is built into it want to go along; plotly.js carries its own."""
-    built_in = json.loads(_library("meshcat", "viewer/dist/main.min.js.THIRD_PARTY_LICENSES.json"))
+    built_in = json.loads(library("meshcat", "viewer/dist/main.min.js.THIRD_PARTY_LICENSES.json"))
     texts = [f"{each['name']} {each['version']}\n\n{each['licenseText']}" for each in built_in]
-    return "\n\n".join(["MeshCat\n\n" + _library("meshcat", "viewer/LICENSE"), *texts])
-
-
-def _library(package: str, path: str) -> str:
-    """A text that a package carries; found without importing the package, which would take a second."""
-    spec = find_spec(package)
-    if spec is None or spec.submodule_search_locations is None:
-        raise RecordError(f"the package '{package}' is missing; install gough-stewart with what it depends on")
-    return Path(spec.submodule_search_locations[0], path).read_text(encoding="utf-8")
+    return "\n\n".join(["MeshCat\n\n" + library("meshcat", "viewer/LICENSE"), *texts])

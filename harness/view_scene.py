@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gough_stewart.harness.pages import packed
 from gough_stewart.harness.record import Record
-from gough_stewart.harness.view_data import packed, packed_flags
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -102,4 +102,4 @@ def _pose(record: Record, prefix: str) -> FloatArray:
 def _any_since(record: Record, rows: NDArray[np.int64], name: str) -> str:
     up = record[f"flag.{name}"].astype(bool).any(axis=1)
     starts = np.concatenate([[0], rows[:-1] + 1])
-    return packed_flags(np.logical_or.reduceat(up, starts))
+    return "".join("1" if flag else "0" for flag in np.logical_or.reduceat(up, starts))

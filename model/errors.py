@@ -74,3 +74,7 @@ class StepError(GoughStewartError, ArithmeticError):
         self.quantity = quantity
         self.value = value
         self.time = time
+
+
+class WorkspaceError(GoughStewartError, ValueError):
+    """Coordinates, ranges or numbers of points that make no grid of poses."""

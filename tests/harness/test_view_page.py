@@ -27,10 +27,10 @@ from gough_stewart.model.vectors import FloatArray
 from tests.harness.records import waving_record
 
 
-def numbers(packed: dict[str, Any]) -> FloatArray:
+def numbers(packed: dict[str, str], width: int | None = None) -> FloatArray:
+    """Numbers (n,), or (n, width)."""
     values = np.frombuffer(base64.b64decode(packed["bdata"]), dtype=f"<{packed['dtype']}")
-    shape = [int(n) for n in packed.get("shape", str(values.size)).split(",")]
-    return values.reshape(shape)
+    return values if width is None else values.reshape(-1, width)
 
 
 def elements(page: bytes, path: str) -> list[Any]:
@@ -79,17 +79,17 @@ def test_frames_hold_the_bits_of_their_rows(record: Record, base: Platform) -> N
     scene = scene_of(record, base, "waves", frames=101)
     rows = frame_rows(record.table.height, 101)
     assert np.array_equal(numbers(scene["time"]), record["time"][rows])
-    assert np.array_equal(numbers(scene["pose"])[:, :3], record["position"][rows])
-    assert np.array_equal(numbers(scene["length"]), record["leg_length"][rows])
-    assert np.array_equal(numbers(scene["force"]), record["actuator_force"][rows])
-    assert np.array_equal(numbers(scene["reference"])[:, :3], record["reference.position"][rows])
+    assert np.array_equal(numbers(scene["pose"], 7)[:, :3], record["position"][rows])
+    assert np.array_equal(numbers(scene["length"], 6), record["leg_length"][rows])
+    assert np.array_equal(numbers(scene["force"], 6), record["actuator_force"][rows])
+    assert np.array_equal(numbers(scene["reference"], 7)[:, :3], record["reference.position"][rows])
 
 
 def test_quaternions_turn_as_the_orientation_does(record: Record, base: Platform) -> None:
     """Expected: R = Rz Ry Rx of the record's own orientation; the quaternion comes from SciPy, its matrix from here."""
     scene = scene_of(record, base, "waves", frames=101)
-    orientation = numbers(scene["orientation"])
-    turned = matrix_from_quaternion(numbers(scene["pose"])[:, 3:])
+    orientation = numbers(scene["orientation"], 3)
+    turned = matrix_from_quaternion(numbers(scene["pose"], 7)[:, 3:])
     assert np.abs(turned - matrix_from_orientation(orientation)).max() < 1e-14
 
 

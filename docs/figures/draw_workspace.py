@@ -1,0 +1,20 @@
+"""Draws docs/figures/workspace.svg, the picture of docs/workspace.md: `make figures`."""
+
+from pathlib import Path
+
+from gough_stewart.harness.workspace_figures import workspace_figures
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.workspace_grid import sweep
+
+
+def main() -> None:
+    """Write the picture beside this file."""
+    workspace = sweep(load_preset("motion_base"), {"x": None, "z": None}, points=81)
+    drawn = workspace_figures(workspace)["workspace.svg"].decode()
+    # matplotlib leaves spaces at line ends
+    lines = "\n".join(line.rstrip() for line in drawn.splitlines())
+    Path(__file__).with_name("workspace.svg").write_text(lines + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"use strict";
+// Maps over two coordinates, a volume over three; every map shows the same part of the plane, and tells everything.
+(() => {
+  const page = JSON.parse(document.getElementById("data").textContent);
+  const numbers = (packed) => {
+    const bytes = Uint8Array.from(atob(packed.bdata), (c) => c.charCodeAt(0));
+    return new ({ f4: Float32Array, i4: Int32Array, i1: Int8Array })[packed.dtype](bytes.buffer);
+  };
+  const [first, second, third] = page.swept;
+  const axes = page.swept.map((axis) => Array.from(numbers(axis.values)));
+  const limit = numbers(page.limit), behind = numbers(page.behind), clearance = numbers(page.clearance);
+  const results = page.results.map((result) => ({ ...result, values: numbers(result.values) }));
+  const depth = third ? axes[2].length : 1;
+  const quiet = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  const font = { family: 'system-ui, "Segoe UI", sans-serif', size: 12, color: "#1d2733" };
+  const said = (value) => !Number.isFinite(value) ? (value > 0 ? "∞" : "–")
+    : Math.abs(value) >= 1e4 ? value.toFixed(0) : String(Number(value.toPrecision(4)));
+  const unit = (name) => (name && name !== "°" ? ` ${name}` : name);
+
+  // Rows of the second coordinate, as plotly.js wants them.
+  const plane = (k, of) => axes[1].map((_, j) => axes[0].map((_, i) => of((i * axes[1].length + j) * depth + k)));
+  const axisTitle = (axis) => ({ text: `${axis.name} [${axis.unit}]`, standoff: 6 });
+  const told = (k) => axes[1].map((y, j) => axes[0].map((x, i) => {
+    const at = (i * axes[1].length + j) * depth + k;
+    const where = [[first, x], [second, y]].concat(third ? [[third, axes[2][k]]] : []);
+    const lines = [where.map(([axis, value]) => `${axis.name} ${said(value)}${unit(axis.unit)}`).join(", ")];
+    lines.push(`<b>${page.limits[limit[at]].text}</b>`);
+    for (const r of results) lines.push(`${r.title} ${said(r.values[at])}${unit(r.unit)}`);
+    return lines.join("<br>");
+  }));
+
+  const colours = page.limits.flatMap((l, k) => [[k / page.limits.length, l.colour], [(k + 1) / page.limits.length, l.colour]]);
+  // Colours go on beyond the border, smoothly, and are covered there: the border itself is finer than the grid.
+  const border = (k, isReach) => {
+    const values = plane(k, (at) => clearance[at]);
+    const all = { type: "contour", x: axes[0], y: axes[1], z: values, hoverinfo: "skip", showscale: false, showlegend: false };
+    const line = { color: "#222", width: 1.4 };
+    const signs = new Set(values.flat().map((value) => value > 0));
+    if (signs.size < 2) return { ...all, contours: { start: 0, end: 0, size: 1, coloring: "none" }, line };
+    // a constraint fills what it does not keep
+    return isReach
+      ? { ...all, contours: { type: "constraint", operation: "<", value: 0 }, fillcolor: page.limits[0].colour, line }
+      : { ...all, contours: { type: "constraint", operation: ">", value: 0 }, fillcolor: "#f0f0f0", line };
+  };
+  const ticks = (result) => {
+    if (!result.logarithmic) return {};
+    const all = [1, 1.2, 1.5, 2, 3, 5, 7, 10, 20, 30, 50, 70, 100, 200, 300, 500, 700, 1000];
+    let round = all.filter((v) => v >= result.low * 0.999 && v <= result.high * 1.001);
+    if (round.length < 3) round = [0, 1, 2, 3, 4].map((s) => Number((result.low * (result.high / result.low) ** (s / 4)).toPrecision(3)));
+    return { tickvals: round.map(Math.log10), ticktext: round.map(String) };
+  };
+  // What is far off the scale would spoil the interpolation beside it.
+  const scaled = (result) => {
+    const [low, high] = [result.low - (result.high - result.low), 2 * result.high];
+    const [least, most] = result.logarithmic ? [result.low / 2, 2 * result.high] : [low, high];
+    const bounded = (value) => Math.min(Math.max(Number.isNaN(value) ? most : value, least), most);
+    return (at) => result.logarithmic ? Math.log10(bounded(result.values[at])) : bounded(result.values[at]);
+  };
+  const range = (result) => [result.low, result.high].map((v) => result.logarithmic ? Math.log10(v) : v);
+  const heat = (result, k, text) => {
+    const value = scaled(result), [low, high] = range(result);
+    return {
+      type: "heatmap", x: axes[0], y: axes[1], text, hovertemplate: "%{text}<extra></extra>",
+      z: plane(k, value), zsmooth: "best", zmin: low, zmax: high, colorscale: result.colours,
+      colorbar: { thickness: 12, outlinewidth: 0, tickfont: { size: 11 }, ...ticks(result) },
+    };
+  };
+  const reach = (k, text) => ({
+    type: "heatmap", x: axes[0], y: axes[1], text, hovertemplate: "%{text}<extra></extra>", z: plane(k, (at) => behind[at]),
+    zmin: -0.5, zmax: page.limits.length - 0.5, colorscale: colours, showscale: false,
+  });
+
+  const panels = [{ title: "what can be reached", unit: "", trace: reach, isReach: true }];
+  for (const r of results) panels.push({ title: r.title, unit: r.unit, trace: (k, text) => heat(r, k, text), isReach: false });
+  const isEqual = first.unit === second.unit;
+  const home = (k) => ({
+    type: "scatter", mode: "markers", hoverinfo: "skip", showlegend: false,
+    x: page.home ? [page.home[0]] : [], y: page.home ? [page.home[1]] : [],
+    marker: { symbol: "cross-thin", size: 11, line: { width: 2, color: "#000" } },
+    visible: !third || !page.home || Math.abs(axes[2][k] - page.home[2]) < 1e-6 * Math.abs(axes[2].at(-1) - axes[2][0]),
+  });
+  const extent = (values) => [values[0], values.at(-1)];
+  let level = page.level;
+  const drawn = [];
+  const firstText = told(level);
+  for (const panel of panels) {
+    const box = document.createElement("section"), heading = document.createElement("h2"), plot = document.createElement("div");
+    box.className = "map";
+    heading.textContent = panel.title;
+    if (panel.unit) heading.appendChild(Object.assign(document.createElement("small"), { textContent: `  ${panel.unit}` }));
+    box.append(heading, plot);
+    document.getElementById("maps").appendChild(box);
+    drawn.push({ panel, plot });
+  }
+  // when all boxes are there, and have their widths
+  for (const { panel, plot } of drawn) {
+    const layout = {
+      height: 380, showlegend: false, margin: { l: 58, r: 12, t: 8, b: 46 }, font, paper_bgcolor: "#fff", plot_bgcolor: "#f0f0f0",
+      hoverlabel: { align: "left", bgcolor: "#fff", bordercolor: "#5c6a79", font: { size: 12, color: "#1d2733" } },
+      xaxis: { title: axisTitle(first), range: extent(axes[0]), zeroline: false, showgrid: false, constrain: "domain" },
+      yaxis: { title: axisTitle(second), range: extent(axes[1]), zeroline: false, showgrid: false, constrain: "domain",
+        ...(isEqual ? { scaleanchor: "x" } : {}) },
+    };
+    Plotly.newPlot(plot, [panel.trace(level, firstText), border(level, panel.isReach), home(level)], layout, quiet);
+  }
+
+  // A zoom of one is a zoom of all.
+  let isFollowing = false;
+  for (const { plot } of drawn) {
+    plot.on("plotly_relayout", () => {
+      if (isFollowing) return;
+      isFollowing = true;
+      const { xaxis, yaxis } = plot.layout;
+      const others = drawn.filter((d) => d.plot !== plot);
+      const same = { "xaxis.range": [...xaxis.range], "yaxis.range": [...yaxis.range] };
+      Promise.all(others.map((d) => Plotly.relayout(d.plot, same))).finally(() => { isFollowing = false; });
+    });
+  }
+  if (!third) return;
+
+  const volume = document.getElementById("volume"), slider = document.querySelector("#slice input");
+  document.getElementById("stage").hidden = document.getElementById("slice").hidden = false;
+  const condition = results.find((r) => r.logarithmic);
+  const [low, high] = range(condition);
+  const m = page.surface, part = m ? numbers(m.triangles) : [], vertex = m ? numbers(m.vertices) : [];
+  const every = (array, from) => Array.from({ length: array.length / 3 }, (_, k) => array[3 * k + from]);
+  const [x, y] = [extent(axes[0]), extent(axes[1])];
+  const sheet = (k) => ({
+    type: "mesh3d", x: [x[0], x[1], x[1], x[0]], y: [y[0], y[0], y[1], y[1]], z: Array(4).fill(axes[2][k]),
+    i: [0, 0], j: [1, 2], k: [2, 3], color: "#0072b2", opacity: 0.14, hoverinfo: "skip", showscale: false,
+  });
+  const skin = {
+    type: "mesh3d", x: every(vertex, 0), y: every(vertex, 1), z: every(vertex, 2),
+    i: every(part, 0), j: every(part, 1), k: every(part, 2), intensity: m ? Array.from(numbers(m.colour)) : [],
+    cmin: low, cmax: high, colorscale: condition.colours, flatshading: false,
+    customdata: m ? Array.from(numbers(m.colour), (v) => said(10 ** v)) : [],
+    lighting: { ambient: 0.62, diffuse: 0.6, specular: 0.08, roughness: 0.9 }, lightposition: { x: 3000, y: -4000, z: 8000 },
+    colorbar: { title: { text: "condition<br>number" }, thickness: 14, len: 0.7, outlinewidth: 0, ...ticks(condition) },
+    hovertemplate: page.swept.map((a, k) => `${a.name} %{${"xyz"[k]}:.4~g}${unit(a.unit)}`).join(", ")
+      + "<br>condition number %{customdata}<extra></extra>",
+  };
+  const side = (axis) => ({ title: { text: `${axis.name} [${axis.unit}]` }, gridcolor: "#d5dbe2", zerolinecolor: "#d5dbe2", showbackground: false });
+  const scene = {
+    xaxis: side(first), yaxis: side(second), zaxis: side(third), camera: { eye: { x: 1.5, y: -1.7, z: 0.8 }, center: { x: 0, y: 0, z: -0.1 } },
+    aspectmode: page.swept.every((a) => a.unit === first.unit) ? "data" : "cube",
+  };
+  Plotly.newPlot(volume, [skin, sheet(level)], { scene, font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff" }, quiet);
+
+  const show = (k) => {
+    level = k;
+    const text = told(k);
+    for (const { panel, plot } of drawn) {
+      Plotly.react(plot, [panel.trace(k, text), border(k, panel.isReach), home(k)], plot.layout, quiet);
+    }
+    Plotly.restyle(volume, { z: [sheet(k).z] }, [1]);
+    document.querySelector("#slice output").textContent = `${said(axes[2][k])}${unit(third.unit)}`;
+  };
+  document.querySelector("#slice label").textContent = `slice at ${third.name}`;
+  slider.max = depth - 1;
+  slider.value = level;
+  document.querySelector("#slice output").textContent = `${said(axes[2][level])}${unit(third.unit)}`;
+  let waiting = false;
+  slider.addEventListener("input", () => {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(() => { waiting = false; show(Number(slider.value)); });
+  });
+})();

@@ -1,0 +1,248 @@
+"""Where a platform can go, how well, and how strongly: reach, conditioning and static strength at poses.
+
+All functions are NumPy only and broadcast over leading axes of poses.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, bias_wrench
+from gough_stewart.model.kinematics import (
+    LegGeometry,
+    conditioning_of_legs,
+    jacobian_of_legs,
+    joint_angles,
+    leg_geometry,
+)
+from gough_stewart.model.platform import OPTIONAL_LIMITS, Platform
+from gough_stewart.model.pose_limits import LARGEST_PITCH
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
+
+# Poses computed together: enough for NumPy's loops, and a few ten MB of intermediate results.
+CHUNK = 4096
+
+
+class Limit(IntEnum):
+    """What keeps a platform from a pose; where several do, the first of them in this order."""
+
+    NONE = 0
+    PITCH = 1
+    SINGULAR = 2
+    LEG_TOO_SHORT = 3
+    LEG_TOO_LONG = 4
+    BASE_JOINT = 5
+    PLATFORM_JOINT = 6
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    Limit.NONE: "reachable",
+    Limit.PITCH: "pitch at ±90°",
+    Limit.SINGULAR: "beyond a singular pose",
+    Limit.LEG_TOO_SHORT: "a leg too short",
+    Limit.LEG_TOO_LONG: "a leg too long",
+    Limit.BASE_JOINT: "angle of a base joint",
+    Limit.PLATFORM_JOINT: "angle of a platform joint",
+}
+
+
+class PoseQualities(NamedTuple):
+    """What a platform can do at poses, each (...); None where the platform states no limit to compare with."""
+
+    limit: NDArray[np.int8]  # a `Limit`, 0 where the pose can be reached
+    leg_length_margin: FloatArray | None  # of the leg nearest to an end of its stroke [m], negative beyond
+    joint_angle_margin: FloatArray | None  # of the joint nearest to `joint_angle_max` [rad], negative beyond
+    singular_margin: FloatArray  # smallest singular value of the scaled leg Jacobian, negative beyond a singular pose
+    condition_number: FloatArray  # of the same; infinite at a singular pose
+    payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
+    force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
+
+    @property
+    def reachable(self) -> NDArray[np.bool_]:
+        """No limit is passed."""
+        return np.asarray(self.limit == Limit.NONE)
+
+
+def limits_not_stated(platform: Platform) -> tuple[str, ...]:
+    """Names of the limits that this platform does not state, which therefore keep it from nothing."""
+    return tuple(name for name in OPTIONAL_LIMITS if getattr(platform, name) is None)
+
+
+def evaluate_poses(
+    platform: Platform, position: Array, orientation: Array, told: Callable[[int], None] | None = None
+) -> PoseQualities:
+    """Reach, conditioning and static strength at poses.
+
+    A pose can be reached if its legs are from `leg_length_min` to `leg_length_max` long, no joint is further than
+    `joint_angle_max` from its direction in the home pose, |pitch| is below 90°, and det J has the sign that it has at
+    home: else every way from home passes a singular pose. Payload and force margin: see `static_strength`.
+
+    Parameters
+    ----------
+    position, orientation
+        Poses (..., 3) [m], [rad]; they broadcast.
+    told
+        Called with the number of poses that are done.
+    """
+    position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
+    shape = position.shape[:-1]
+    positions, orientations = position.reshape(-1, 3), orientation.reshape(-1, 3)
+    parts = []
+    # no poses at all are one empty chunk
+    for first in range(0, max(len(positions), 1), CHUNK):
+        here = slice(first, first + CHUNK)
+        parts.append(_evaluated(platform, positions[here], orientations[here]))
+        if told is not None:
+            told(min(first + CHUNK, len(positions)))
+    columns: list[Any] = [None if c[0] is None else np.concatenate(c) for c in zip(*parts, strict=True)]
+    return PoseQualities._make(None if column is None else column.reshape(shape) for column in columns)
+
+
+def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArray[np.int8]:
+    """The `Limit` that keeps a platform from poses (..., 3), and no more: a third of the cost of `evaluate_poses`."""
+    position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
+        legs = leg_geometry(platform, position, orientation)
+        side = _side(platform, legs)
+        leg_margins = _leg_margins(platform, legs)
+        joint_margins = _joint_margins(platform, position, orientation)
+    return _first_limit(orientation, side, leg_margins, joint_margins)
+
+
+class Strength(NamedTuple):
+    """What the actuators hold at rest, each (...)."""
+
+    payload: FloatArray  # [kg]
+    force_margin: FloatArray  # [N]
+
+
+def static_strength(platform: Platform, position: Array, orientation: Array, largest_force: float) -> Strength:
+    """Largest payload, and largest force in any direction, that leg forces within ±`largest_force` hold at rest.
+
+    With A = J⁻ᵀ[:, :3] and f0 the static leg forces, a force f at Op asks for f0 − A f. A point mass m at Op adds m f1,
+    f1 = −A g, so that m = min_i (F − sign(f1_i) f0_i)/|f1_i|, infinite where no leg feels it; and the worst direction
+    for leg i is ±A_i, so that the margin is min_i (F − |f0_i|)/|A_i|. Both are 0 where |f0_i| > F for some leg, and at
+    poses with a condition number of J above `LARGEST_CONDITION_NUMBER`.
+
+    Parameters
+    ----------
+    position, orientation
+        Poses (..., 3) [m], [rad].
+    largest_force
+        F [N].
+    """
+    position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
+    with np.errstate(all="ignore"):
+        legs = leg_geometry(platform, position, orientation)
+        regular = _condition(legs)[0] < LARGEST_CONDITION_NUMBER
+    return _strength(platform, position, orientation, legs, regular, largest_force)
+
+
+def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
+    """Of poses (n, 3)."""
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
+        legs = leg_geometry(platform, position, orientation)
+        side = _side(platform, legs)
+        number, smallest = _condition(legs)
+        leg_margins = _leg_margins(platform, legs)
+        joint_margins = _joint_margins(platform, position, orientation)
+    strength: Strength | tuple[None, None] = (None, None)
+    if platform.actuator_force_max is not None:
+        regular = number < LARGEST_CONDITION_NUMBER
+        strength = _strength(platform, position, orientation, legs, regular, platform.actuator_force_max)
+    return PoseQualities(
+        _first_limit(orientation, side, leg_margins, joint_margins),
+        _nearest([leg_margins[limit] for limit in leg_margins]),
+        _nearest([joint_margins[limit] for limit in joint_margins]),
+        np.where(side == 1, smallest, -smallest),
+        number,
+        *strength,
+    )
+
+
+def _first_limit(
+    orientation: FloatArray,
+    side: FloatArray,
+    leg_margins: dict[Limit, FloatArray],
+    joint_margins: dict[Limit, FloatArray],
+) -> NDArray[np.int8]:
+    kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
+    kept |= {limit: margin >= 0 for limit, margin in (leg_margins | joint_margins).items()}
+    limit = np.zeros(orientation.shape[:-1], np.int8)
+    for each in sorted(kept, reverse=True):
+        limit[~kept[each]] = each
+    return limit
+
+
+def _side(platform: Platform, legs: LegGeometry) -> FloatArray:
+    """1 on home's side of the singular poses; −1, 0 or not a number elsewhere."""
+    home = leg_geometry(platform, platform.home_position, platform.home_orientation)
+    return np.asarray(np.sign(np.linalg.det(jacobian_of_legs(legs))) * np.sign(np.linalg.det(jacobian_of_legs(home))))
+
+
+def _condition(legs: LegGeometry) -> tuple[FloatArray, FloatArray]:
+    """Condition number and smallest singular value; infinite and 0 where a leg has no direction."""
+    known = np.isfinite(legs.direction).all(axis=(-1, -2))
+    number, smallest = np.full(known.shape, np.inf), np.zeros(known.shape)
+    found = conditioning_of_legs(LegGeometry(*(part[known] for part in legs)))
+    number[known], smallest[known] = found.condition_number, found.smallest_singular_value
+    return number, smallest
+
+
+def _leg_margins(platform: Platform, legs: LegGeometry) -> dict[Limit, FloatArray]:
+    """Of the worst leg [m]."""
+    margins = {}
+    if platform.leg_length_min is not None:
+        margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
+    if platform.leg_length_max is not None:
+        margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
+    return margins
+
+
+def _joint_margins(platform: Platform, position: FloatArray, orientation: FloatArray) -> dict[Limit, FloatArray]:
+    """Of the worst joint [rad]."""
+    if platform.joint_angle_max is None:
+        return {}
+    angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
+    margins = (np.asarray(platform.joint_angle_max - each.max(axis=-1)) for each in angles)
+    return dict(zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), margins, strict=True))
+
+
+def _nearest(margins: list[FloatArray]) -> FloatArray | None:
+    return np.minimum.reduce(margins) if margins else None
+
+
+def _strength(
+    platform: Platform,
+    position: FloatArray,
+    orientation: FloatArray,
+    legs: LegGeometry,
+    regular: NDArray[np.bool_],
+    largest_force: float,
+) -> Strength:
+    payload, margin = np.zeros(regular.shape), np.zeros(regular.shape)
+    rest = np.zeros((np.count_nonzero(regular), 3))
+    # at rest the bias wrench is what the actuators hold: the weights of platform and legs
+    held = bias_wrench(platform, State(position[regular], orientation[regular], rest, rest))
+    unit_forces = np.broadcast_to(np.eye(6)[:, :3], (len(rest), 6, 3))
+    J = jacobian_of_legs(LegGeometry(*(part[regular] for part in legs)))
+    forces = np.linalg.solve(transpose(J), np.concatenate([held[..., None], unit_forces], axis=-1))
+    f0, A = forces[..., 0], forces[..., 1:]
+    f1 = -apply(A, platform.gravity)
+    holds = (np.abs(f0) <= largest_force).all(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # 0/0: the leg is at its limit already, and feels nothing of the load
+        masses = np.where(f1 == 0, np.inf, (largest_force - np.sign(f1) * f0) / np.abs(f1))
+        reserves = (largest_force - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
+    payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)
+    margin[regular] = np.where(holds, np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1), 0.0)
+    return Strength(payload, margin)

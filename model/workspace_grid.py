@@ -1,0 +1,230 @@
+"""A grid of poses over two or three coordinates of the platform, and what it can do there."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.model.errors import WorkspaceError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.workspace import Limit, PoseQualities, evaluate_poses, limits_at
+
+# In the order of position and orientation, with their units.
+COORDINATES: Mapping[str, str] = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
+LARGEST_ANGLES: Mapping[str, float] = {"roll": np.pi, "pitch": np.pi / 2, "yaw": np.pi}
+# Per coordinate, unless told otherwise, for two and three swept coordinates.
+POINTS = {2: 101, 3: 31}
+# More make files that no program opens.
+LARGEST_GRID = 250_000
+# Where nothing bounds a platform: about home, in characteristic lengths, and in rad.
+UNBOUNDED_LENGTH, UNBOUNDED_ANGLE = 1.0, np.pi / 4
+# Of the search for a range: points per coordinate, and how often it is repeated on what was found.
+_SEARCH, _ROUNDS = {2: 41, 3: 21}, 3
+# What is seen beyond the reachable region, as a share of its size on either side.
+_BEYOND = 0.06
+# A range whose parts on either side of home differ by less than this is made symmetric.
+_NEARLY = 0.75
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Poses on a grid, and what the platform can do there; arrays have one axis per swept coordinate, in order."""
+
+    platform: Platform
+    swept: Mapping[str, FloatArray]  # the grid's values by coordinate, two or three [m or rad]
+    fixed: Mapping[str, float]  # all the others
+    found: tuple[str, ...]  # swept coordinates whose range was found from the platform's limits
+    stated: tuple[str, ...]  # those for which nothing bounds the platform: a range about home was assumed
+    qualities: PoseQualities
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the grid."""
+        return tuple(len(values) for values in self.swept.values())
+
+    def coordinates(self) -> FloatArray:
+        """Poses (…, 6): position [m], orientation [rad]."""
+        return _poses(self.swept, self.fixed)
+
+
+def sweep(
+    platform: Platform,
+    over: Mapping[str, Range | None] | None = None,
+    at: Mapping[str, float] | None = None,
+    points: int | None = None,
+    told: Callable[[int], None] | None = None,
+) -> Workspace:
+    """Reach, conditioning and static strength on a grid of poses.
+
+    Parameters
+    ----------
+    over
+        Two or three coordinates and their ranges [m or rad]; None lets the range be found. Default: x and y.
+    at
+        Values of other coordinates [m or rad]; those of the home pose if they are not given.
+    points
+        Per swept coordinate; default `POINTS`.
+    told
+        Called with the number of poses that are done.
+
+    Raises
+    ------
+    WorkspaceError
+        Coordinates, ranges or a number of points that make no grid.
+    """
+    over = {"x": None, "y": None} if over is None else dict(over)
+    at = {} if at is None else dict(at)
+    _check(over, at)
+    count = _checked_points(points, len(over))
+    home = dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
+    fixed = {name: float(at.get(name, home[name])) for name in COORDINATES if name not in over}
+    stated = tuple(name for name, given in over.items() if given is None and not _is_bounded(platform, name))
+    found = tuple(name for name, given in over.items() if given is None and name not in stated)
+    ranges = default_ranges(platform, over, fixed)
+    swept = {name: np.linspace(*ranges[name], count) for name in over}
+    poses = _poses(swept, fixed)
+    qualities = evaluate_poses(platform, poses[..., :3], poses[..., 3:], told)
+    return Workspace(platform, swept, fixed, found, stated, qualities)
+
+
+def default_ranges(
+    platform: Platform, over: Mapping[str, Range | None], fixed: Mapping[str, float]
+) -> dict[str, Range]:
+    """Ranges [m or rad] that hold the reachable region with the other coordinates fixed, rounded outward.
+
+    P_i stays within `leg_length_max` of B_i, which bounds Op by a box; angles are bounded by half turns. A coarse
+    grid over that finds the region, and two finer ones its ends. Where the platform states no limit that would bound
+    a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Ranges that are given stay.
+    """
+    home = dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
+    free = [name for name, given in over.items() if given is None and _is_bounded(platform, name)]
+    box = {name: given or _outer_range(platform, name, home[name], over, fixed) for name, given in over.items()}
+    ranges = dict(box)
+    for _ in range(_ROUNDS if free else 0):
+        swept = {name: np.linspace(*ranges[name], _SEARCH[len(over)]) for name in over}
+        # a region too thin for the grid is still met at home
+        swept |= {name: np.union1d(swept[name], home[name]) for name in free if _within(home[name], ranges[name])}
+        poses = _poses(swept, fixed)
+        reached = limits_at(platform, poses[..., :3], poses[..., 3:]) == Limit.NONE
+        if not reached.any():
+            return {name: _rounded(name, *box[name]) if name in free else box[name] for name in over}
+        for axis, name in enumerate(over):
+            if name in free:
+                ranges[name] = _ends(swept[name], reached, axis)
+    for name in free:
+        low, high = ranges[name]
+        low, high = _about(home[name], low - _BEYOND * (high - low), high + _BEYOND * (high - low))
+        low, high = _rounded(name, low, high)
+        ranges[name] = (max(low, box[name][0]), min(high, box[name][1]))
+    return ranges
+
+
+def _within(value: float, given: Range) -> bool:
+    return given[0] <= value <= given[1]
+
+
+def _ends(values: FloatArray, reached: NDArray[np.bool_], axis: int) -> Range:
+    """Of what is reached, one point further on either side."""
+    others = tuple(k for k in range(reached.ndim) if k != axis)
+    rows = np.flatnonzero(reached.any(axis=others))
+    return float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
+
+
+def _about(home: float, low: float, high: float) -> Range:
+    """Symmetric about home if it nearly is, so that home is in the middle, and on the grid."""
+    below, above = home - low, high - home
+    if min(below, above) < _NEARLY * max(below, above):
+        return low, high
+    return home - max(below, above), home + max(below, above)
+
+
+def _is_bounded(platform: Platform, name: str) -> bool:
+    if name in LARGEST_ANGLES:
+        return platform.leg_length_max is not None or platform.joint_angle_max is not None
+    return platform.leg_length_max is not None
+
+
+def _outer_range(
+    platform: Platform, name: str, home: float, over: Mapping[str, Range | None], fixed: Mapping[str, float]
+) -> Range:
+    if not _is_bounded(platform, name):
+        size = UNBOUNDED_ANGLE if name in LARGEST_ANGLES else UNBOUNDED_LENGTH * platform.characteristic_length
+        low, high = float(home - size), float(home + size)
+        return (max(low, -np.pi / 2), min(high, np.pi / 2)) if name == "pitch" else (low, high)
+    if name in LARGEST_ANGLES:
+        return -LARGEST_ANGLES[name], LARGEST_ANGLES[name]
+    longest, k = platform.leg_length_max or 0.0, list(COORDINATES).index(name)
+    if any(angle in over for angle in LARGEST_ANGLES):
+        arms = np.sqrt((platform.platform_points**2).sum(axis=1))
+        centres, radii = platform.base_points[:, k], longest + arms
+    else:
+        R = matrix_from_orientation(np.array([fixed[angle] for angle in LARGEST_ANGLES]))
+        centres, radii = (platform.base_points - platform.platform_points @ R.T)[:, k], np.full(6, longest)
+    low, high = float((centres - radii).max()), float((centres + radii).min())
+    # no pose fits all legs: something to look at none the less
+    return (low, high) if low < high else (home - platform.characteristic_length, home + platform.characteristic_length)
+
+
+def _rounded(name: str, low: float, high: float) -> Range:
+    """Outward, to 1, 2 or 5 times a power of ten, of degrees for angles."""
+    unit = np.pi / 180 if name in LARGEST_ANGLES else 1.0
+    rough = (high - low) / unit / 40
+    decade = 10.0 ** np.floor(np.log10(rough))
+    step = next(k * decade for k in (1, 2, 5, 10) if k * decade >= rough * (1 - 1e-9))
+    # digits of the step, so that 3 · 0.1 is 0.3
+    digits = max(0, -int(np.floor(np.log10(step))))
+    ends = (round(float(f(end / unit / step) * step), digits) for f, end in ((np.floor, low), (np.ceil, high)))
+    first, last = (unit * end for end in ends)
+    return first, last
+
+
+def _poses(swept: Mapping[str, FloatArray], fixed: Mapping[str, float]) -> FloatArray:
+    """(…, 6) with one leading axis per swept coordinate."""
+    grid = dict(zip(swept, np.meshgrid(*swept.values(), indexing="ij"), strict=True))
+    shape = next(iter(grid.values())).shape
+    return np.stack([grid[name] if name in grid else np.full(shape, fixed[name]) for name in COORDINATES], axis=-1)
+
+
+def _check(over: Mapping[str, Range | None], at: Mapping[str, float]) -> None:
+    for name in (*over, *at):
+        if name not in COORDINATES:
+            raise WorkspaceError(f"unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
+    if len(over) not in POINTS:
+        raise WorkspaceError(f"{len(over)} swept coordinates; expected two for maps, or three for a volume")
+    for name in over:
+        if name in at:
+            raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
+    for name, given in over.items():
+        for end in given or ():
+            _check_value(name, end)
+        if given is not None and not given[0] < given[1]:
+            low, high = (f"{end:g} {COORDINATES[name]}" for end in given)
+            raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
+    for name, value in at.items():
+        _check_value(name, value)
+
+
+def _check_value(name: str, value: float) -> None:
+    if not np.isfinite(value):
+        raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
+    if name in LARGEST_ANGLES and abs(value) > LARGEST_ANGLES[name] * (1 + 1e-12):
+        degrees = np.degrees(LARGEST_ANGLES[name])
+        raise WorkspaceError(
+            f"{name} is {value:g} rad; expected from −{degrees:g}° to {degrees:g}°; degrees are written as {value:g}deg"
+        )
+
+
+def _checked_points(points: int | None, swept: int) -> int:
+    count = POINTS[swept] if points is None else points
+    largest = int(round(LARGEST_GRID ** (1 / swept), 9))
+    if not 2 <= count <= largest:
+        total = f", in all {count**swept:,} poses," if count > largest else ""
+        raise WorkspaceError(
+            f"{count} points per coordinate{total} for {swept} swept coordinates; expected from 2 to {largest}"
+        )
+    return count

@@ -1,0 +1,279 @@
+"""Reach, conditioning and static strength at poses, and the grid over them, against closed forms and other methods."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+from scipy.spatial.transform import Rotation
+
+from gough_stewart.model import workspace as module
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.errors import GoughStewartError, WorkspaceError
+from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacobian
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at, limits_not_stated, static_strength
+from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, default_ranges, sweep
+from tests.random_platforms import random_platform
+
+MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
+LEVEL = np.zeros(3)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def limited(seed: int) -> tuple[Platform, FloatArray, FloatArray, np.random.Generator]:
+    """A random platform with every limit, and poses (20, 3) about its home, within them and beyond."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    home = (platform.home_position, platform.home_orientation)
+    length = leg_geometry(platform, *home).length
+    force = np.abs(static_leg_forces(platform, *home)).max()
+    platform = replace(
+        platform,
+        leg_length_min=0.8 * length.min(),
+        leg_length_max=1.2 * length.max(),
+        joint_angle_max=0.4,
+        actuator_force_max=float(force * rng.uniform(0.8, 4)),
+    )
+    position = home[0] + 0.4 * platform.characteristic_length * rng.normal(size=(20, 3))
+    return platform, position, home[1] + 0.3 * rng.normal(size=(20, 3)), rng
+
+
+def test_a_level_symmetric_platform_heaves_as_far_as_its_legs() -> None:
+    """Expected: L² = z² + h², h the horizontal distance of the joints; all legs alike."""
+    h = np.hypot(*(DESKTOP.platform_points - DESKTOP.base_points)[:, :2].T).mean()
+    assert DESKTOP.leg_length_min is not None
+    assert DESKTOP.leg_length_max is not None
+    low, high = (np.sqrt(L**2 - h**2) for L in (DESKTOP.leg_length_min, DESKTOP.leg_length_max))
+    z = np.array([low - 1e-6, low + 1e-6, 0.5 * (low + high), high - 1e-6, high + 1e-6])
+    free = replace(DESKTOP, joint_angle_max=None)
+    q = evaluate_poses(free, np.stack([0 * z, 0 * z, z], axis=-1), LEVEL)
+    assert q.limit.tolist() == [Limit.LEG_TOO_SHORT, 0, 0, 0, Limit.LEG_TOO_LONG]
+    assert q.leg_length_margin is not None
+    expected = np.minimum(np.hypot(z, h) - DESKTOP.leg_length_min, DESKTOP.leg_length_max - np.hypot(z, h))
+    assert np.allclose(q.leg_length_margin, expected, atol=1e-9)
+    assert q.joint_angle_margin is None
+
+
+def test_at_home_a_symmetric_platform_holds_six_legs_force_less_its_own_weight() -> None:
+    """Expected: 6 F cos = (m + payload) g, cos = z/L; legs of next to no mass."""
+    light = replace(MOTION_BASE, leg_lower_mass=1e-6, leg_upper_mass=1e-6)
+    q = evaluate_poses(light, light.home_position, light.home_orientation)
+    L = leg_geometry(light, light.home_position, light.home_orientation).length.mean()
+    assert q.payload is not None
+    assert q.payload == pytest.approx(6 * 20000 * 2.0 / L / 9.81 - light.platform_mass, rel=1e-7)
+
+
+@given(seeds)
+@settings(max_examples=25)
+def test_at_its_limit_a_payload_loads_one_leg_to_the_force_limit_and_none_beyond(seed: int) -> None:
+    """Expected: static leg forces under the payload's weight at Op, from the dynamics."""
+    platform, position, orientation, _ = limited(seed)
+    limit = platform.actuator_force_max
+    assert limit is not None
+    q = evaluate_poses(platform, position, orientation)
+    assert q.payload is not None
+    for k in np.flatnonzero(q.condition_number < 1e3):
+        pose = (position[k], orientation[k])
+        bare = np.abs(static_leg_forces(platform, *pose)).max()
+        if bare > limit:
+            assert q.payload[k] == 0
+            continue
+        weight = np.concatenate([q.payload[k] * platform.gravity, LEVEL])
+        assert np.abs(static_leg_forces(platform, *pose, weight)).max() == pytest.approx(limit, rel=1e-9)
+
+
+@given(seeds)
+@settings(max_examples=15)
+def test_the_force_margin_is_the_least_of_what_linear_programs_find(seed: int) -> None:
+    """Expected: along ±A_i the largest force with all legs within the limit, by SciPy; less along no direction."""
+    platform, position, orientation, rng = limited(seed)
+    limit = platform.actuator_force_max
+    assert limit is not None
+    pose = (position[0], orientation[0])
+    found = float(static_strength(platform, *pose, limit).force_margin)
+    f0 = static_leg_forces(platform, *pose)
+    if np.abs(f0).max() > limit:
+        assert found == 0
+        return
+    A = np.linalg.inv(leg_jacobian(platform, *pose).T)[:, :3]
+    directions = np.concatenate([A, -A, rng.normal(size=(20, 3))])
+    strengths = []
+    for d in directions / np.linalg.norm(directions, axis=1)[:, None]:
+        along = (A @ d)[:, None]
+        done = linprog([-1.0], A_ub=np.vstack([-along, along]), b_ub=np.concatenate([limit - f0, limit + f0]))
+        assert done.x is not None
+        strengths.append(float(done.x[0]))
+    assert min(strengths) == pytest.approx(found, rel=1e-7)
+
+
+@given(seeds)
+@settings(max_examples=25)
+def test_condition_numbers_are_those_of_the_kinematics(seed: int) -> None:
+    """Expected: `kinematics.conditioning`, bit for bit; the margin is its smallest singular value, signed by det J."""
+    platform, position, orientation, _ = limited(seed)
+    q = evaluate_poses(platform, position, orientation)
+    expected = conditioning(platform, position, orientation)
+    home = np.linalg.det(leg_jacobian(platform, platform.home_position, platform.home_orientation))
+    side = np.sign(np.linalg.det(leg_jacobian(platform, position, orientation)) * home)
+    assert np.array_equal(q.condition_number, expected.condition_number)
+    assert np.array_equal(q.singular_margin, side * expected.smallest_singular_value)
+
+
+@given(seeds, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+@settings(max_examples=25)
+def test_a_third_of_a_turn_changes_nothing_on_a_symmetric_platform(seed: int, roll: float, pitch: float) -> None:
+    """Expected: motion_base, whose legs go into each other by 120° about z; margins to the digits of its file."""
+    rng = np.random.default_rng(seed)
+    position = MOTION_BASE.home_position + rng.uniform(-0.5, 0.5, 3)
+    R = Rotation.from_euler("xyz", [roll, pitch, rng.uniform(-0.3, 0.3)])
+    turn = Rotation.from_euler("z", 2 * np.pi / 3)
+    # the platform is carried on by as much in its own axes
+    turned = (turn * R * turn.inv()).as_euler("xyz")
+    a = evaluate_poses(MOTION_BASE, position, R.as_euler("xyz"))
+    b = evaluate_poses(MOTION_BASE, turn.apply(position), turned)
+    for name in ("leg_length_margin", "joint_angle_margin", "singular_margin", "payload", "force_margin"):
+        x, y = getattr(a, name), getattr(b, name)
+        assert y == pytest.approx(x, rel=1e-6, abs=1e-6 * (1 + abs(float(x)))), name
+
+
+def test_poses_beyond_a_singular_one_and_at_a_pitch_of_90_degrees_are_out_of_reach() -> None:
+    """Expected: below the base the mirror image has the same legs but the other sign of det J."""
+    free = replace(DESKTOP, joint_angle_max=None)
+    mirrored = free.home_position * [1, 1, -1]
+    assert evaluate_poses(free, mirrored, LEVEL).limit == Limit.SINGULAR
+    assert evaluate_poses(PAPER, PAPER.home_position, np.array([0, np.pi / 2, 0])).limit == Limit.PITCH
+    assert evaluate_poses(PAPER, PAPER.home_position, np.array([0, np.nan, 0])).limit == Limit.PITCH
+
+
+def test_each_joint_limit_is_told_apart() -> None:
+    """Expected: a level platform moved sideways turns both ends of a leg alike, base first; a tilt more at the top."""
+    narrow = replace(DESKTOP, leg_length_min=None, leg_length_max=None, joint_angle_max=0.2)
+    assert evaluate_poses(narrow, DESKTOP.home_position + np.array([0.06, 0, 0]), LEVEL).limit == Limit.BASE_JOINT
+    assert evaluate_poses(narrow, DESKTOP.home_position, np.array([0.25, 0, 0])).limit == Limit.PLATFORM_JOINT
+
+
+def test_at_a_singular_pose_nothing_is_held() -> None:
+    """Expected: liu2000 turned by 90° about z is Fichter's singular pose; where P₁ is at B₁, leg 1 has no direction."""
+    base, top = (np.round(64 * points) / 64 for points in (PAPER.base_points, PAPER.platform_points))
+    platform = replace(PAPER, base_points=base, platform_points=top, actuator_force_max=1e4)
+    q = evaluate_poses(platform, np.stack([platform.home_position, base[0] - top[0]]), LEVEL)
+    assert q.payload is not None
+    assert q.force_margin is not None
+    assert q.condition_number[1] == np.inf
+    assert q.payload[1] == q.force_margin[1] == 0 < q.payload[0]
+    fichter = evaluate_poses(replace(PAPER, actuator_force_max=1e4), PAPER.home_position, np.array([0, 0, np.pi / 2]))
+    assert fichter.condition_number > 1e10
+
+
+def test_without_gravity_any_payload_is_held() -> None:
+    """Expected: no leg feels it."""
+    q = evaluate_poses(replace(MOTION_BASE, gravity=np.zeros(3)), MOTION_BASE.home_position, LEVEL)
+    assert q.payload == np.inf
+    assert q.force_margin is not None
+    assert np.isfinite(q.force_margin)
+
+
+def test_limits_that_are_not_stated_are_left_out_and_said() -> None:
+    assert set(limits_not_stated(PAPER)) == {
+        "leg_length_min",
+        "leg_length_max",
+        "joint_angle_max",
+        "actuator_force_max",
+    }
+    assert limits_not_stated(DESKTOP) == ()
+    q = evaluate_poses(PAPER, PAPER.home_position, LEVEL)
+    assert (q.leg_length_margin, q.joint_angle_margin, q.payload, q.force_margin) == (None,) * 4
+    one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
+    assert one_sided.limit == Limit.LEG_TOO_LONG
+
+
+def test_chunks_and_leading_axes_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the same poses all at once; progress counts them."""
+    rng = np.random.default_rng(1)
+    position = DESKTOP.home_position + 0.04 * rng.normal(size=(3, 7, 3))
+    whole = evaluate_poses(DESKTOP, position, LEVEL)
+    monkeypatch.setattr(module, "CHUNK", 4)
+    done: list[int] = []
+    parts = evaluate_poses(DESKTOP, position, LEVEL, done.append)
+    assert done == [4, 8, 12, 16, 20, 21]
+    for a, b in zip(whole, parts, strict=True):
+        assert a is not None
+        assert b is not None
+        assert a.shape == (3, 7)
+        assert np.allclose(a, b, rtol=1e-12)
+    assert np.array_equal(whole.limit, limits_at(DESKTOP, position, LEVEL))
+    assert evaluate_poses(DESKTOP, np.zeros((0, 3)), LEVEL).limit.shape == (0,)
+
+
+@pytest.mark.parametrize("over", [("x", "y"), ("z", "yaw"), ("roll", "pitch")])
+@pytest.mark.parametrize("platform", [MOTION_BASE, DESKTOP], ids=["motion_base", "desktop_hexapod"])
+def test_default_ranges_hold_what_can_be_reached_and_little_else(platform: Platform, over: tuple[str, ...]) -> None:
+    """Expected: nothing reached at the ends of the grid; a grid over three times the range reaches no more."""
+    w = sweep(platform, dict.fromkeys(over), points=61)
+    reached = w.qualities.reachable
+    assert not reached[[0, -1]].any()
+    assert not reached[:, [0, -1]].any()
+    ends = {name: (values[0], values[-1]) for name, values in w.swept.items()}
+    for axis, name in enumerate(over):
+        rows = np.flatnonzero(reached.any(axis=1 - axis))
+        assert rows[-1] - rows[0] > 0.6 * 60, name
+    wide = {n: (1.5 * a - 0.5 * b, 1.5 * b - 0.5 * a) for n, (a, b) in ends.items()}
+    wide = {n: (max(a, -1.5), min(b, 1.5)) if COORDINATES[n] == "rad" else (a, b) for n, (a, b) in wide.items()}
+    far = sweep(platform, wide, points=61)
+    first, second = (far.swept[name] for name in over)
+    i, j = np.nonzero(far.qualities.reachable)
+    (a, b), (c, d) = (ends[name] for name in over)
+    assert ((a < first[i]) & (first[i] < b) & (c < second[j]) & (second[j] < d)).all()
+
+
+def test_without_limits_a_range_about_home_is_assumed_and_said() -> None:
+    """Expected: as documented, one characteristic length (here 1 m), and 45°."""
+    w = sweep(PAPER, {"z": None, "roll": None}, points=3)
+    assert w.stated == ("z", "roll")
+    assert w.found == ()
+    assert w.swept["z"] == pytest.approx([2, 3, 4])
+    assert w.swept["roll"] == pytest.approx([-np.pi / 4, 0, np.pi / 4])
+
+
+def test_a_grid_has_its_poses_in_order() -> None:
+    w = sweep(DESKTOP, {"z": (0.14, 0.16), "x": (0.0, 0.02)}, {"yaw": 0.1}, points=3)
+    poses = w.coordinates()
+    assert w.shape == (3, 3)
+    assert poses[2, 1] == pytest.approx([0.01, 0, 0.16, 0, 0, 0.1])
+    alone = evaluate_poses(DESKTOP, poses[2, 1, :3], poses[2, 1, 3:])
+    assert w.qualities.condition_number[2, 1] == pytest.approx(float(alone.condition_number))
+
+
+def test_where_nothing_can_be_reached_there_is_still_a_range() -> None:
+    fixed = {"z": 5.0, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
+    for low, high in default_ranges(MOTION_BASE, {"x": None, "y": None}, fixed).values():
+        assert low < high
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"over": {"x": None, "q": None}}, "unknown coordinate 'q'; expected one of x, y, z"),
+    ({"at": {"w": 1.0}}, "unknown coordinate 'w'"),
+    ({"over": {"x": None}}, "1 swept coordinates; expected two"),
+    ({"over": dict.fromkeys("xyz") | {"yaw": None}}, "4 swept coordinates"),
+    ({"at": {"x": 0.1}}, "x is both swept and fixed"),
+    ({"over": {"x": (1.0, -1.0), "y": None}}, "x goes from 1 m to -1 m; expected a range from low to high"),
+    ({"over": {"x": (0.0, np.inf), "y": None}}, "x is inf; expected a finite number of m"),
+    ({"at": {"pitch": 5.0}}, "pitch is 5 rad; expected from −90° to 90°; degrees are written as 5deg"),
+    ({"points": 1}, "1 points per coordinate for 2 swept coordinates; expected from 2 to 500"),
+    ({"points": 501}, "in all 251,001 poses, for 2 swept coordinates; expected from 2 to 500"),
+    ({"over": dict.fromkeys("xyz"), "points": 63}, "expected from 2 to 62"),
+]
+
+
+@pytest.mark.parametrize(("asked", "text"), BAD, ids=[text[:24] for _, text in BAD])
+def test_what_makes_no_grid_is_refused(asked: dict[str, Any], text: str) -> None:
+    with pytest.raises(WorkspaceError, match=text.replace("?", r"\?")) as caught:
+        sweep(DESKTOP, **asked)
+    assert isinstance(caught.value, GoughStewartError)
+    assert 500**2 <= LARGEST_GRID < 501**2
