@@ -5,22 +5,31 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/reproduce
 HEAVE ?= results/heave_step
+SEEN ?= results/pitch_sine
+SITE ?= build/site
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test check bench evidence format figures lower-bounds clean
+.PHONY: help demo view test check bench evidence format docs figures lower-bounds clean
 help:
 	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), close the loop (in $(HEAVE))"
+	@echo "make view      run a closed loop and show it in the browser, moving (the page stays in $(SEEN))"
 	@echo "make test      run the tests, with coverage"
 	@echo "make check     formatting, ruff, mypy, import directions"
 	@echo "make bench     speed, as ratios"
 	@echo "make evidence  slow evidence: Pinocchio, long runs, long fuzz, other importers and processors"
 	@echo "make format    format the code"
+	@echo "make docs      build the documentation as a site that needs no network, in $(SITE)"
 	@echo "make figures   draw the pictures of README and docs again"
 	@echo "make lower-bounds  the tests under the oldest versions that pyproject.toml admits"
 
 demo: $(VENV)/run
-	$(BIN)/gough-stewart reproduce --out $(OUT)
-	$(BIN)/gough-stewart run heave_step --plant fmu3 --out $(HEAVE)
+	$(BIN)/gough-stewart reproduce --report --out $(OUT)
+	$(BIN)/gough-stewart run heave_step --plant fmu3 --report --out $(HEAVE)
+	@echo "see both move: open $(OUT)/report.html and $(HEAVE)/report.html in a browser, or try make view"
+
+view: $(VENV)/run
+	$(BIN)/gough-stewart run pitch_sine --plant fmu3 --out $(SEEN)
+	$(BIN)/gough-stewart view $(SEEN) --out $(SEEN)/report.html --open
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest --cov --cov-report=term
@@ -36,6 +45,8 @@ bench: $(VENV)/bench
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/fmu.py
 	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/workspace.py
+	$(BIN)/python benchmarks/view.py
 
 evidence: $(VENV)/evidence
 	$(BIN)/python -m pytest -m evidence -s
@@ -45,10 +56,19 @@ format: $(VENV)/dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-figures: $(VENV)/run
+# The variable switches off a notice of the theme, which names it for that.
+docs: $(VENV)/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --site-dir $(abspath $(SITE))
+	@echo "open $(SITE)/index.html"
+
+figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw.py
 	$(BIN)/python docs/figures/draw_loop.py
 	$(BIN)/python docs/figures/draw_heave.py
+	$(BIN)/python docs/figures/draw_paper.py
+	$(BIN)/python docs/figures/draw_view.py
+	$(BIN)/python docs/figures/draw_architecture.py
+	$(BIN)/python docs/figures/draw_workspace.py
 
 lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest
@@ -69,6 +89,9 @@ $(VENV)/run: $(VENV)/bin/python pyproject.toml constraints.txt
 	@touch $@
 $(VENV)/dev: $(VENV)/run
 	$(PIP) -e '.[dev]'
+	@touch $@
+$(VENV)/docs: $(VENV)/run
+	$(PIP) -e '.[docs]'
 	@touch $@
 $(VENV)/bench: $(VENV)/run
 	$(PIP) -e '.[evidence]'

@@ -1,0 +1,218 @@
+"""Every code block of README, CONTRIBUTING and docs/ runs, or is checked otherwise if it is slow or needs other tools.
+
+Shell commands and what becomes of them:
+
+- `gough-stewart …`: runs, in order, in one folder for each page, unless the README has all of a page's commands;
+- what `make demo` runs too: not again where `tests/test_readme.py` runs that, unless another command needs its files;
+- `make …`: the target is there (`make -n`);
+- `pytest …`, also in tables: collects at least one test;
+- the build for all targets: its options are there (`--help`);
+- `. .venv/bin/activate`: nothing; the tests run in that environment.
+"""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from gough_stewart.fmu_build.build import file_name
+from gough_stewart.fmu_build.sources import standard_headers
+from gough_stewart.model import interface
+from tests.c_hosts import ZIG
+from tests.fmu_build.plants import Fmu
+from tests.snippets import BLOCKS, PAGES, ROOT, Block, commands_of, folder_with_fmus, run
+
+COMMANDS = {page: commands_of(page) for page in PAGES}
+ELSEWHERE = re.compile(r"make |pytest |\. \.venv/bin/activate$|.* --target all")
+BY_DEMO = re.compile(
+    r"(gough-stewart reproduce|gough-stewart run heave_step --plant fmu3)( --report)?(?: --out (\S+))?$"
+)
+DEMO_RUNS = (ROOT / ".venv" / "run").exists()
+
+
+def is_left_to_the_demo(command: str, commands: list[str]) -> bool:
+    """Whether `make demo` runs it, and no other command needs its files."""
+    found = BY_DEMO.match(command)
+    folder = found and (
+        found[3] or {"reproduce": "results/reproduce", "run": "results/heave_step"}[found[1].split()[1]]
+    )
+    return DEMO_RUNS and folder is not None and not any(folder in each for each in commands if each != command)
+
+
+RUNNING = {
+    page: [c for c in commands if not ELSEWHERE.match(c) and not is_left_to_the_demo(c, commands)]
+    for page, commands in COMMANDS.items()
+}
+EVERY = [command for commands in COMMANDS.values() for command in commands]
+# A file that a page's commands are for.
+LEFT_BY = {
+    "README.md": "results/mine/figure-4.png",
+    "docs/control.md": "results/mine/pose.png",
+    "docs/use-loop.md": "results/mine/record.csv",
+}
+# What a page says of its snippet, by a word that no other has.
+SAID = {
+    # the comment, "0.05 m more leg lifts the platform by about 0.054 m": δz = δL · L/z for equal legs
+    'plant.get("leg_velocity")': "assert abs(plant.get('position[3]') - 3.0541) < 2e-3",
+    # an LQR that stabilises an unstable platform
+    "solve_continuous_are": "assert np.abs(plant.state - start).max() < 1e-3 and np.linalg.eigvals(A).real.max() > 0",
+    # "3.2459 m, six times": √(14 − 2√3) by the appendix of the paper
+    "print(legs.length)": "assert abs(legs.length - (14 - 2 * 3**0.5) ** 0.5).max() < 1e-12",
+    # "with 5 % more it rises"
+    "for factor in (1.0, 1.05)": "assert result['position'][-1][2] > 3.01",
+}
+# Languages of tools that are not here. Their names of files and variables are checked.
+NOT_RUN = {
+    "matlab": "needs Simulink",
+    "modelica": "needs OpenModelica or Dymola",
+    "lua": "needs OMSimulator",
+}
+DATA = {"toml": tomllib.loads, "json": json.loads}
+AROUND_C = """\
+#include "fmi3Functions.h"
+void host(fmi3String token, fmi3ValueReference actuator_force, fmi3ValueReference leg_length, fmi3Float64 *force,
+          fmi3Float64 *length) {{
+{}}}
+"""
+
+
+def of_language(*languages: str) -> list[Block]:
+    return [block for block in BLOCKS if block.language in languages]
+
+
+@pytest.fixture(scope="module")
+def built(fmus: dict[str, Fmu], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return folder_with_fmus(fmus, tmp_path_factory)
+
+
+def test_every_language_is_dealt_with() -> None:
+    known = {"python", "sh", "c", *DATA, *NOT_RUN}
+    assert [b.place for b in BLOCKS if b.language not in known] == []
+
+
+@pytest.mark.parametrize("block", of_language("python"), ids=lambda b: b.place)
+def test_the_snippets_run(block: Block, built: Path, tmp_path: Path) -> None:
+    """Expected: what the page says; else that it runs."""
+    after = "\n".join(line for word, line in SAID.items() if word in block.text)
+    snippet = tmp_path / "snippet.py"
+    snippet.write_text(f"{block.text}\n{after}\n")
+    done = run(f"{sys.executable} {snippet}", built)
+    assert done.returncode == 0, done.stderr + done.stdout
+
+
+def test_what_pages_say_is_checked_once() -> None:
+    assert {word: sum(word in b.text for b in of_language("python")) for word in SAID} == dict.fromkeys(SAID, 1)
+
+
+@pytest.fixture(scope="module")
+def running(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[str, tuple[Path, Future[subprocess.CompletedProcess[str]]]]]:
+    """Folders and commands of the pages that were selected, as many at a time as there are processors."""
+    selected = [
+        str(item.callspec.params["page"])
+        for item in request.session.items
+        if isinstance(item, pytest.Function) and item.originalname == "test_the_commands_run_in_order"
+    ]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        folders = {page: tmp_path_factory.mktemp("page") for page in selected}
+        yield {
+            page: (folder, pool.submit(run, "\n".join(["set -e", *RUNNING[page]]), folder))
+            for page, folder in folders.items()
+        }
+
+
+@pytest.mark.parametrize(
+    "page", [p for p, commands in RUNNING.items() if p == "README.md" or set(commands) - set(RUNNING["README.md"])]
+)
+def test_the_commands_run_in_order(
+    page: str, running: dict[str, tuple[Path, Future[subprocess.CompletedProcess[str]]]]
+) -> None:
+    """Expected: exit code 0, and the file that they are for."""
+    folder, future = running[page]
+    done = future.result()
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert (folder / LEFT_BY.get(page, ".")).exists()
+
+
+def test_the_targets_of_make_are_there() -> None:
+    """`make` is not run from here: its targets take minutes, and one of them runs this file."""
+    table = re.findall(r"^\| `make ([\w-]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE)
+    targets = {c.split()[1] for c in EVERY if c.startswith("make ")} | set(table)
+    assert {"demo", "test", "docs", "evidence", "bench"} <= targets
+    done = run(f"make -n {' '.join(sorted(targets))}", ROOT)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_demo_runs_what_is_left_to_it() -> None:
+    recipe = (line.removeprefix(".venv/bin/") for line in run("make -n demo", ROOT).stdout.splitlines())
+    assert len({found[1] for line in recipe if (found := BY_DEMO.match(line))}) == 2
+
+
+def test_the_options_of_the_long_build_are_there() -> None:
+    """The build for all targets takes minutes on a cold cache."""
+    options = {word for c in EVERY if "--target all" in c for word in c.split() if word.startswith("--")}
+    assert options >= {"--target", "--fmi"}
+    said = run("gough-stewart build --help", ROOT).stdout
+    assert [o for o in options if o not in said] == []
+
+
+def test_the_tests_that_the_pages_name_are_there() -> None:
+    """Expected: every `pytest` command selects at least one test; those with -m evidence only such ones."""
+    commands = [c for c in EVERY if c.startswith("pytest ")]
+    for page in PAGES:
+        commands += re.findall(r"`(pytest [^`]+)`", (ROOT / page).read_text(encoding="utf-8"))
+    assert len(commands) > 30
+    slow = {shlex.split(c)[-1] for c in commands if "-m evidence" in c}
+    quick = {shlex.split(c)[-1] for c in commands if "-m evidence" not in c}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", "-m", "", *slow | quick],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    collected = done.stdout.splitlines()
+    assert [each for each in slow | quick if not any(name.startswith(each) for name in collected)] == []
+    assert [each for each in slow if not each.startswith("tests/evidence/")] == []
+    assert [each for each in quick if each.startswith("tests/evidence/")] == []
+
+
+@pytest.mark.parametrize("block", of_language(*DATA), ids=lambda b: b.place)
+def test_data_can_be_read(block: Block) -> None:
+    assert DATA[block.language](block.text)
+
+
+@pytest.mark.parametrize("block", of_language("c"), ids=lambda b: b.place)
+def test_c_compiles_with_the_standards_headers(block: Block, tmp_path: Path) -> None:
+    """Expected: no error and no warning, within a function that has the values of the text as arguments."""
+    for name, text in standard_headers("3.0").items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "host.c").write_text(AROUND_C.format(block.text))
+    flags = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-c", "host.c", "-o", "host.o"]
+    done = subprocess.run([*ZIG, *flags], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("block", of_language(*NOT_RUN), ids=lambda b: b.place)
+def test_blocks_for_tools_that_are_not_here_name_what_there_is(block: Block) -> None:
+    """Expected: the files that the build writes, the variables of the interface."""
+    files = re.findall(r"[\w.]+\.fmu\b", block.text)
+    assert set(files) <= {file_name("2.0"), file_name("3.0")}
+    assert files or block.language != "modelica"
+    variables = re.findall(r"platform\.(\w+)", block.text)
+    assert set(variables) <= {v.name for v in interface.VARIABLES}
+
+
+@pytest.mark.skipif(not (ROOT / ".venv" / "run").exists(), reason="not set up by make")
+def test_the_environment_that_the_pages_activate_is_there() -> None:
+    assert (ROOT / ".venv/bin/activate").exists()

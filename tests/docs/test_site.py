@@ -1,0 +1,162 @@
+"""The site: builds without a warning, needs no network, leads somewhere, and draws formulas without a script."""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from lxml import html
+from lxml.html import HtmlElement
+
+from tests.browser import CHROMIUM, chromium, watched
+from tests.snippets import ROOT
+
+PAGES_OF_NAV = re.findall(r"^\s+- [^#\n]+: ([\w/.-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE)
+# A formula of a page in Markdown: $$…$$, or $…$ within a line.
+FORMULA = re.compile(r"\$\$.+?\$\$|\$[^$\n]+\$", re.DOTALL)
+LOADING_RELATIONS = {"stylesheet", "preconnect", "dns-prefetch", "preload", "modulepreload", "prefetch", "icon"}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built as `make docs` does."""
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+    )
+    said = (done.stdout + done.stderr).splitlines()
+    assert done.returncode == 0, "\n".join(said)
+    assert [line for line in said if line.strip() and not line.startswith("INFO")] == []
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, HtmlElement]:
+    """All pages but the one for addresses that are not there, which a server shows at any depth."""
+    return {
+        path: html.document_fromstring(path.read_bytes()) for path in site.rglob("*.html") if path.name != "404.html"
+    }
+
+
+def article(page: HtmlElement) -> HtmlElement:
+    (found,) = page.xpath("//article")
+    return found
+
+
+def test_every_page_of_the_navigation_is_there_and_no_other(pages: dict[Path, HtmlElement], site: Path) -> None:
+    expected = {page.replace(".md", ".html") for page in PAGES_OF_NAV}
+    assert expected >= {"index.html", "workspace.html", "view.html", "contributing.html", "api/dynamics.html"}
+    assert {path.relative_to(site).as_posix() for path in pages} == expected
+
+
+def test_nothing_comes_from_a_network(pages: dict[Path, HtmlElement], site: Path) -> None:
+    loaded = set()
+    for page in [*pages.values(), html.document_fromstring((site / "404.html").read_bytes())]:
+        loaded |= {
+            str(src) for src in page.xpath("//*[self::script or self::img or self::iframe or self::source]/@src")
+        }
+        loaded |= {
+            str(link.get("href")) for link in page.iter("link") if LOADING_RELATIONS & set(link.get("rel", "").split())
+        }
+        loaded |= {url for style in page.iter("style") for url in urls_in_css(style.text_content())}
+    assert len(loaded) > 5
+    assert [url for url in sorted(loaded) if urlsplit(url).scheme not in {"", "data"} or url.startswith("//")] == []
+    for sheet in site.rglob("*.css"):
+        assert [u for u in urls_in_css(sheet.read_text("utf-8")) if re.match(r"https?:|//", u)] == [], sheet.name
+
+
+def urls_in_css(text: str) -> list[str]:
+    return re.findall(r"url\(\s*['\"]?([^'\")]+)", text) + re.findall(r"@import\s+['\"]([^'\"]+)", text)
+
+
+def test_links_and_anchors_lead_somewhere(pages: dict[Path, HtmlElement]) -> None:
+    """Expected: files of the site, and elements of that id in them."""
+    anchors = {path: {str(each) for each in page.xpath("//@id | //a/@name")} for path, page in pages.items()}
+    broken = []
+    for path, page in pages.items():
+        for link in {str(each) for each in page.xpath("//@href | //@src")}:
+            parts = urlsplit(link)
+            if parts.scheme:
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            if target.is_dir():
+                target /= "index.html"
+            lost = parts.fragment and target in anchors and unquote(parts.fragment) not in anchors[target]
+            # the theme's link to the top of the page, and its switches
+            if not target.exists() or (lost and not parts.fragment.startswith("__")):
+                broken.append(f"{path.name}: {link}")
+    assert broken == []
+
+
+@pytest.mark.parametrize("name", ["equations", "notation", "control"])
+def test_every_formula_is_mathml(name: str, pages: dict[Path, HtmlElement], site: Path) -> None:
+    """Expected: as many as the page in Markdown has, outside of its code."""
+    source = re.sub(r"^```.*?^```$|`[^`\n]*`", "", (ROOT / f"docs/{name}.md").read_text("utf-8"), flags=re.M | re.S)
+    body = article(pages[site / f"{name}.html"])
+    assert len(body.xpath(".//math")) == len(FORMULA.findall(source)) > 10
+    assert body.xpath(".//math//merror") == []
+
+
+def test_no_formula_stays_raw(pages: dict[Path, HtmlElement]) -> None:
+    for path, page in pages.items():
+        text = "".join(article(page).xpath(".//text()[not(ancestor::code or ancestor::pre)]"))
+        assert re.findall(r"\$\$|\\\(|\\\[|\\(?:frac|dot|begin)\b", text) == [], path.name
+
+
+def test_the_api_has_every_public_function_and_class_of_its_modules(pages: dict[Path, HtmlElement]) -> None:
+    """Expected: what the modules define at their top level without an underscore, with a docstring."""
+    ids = {str(each) for page in pages.values() for each in article(page).xpath(".//@id")}
+    missing = []
+    for page in (ROOT / "docs/api").glob("*.md"):
+        for module in re.findall(r"^::: gough_stewart\.([\w.]+)$", page.read_text("utf-8"), re.MULTILINE):
+            tree = ast.parse((ROOT / module.replace(".", "/")).with_suffix(".py").read_text("utf-8"))
+            public = [
+                node.name
+                for node in tree.body
+                if isinstance(node, ast.FunctionDef | ast.ClassDef)
+                and not node.name.startswith("_")
+                and ast.get_docstring(node)
+            ]
+            missing += [f"{module}.{name}" for name in public if f"gough_stewart.{module}.{name}" not in ids]
+    assert missing == []
+
+
+def test_pages_name_files_of_the_repository(pages: dict[Path, HtmlElement]) -> None:
+    """Expected: no page shows the links that type checkers use, or a path of this machine."""
+    for path, page in pages.items():
+        text = article(page).text_content()
+        assert ".typings/gough" not in text, path.name
+        assert str(ROOT) not in text, path.name
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
+def test_a_browser_shows_the_site_from_the_disk(site: Path, tmp_path: Path) -> None:
+    """Expected: nothing on the console, no request but for files, formulas of some size, a search that finds."""
+    with chromium() as browser:
+        for scheme, width in (("light", 1280), ("dark", 390)):
+            seen = watched(browser, width, 900)
+            seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+            for name in ("index", "equations"):
+                seen.page.goto((site / f"{name}.html").as_uri())
+                seen.page.screenshot(path=tmp_path / f"{name}-{scheme}.png")
+                assert seen.page.evaluate("document.documentElement.scrollWidth") <= width
+            box = seen.page.locator("math .matrix").first.bounding_box()
+            assert box is not None
+            assert box["height"] > 25
+            if scheme == "light":
+                seen.page.locator(".md-search__input").click()
+                seen.page.keyboard.type("baumgarte")
+                seen.page.locator(".md-search-result__item").first.wait_for(timeout=10_000)
+            assert seen.errors == []
+            assert seen.requests
+            assert {urlsplit(url).scheme for url in seen.requests} <= {"file", "data", "blob"}
+            seen.page.close()
