@@ -65,6 +65,7 @@ def chart_of(records: Sequence[Record], platforms: Sequence[Platform], names: Se
         "annotations": [],
         "shapes": [],
         "dragmode": "zoom",
+        "modebar": {"bgcolor": "rgba(255,255,255,0.85)", "color": "#8a96a3", "activecolor": "#0072B2"},
     }
     ends = [float(record["time"][k]) for record in records for k in (0, -1)]
     for k, panel in enumerate(panels):

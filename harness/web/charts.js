@@ -31,7 +31,9 @@
   GS.charts = () => {
     const element = document.getElementById("chart");
     const { data, layout } = GS.page.chart;
-    const options = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+    // only what serves here; others would offer to send the data somewhere
+    const buttons = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
+    const options = { responsive: true, displaylogo: false, modeBarButtons: buttons };
     Plotly.newPlot(element, data, layout, options).then(() => {
       chart = element;
       GS.moveCursor(GS.player.time);

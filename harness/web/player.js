@@ -112,6 +112,8 @@
 
   const strips = () => {
     const colours = { force_limited: "#000000", rate_limited: "#8a8a8a", stroke_exceeded: "#b3261e" };
+    const seen = Object.keys(colours).filter((name) => GS.records.some((r) => (r.flags[name] || "").includes("1")));
+    $("flag-key").innerHTML = seen.map((name) => `<span><i style="background:${colours[name]}"></i>${name.replace("_", " ")}</span>`).join("");
     const canvas = $("flags"), pen = canvas.getContext("2d"), width = canvas.width = canvas.clientWidth || 600;
     canvas.height = 6;
     GS.records.forEach((record) => Object.entries(record.flags).forEach(([name, up], row) => {

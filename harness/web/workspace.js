@@ -11,7 +11,9 @@
   const limit = numbers(page.limit), behind = numbers(page.behind), clearance = numbers(page.clearance);
   const results = page.results.map((result) => ({ ...result, values: numbers(result.values) }));
   const depth = third ? axes[2].length : 1;
-  const quiet = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  // only buttons that serve here; others would offer to send the data somewhere
+  const quiet = { displaylogo: false, responsive: true, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]] };
+  const turning = { ...quiet, modeBarButtons: [["toImage", "orbitRotation", "tableRotation", "resetCameraDefault3d"]] };
   const font = { family: 'system-ui, "Segoe UI", sans-serif', size: 12, color: "#1d2733" };
   const said = (value) => !Number.isFinite(value) ? (value > 0 ? "∞" : "–")
     : Math.abs(value) >= 1e4 ? value.toFixed(0) : String(Number(value.toPrecision(4)));
@@ -144,7 +146,7 @@
     xaxis: side(first), yaxis: side(second), zaxis: side(third), camera: { eye: { x: 1.5, y: -1.7, z: 0.8 }, center: { x: 0, y: 0, z: -0.1 } },
     aspectmode: page.swept.every((a) => a.unit === first.unit) ? "data" : "cube",
   };
-  Plotly.newPlot(volume, [skin, sheet(level)], { scene, font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff" }, quiet);
+  Plotly.newPlot(volume, [skin, sheet(level)], { scene, font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff" }, turning);
 
   const show = (k) => {
     level = k;

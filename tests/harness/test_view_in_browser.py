@@ -168,6 +168,16 @@ def test_legs_change_colour_with_force_and_with_nearness(still: Watched, record:
     assert len({tuple(leg["colour"]) for leg in drawn(page)["legs"]}) == 1
 
 
+def test_flags_have_a_key(still: Watched) -> None:
+    """Expected: the one flag that the record raises, and not the others."""
+    assert still.page.inner_text("#flag-key") == "force limited"
+
+
+def test_no_button_offers_to_send_the_data_away(still: Watched) -> None:
+    titles = still.page.eval_on_selector_all(".modebar-btn", "buttons => buttons.map(b => b.dataset.title)")
+    assert sorted(titles) == ["Download plot as a PNG", "Pan", "Reset axes", "Zoom"]
+
+
 def test_dragging_turns_the_view(still: Watched) -> None:
     """Expected: another picture of the same scene."""
     view = still.page.locator("#view")

@@ -31,6 +31,10 @@ def test_maps_and_volumes_are_drawn_in_silence(browser: Browser, over: str, maps
     if len(over) == 3:
         until(found.page, "document.querySelector('.gl-container canvas') !== null")
     found.page.wait_for_timeout(300)
+    titles = found.page.eval_on_selector_all(".modebar-btn", "buttons => buttons.map(b => b.dataset.title)")
+    assert titles
+    # plotly.js would offer to send the data somewhere
+    assert not any("hare" in title for title in titles)
     assert found.errors == []
     assert found.requests == [path.as_uri()]
     found.page.close()
