@@ -127,5 +127,21 @@ def plain(platform: Platform) -> dict[str, Any]:
     return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}
 
 
+def platform_of(record: Record) -> Platform:
+    """The platform of a run, from its metadata.
+
+    Raises
+    ------
+    RecordError
+        They hold none.
+    """
+    try:
+        return Platform(**record.metadata["platform"])
+    except (KeyError, TypeError) as error:
+        raise RecordError(
+            f"the metadata hold no platform ({error}); expected what `gough-stewart run` writes"
+        ) from error
+
+
 def _json(data: dict[str, Any], indent: int | None = None) -> str:
     return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False)

@@ -22,6 +22,22 @@ DASHES = ("solid", "6px,4px", "2px,3px", "10px,4px", "8px,3px,2px,3px", "4px,2px
 _REFERENCE = {"color": "#222222", "width": 1, "dash": "dot"}
 _LIMIT = {"color": "#D55E00", "width": 1, "dash": "dot"}
 _HEIGHT, _GAP, _TOP, _BOTTOM = 190, 62, 40, 44  # [px]
+_GRID = "#e6e9ed"
+_LAYOUT: dict[str, Any] = {
+    "margin": {"l": 64, "r": 16, "t": _TOP, "b": _BOTTOM},
+    "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#222"},
+    "paper_bgcolor": "rgba(0,0,0,0)",
+    "plot_bgcolor": "#ffffff",
+    "hovermode": "x unified",
+    "hoverlabel": {"font": {"size": 11}, "bgcolor": "rgba(255,255,255,0.92)"},
+    "dragmode": "zoom",
+    "modebar": {"bgcolor": "rgba(255,255,255,0.85)", "color": "#8a96a3", "activecolor": COLOURS[0]},
+}
+_VALUES: dict[str, Any] = {"gridcolor": _GRID, "zeroline": False, "exponentformat": "power", "minexponent": 5}
+# Title and legend of a panel stand above it, at its left.
+_ABOVE: dict[str, Any] = {"x": 0, "xanchor": "left", "yanchor": "bottom"}
+_TITLE: dict[str, Any] = {**_ABOVE, "xref": "paper", "yref": "paper", "yshift": 20, "showarrow": False}
+_LEGEND: dict[str, Any] = {**_ABOVE, "orientation": "h", "font": {"size": 11}, "bgcolor": "rgba(0,0,0,0)"}
 # Less than this, in a panel's unit, is no motion to look at.
 _LEAST = 1e-5
 _AXES = ("x", "y", "z")
@@ -42,84 +58,42 @@ class _Panel:
     names: tuple[str, ...]
     curves: tuple[_Curves | None, ...]  # by record
     bounds: tuple[float, ...] = ()
-    logarithmic: bool = False
 
 
 def chart_of(records: Sequence[Record], platforms: Sequence[Platform], names: Sequence[str]) -> dict[str, Any]:
-    """Data and layout for `Plotly.newPlot`, and the figure's height [px].
+    """Data and layout for `Plotly.newPlot`.
 
     Lines are `decimated`: no peak is lost. Colours tell axes and legs, dashes tell records, dotted black is wanted.
     """
     panels = [panel for panel in _panels(records, platforms) if any(panel.curves)]
-    height = _TOP + _BOTTOM + len(panels) * _HEIGHT + (len(panels) - 1) * _GAP
-    inner = height - _TOP - _BOTTOM
-    data: list[dict[str, Any]] = []
-    layout: dict[str, Any] = {
-        "height": height,
-        "margin": {"l": 64, "r": 16, "t": _TOP, "b": _BOTTOM},
-        "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#222"},
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "plot_bgcolor": "#ffffff",
-        "hovermode": "x unified",
-        "hoverlabel": {"font": {"size": 11}, "bgcolor": "rgba(255,255,255,0.92)"},
-        "annotations": [],
-        "shapes": [],
-        "dragmode": "zoom",
-        "modebar": {"bgcolor": "rgba(255,255,255,0.85)", "color": "#8a96a3", "activecolor": "#0072B2"},
-    }
+    inner = len(panels) * _HEIGHT + (len(panels) - 1) * _GAP
     ends = [float(record["time"][k]) for record in records for k in (0, -1)]
+    time = {"gridcolor": _GRID, "zeroline": False, "range": [min(ends), max(ends)]}
+    data: list[dict[str, Any]] = []
+    layout: dict[str, Any] = {**_LAYOUT, "height": _TOP + inner + _BOTTOM, "annotations": [], "shapes": []}
     for k, panel in enumerate(panels):
         number = "" if k == 0 else str(k + 1)
         top = 1 - k * (_HEIGHT + _GAP) / inner
-        layout[f"yaxis{number}"] = {
-            "domain": [max(0.0, top - _HEIGHT / inner), top],
-            "gridcolor": "#e6e9ed",
-            "zeroline": False,
-            "type": "log" if panel.logarithmic else "linear",
-            "exponentformat": "power",
-            "minexponent": 5,
-            "automargin": False,
-            **_range_of_what_rests(panel),
-        }
-        layout[f"xaxis{number}"] = {
-            "anchor": f"y{number}",
-            "gridcolor": "#e6e9ed",
-            "zeroline": False,
-            "range": [min(ends), max(ends)],
-            **({"matches": "x"} if k else {}),
-        }
-        if k == len(panels) - 1:
-            layout[f"xaxis{number}"]["title"] = {"text": "time [s]", "standoff": 6}
-        layout["annotations"].append(
-            {
-                "text": f"<b>{panel.title}</b>",
-                "xref": "paper",
-                "yref": "paper",
-                "x": 0,
-                "y": top,
-                "xanchor": "left",
-                "yanchor": "bottom",
-                "yshift": 20,
-                "showarrow": False,
-            }
-        )
-        layout[f"legend{number}"] = {
-            "orientation": "h",
-            "x": 0,
-            "y": top,
-            "xanchor": "left",
-            "yanchor": "bottom",
-            "font": {"size": 11},
-            "bgcolor": "rgba(0,0,0,0)",
-        }
         axes = {"xaxis": f"x{number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
         data += _lines(panel, records, names, axes)
+        domain = [max(0.0, top - _HEIGHT / inner), top]
+        layout[f"yaxis{number}"] = {**_VALUES, "domain": domain, **_range_of_what_rests(panel)}
+        layout[f"xaxis{number}"] = time | {"anchor": f"y{number}"} | ({"matches": "x"} if k else {})
+        layout[f"legend{number}"] = {**_LEGEND, "y": top}
+        layout["annotations"].append({**_TITLE, "text": f"<b>{panel.title}</b>", "y": top})
         layout["shapes"] += [
             {"type": "line", "xref": f"x{number} domain", "yref": f"y{number}", "x0": 0, "x1": 1, "y0": y, "y1": y}
             | {"line": _LIMIT}
             for y in _near(panel)
         ]
-    return {"data": data, "layout": layout, "panels": len(panels)}
+        if k == len(panels) - 1:
+            layout[f"xaxis{number}"]["title"] = {"text": "time [s]", "standoff": 6}
+    return {"data": data, "layout": layout}
+
+
+def points_of(records: int) -> int:
+    """How many points a line has, if so many records share them."""
+    return max(POINTS // records, 100)
 
 
 def _panels(records: Sequence[Record], platforms: Sequence[Platform]) -> list[_Panel]:
@@ -163,12 +137,13 @@ def _panels(records: Sequence[Record], platforms: Sequence[Platform]) -> list[_P
 def _lines(
     panel: _Panel, records: Sequence[Record], names: Sequence[str], axes: dict[str, str]
 ) -> list[dict[str, Any]]:
-    lines = []
-    points = max(POINTS // len(records), 100)
+    lines: list[dict[str, Any]] = []
+    points = points_of(len(records))
     wanted_shown: list[FloatArray] = []
     for k, (record, curves) in enumerate(zip(records, panel.curves, strict=True)):
         if curves is None:
             continue
+        is_first = not lines
         which = "" if len(records) == 1 else f" · {_without_markup(names[k])}"
         for i, name in enumerate(panel.names):
             said = f"leg {name}" if panel.names is _LEGS else name
@@ -177,19 +152,18 @@ def _lines(
                 _line(record, curves.values[:, i], points, name, style)
                 | axes
                 | {"hovertemplate": f"{said}{which}: %{{y:.5g}}<extra></extra>"}
-                | {"legendgroup": f"{panel.title} {name}", "showlegend": len(panel.names) > 1 and k == 0}
+                | {"legendgroup": f"{panel.title} {name}", "showlegend": len(panel.names) > 1 and is_first}
+                | {"meta": k}
             )
-            lines[-1]["meta"] = k
         if curves.wanted is None or any(np.array_equal(curves.wanted, other) for other in wanted_shown):
             continue
         wanted_shown.append(curves.wanted)
-        for i, name in enumerate(panel.names):
-            entry = {"legendgroup": f"{panel.title} wanted", "showlegend": i == 0 and len(wanted_shown) == 1}
+        for i in range(len(panel.names)):
             lines.append(
                 _line(record, curves.wanted[:, i], points, "wanted", _REFERENCE)
                 | axes
-                | entry
-                | {"hoverinfo": "skip", "text": name}
+                | {"legendgroup": f"{panel.title} wanted", "showlegend": i == 0 and len(wanted_shown) == 1}
+                | {"hoverinfo": "skip"}
             )
     return lines
 

@@ -5,16 +5,16 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import NamedTuple
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.metrics import finite_part, metrics
 from gough_stewart.harness.metrics_tables import metrics_sheets
 from gough_stewart.harness.pages import as_json, asset, library, plotly
 from gough_stewart.harness.plotting import COLOURS
-from gough_stewart.harness.record import Record
+from gough_stewart.harness.record import Record, platform_of
 from gough_stewart.harness.tables import Sheet, to_html
-from gough_stewart.harness.view_charts import DASHES, POINTS, chart_of
+from gough_stewart.harness.view_charts import DASHES, chart_of, points_of
 from gough_stewart.harness.view_scene import FRAMES, frame_rows, scene_of
 from gough_stewart.harness.view_tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
 from gough_stewart.model.platform import Platform
@@ -46,26 +46,23 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     """
     if not 1 <= len(records) <= MOST_RECORDS:
         raise RecordError(f"{len(records)} records; expected 1 to {MOST_RECORDS} of them on a page")
-    shown = [_finite(record, name) for record, name in zip(records, names, strict=True)]
-    platforms = [_platform(record, name) for record, name in zip(records, names, strict=True)]
+    shown = [_shown(record, name) for record, name in zip(records, names, strict=True)]
     frames = max(FRAMES // len(records), 101)
-    scenes = [scene_of(*each, frames) for each in zip(shown, platforms, names, strict=True)]
     data = {
-        "scenes": scenes,
-        "chart": chart_of(shown, platforms, names),
+        "scenes": [scene_of(each.finite, each.platform, each.name, frames) for each in shown],
+        "chart": chart_of([each.finite for each in shown], [each.platform for each in shown], names),
         "colours": COLOURS[: len(records)],
     }
-    titles = [str(record.metadata.get("title", name)) for record, name in zip(records, names, strict=True)]
-    title = titles[0] if len(records) == 1 else " · ".join(names)
+    one = len(records) == 1
     page = Template(asset("view.html")).substitute(
-        title=html.escape(title),
+        title=html.escape(str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)),
         style=asset("view.css"),
-        lead=html.escape(_lead(records[0]) if len(records) == 1 else "several runs laid over each other"),
-        records=_heads(records, names),
-        tables=_tables(shown, records, platforms, names, more),
-        footer=html.escape(_footer(records, scenes, frames)),
+        lead=html.escape(_lead(records[0]) if one else "several runs laid over each other"),
+        records=_heads(shown),
+        tables=_tables(shown, more),
+        footer=html.escape(_footer(shown, frames)),
         data=as_json(data),
-        licences=_licences().replace("<", "‹"),
+        licences=html.escape(_licences()),
         viewer=library("meshcat", "viewer/dist/main.min.js"),
         code="\n".join(asset(name) for name in _SCRIPTS),
         plots=plotly(),
@@ -80,18 +77,23 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     return names if len(set(names)) == len(names) else [str(path) for path in paths]
 
 
-def _finite(record: Record, name: str) -> Record:
+class _Shown(NamedTuple):
+    """A record on the page."""
+
+    record: Record
+    finite: Record  # its rows that can be drawn
+    platform: Platform
+    name: str
+
+
+def _shown(record: Record, name: str) -> _Shown:
+    missing = [key for key in ("platform", "outcome") if key not in record.metadata]
+    if missing:
+        raise RecordError(f"{name}: the metadata hold no {missing[0]}; expected what `gough-stewart run` writes")
     finite = finite_part(record)
     if not finite.table.height:
         raise RecordError(f"{name}: no row with finite values; there is nothing to show")
-    return finite
-
-
-def _platform(record: Record, name: str) -> Platform:
-    try:
-        return Platform(**record.metadata["platform"])
-    except (KeyError, TypeError) as error:
-        raise RecordError(f"{name}: the metadata hold no platform ({error}); expected what `run` writes") from error
+    return _Shown(record, finite, platform_of(record), name)
 
 
 def _lead(record: Record) -> str:
@@ -101,39 +103,32 @@ def _lead(record: Record) -> str:
     return f"{said} — platform {record.metadata['platform']['name']}" + (f", plant {plant}" if plant else "")
 
 
-def _heads(records: Sequence[Record], names: Sequence[str]) -> str:
+def _heads(shown: Sequence[_Shown]) -> str:
     """A line for each record, with a box to hide it if there are several; and how it ended, if not as wanted."""
     heads = []
-    for k, (record, name) in enumerate(zip(records, names, strict=True)):
-        outcome, several = record.metadata["outcome"], len(records) > 1
-        ended = ""
+    for k, each in enumerate(shown):
+        outcome, ended = each.record.metadata["outcome"], ""
         if outcome["status"] != "completed":
             said = f"{outcome['status']} at {outcome['time']:.6g} s: {outcome['cause']}"
             ended = f' <span class="ended">{html.escape(said)}</span>'
-        if several:
+        if len(shown) > 1:
             box = f'<input type="checkbox" data-record="{k}" checked> '
             swatch = f'<span class="swatch" style="background:{COLOURS[k]}"></span>'
-            dashes = "" if DASHES[k] == "solid" else f' stroke-dasharray="{DASHES[k].replace("px", "")}"'
-            line = f'<svg width="44" height="8"><path d="M0 4H44" stroke="#555" stroke-width="2"{dashes}/></svg>'
-            heads.append(f'<label class="record">{box}{swatch}{line}{html.escape(name)}{ended}</label>')
+            dashes = "none" if DASHES[k] == "solid" else DASHES[k].replace("px", "")
+            path = f'<path d="M0 4H44" stroke="#555" stroke-width="2" stroke-dasharray="{dashes}"/>'
+            line = f'<svg width="44" height="8">{path}</svg>'
+            heads.append(f'<label class="record">{box}{swatch}{line}{html.escape(each.name)}{ended}</label>')
         elif ended:
             heads.append(f'<p class="record">{ended}</p>')
     return "".join(heads)
 
 
-def _tables(
-    shown: Sequence[Record],
-    records: Sequence[Record],
-    platforms: Sequence[Platform],
-    names: Sequence[str],
-    more: Sequence[Sheet],
-) -> str:
+def _tables(shown: Sequence[_Shown], more: Sequence[Sheet]) -> str:
     parts = ["<h2>Results</h2>", _sheets(more)] if more else []
-    for finite, record, platform, name in zip(shown, records, platforms, names, strict=True):
-        heading = "Metrics" if len(records) == 1 else html.escape(name)
+    for record, finite, platform, name in shown:
         limits = limits_sheet(finite, platform)
         parts += [
-            f"<h2>{heading}</h2>",
+            f"<h2>{html.escape(name) if len(shown) > 1 else 'Metrics'}</h2>",
             _sheets([*metrics_sheets(metrics(record)), *([limits] if limits else [])]),
             "<details><summary>Run, parameters, versions</summary>",
             _sheets([run_sheet(record), parameters_sheet(platform), versions_sheet(record)], "sheets wide"),
@@ -146,14 +141,12 @@ def _sheets(sheets: Sequence[Sheet], kind: str = "sheets") -> str:
     return f'<div class="{kind}">' + "".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets) + "</div>"
 
 
-def _footer(records: Sequence[Record], scenes: Sequence[dict[str, Any]], frames: int) -> str:
-    shown = ", ".join(
-        f"{len(frame_rows(scene['rows'], frames))} of {record.table.height} rows"
-        for record, scene in zip(records, scenes, strict=True)
-    )
+def _footer(shown: Sequence[_Shown], frames: int) -> str:
+    rows = [(len(frame_rows(each.finite.table.height, frames)), each.record.table.height) for each in shown]
+    said = ", ".join(f"{few} of {all_of_them} rows" for few, all_of_them in rows)
     return (
-        f"The animation shows {shown} and straight lines between them; curves keep the smallest and the largest value "
-        f"of each of {max(POINTS // len(records), 100) // 2} stretches of time, so no peak is lost. "
+        f"The animation shows {said} and straight lines between them; curves keep the smallest and the largest value "
+        f"of each of {points_of(len(shown)) // 2} stretches of time, so no peak is lost. "
         "Tables are of all rows. Made by gough-stewart with three.js (MeshCat) and plotly.js inside."
     )
 

@@ -224,9 +224,12 @@ def test_a_record_without_a_finite_row_or_a_platform_is_refused(record: Record) 
     nothing = Record(record.table.with_columns(**{"position[1]": values}), record.metadata)
     with pytest.raises(RecordError, match="waves: no row with finite values"):
         view_page([nothing], ["waves"])
-    without = {key: value for key, value in record.metadata.items() if key != "platform"}
-    with pytest.raises(RecordError, match="waves: the metadata hold no platform"):
-        view_page([Record(record.table, without)], ["waves"])
+    for name in ("platform", "outcome"):
+        without = {key: value for key, value in record.metadata.items() if key != name}
+        with pytest.raises(RecordError, match=f"waves: the metadata hold no {name}"):
+            view_page([Record(record.table, without)], ["waves"])
+    with pytest.raises(RecordError, match="the metadata hold no platform"):
+        view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
 
 
 def test_records_are_called_by_their_folders_if_those_differ(tmp_path: Any) -> None:
