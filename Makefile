@@ -32,7 +32,7 @@ view: $(VENV)/run
 	$(BIN)/gough-stewart view $(SEEN) --out $(SEEN)/report.html --open
 
 test: $(VENV)/dev
-	$(BIN)/python -m pytest --cov --cov-report=term
+	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --cov --cov-report=term
 	$(BIN)/python -m coverage report --include='model/*' --fail-under=95 --format=total
 
 check: $(VENV)/dev

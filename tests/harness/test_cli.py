@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from functools import partial
+from html import unescape
 from io import BytesIO
 from pathlib import Path
 
@@ -117,14 +118,18 @@ def test_reproduce_takes_the_other_order(tmp_path: Path) -> None:
     assert "− before +" in json.loads((tmp_path / "report.json").read_text())["case"]["title"]
 
 
-def test_reproduce_takes_a_platform_of_ones_own(tmp_path: Path) -> None:
+def test_reproduce_takes_a_platform_of_ones_own_and_shows_it_on_a_page(tmp_path: Path) -> None:
+    """Expected: the title, the platform and every comparison of the report, on the page as in the data."""
     mine = tmp_path / "mine.toml"
     mine.write_text(run("presets", "motion_base").stdout.replace('name = "motion_base"', 'name = "mine"'))
-    done = run("reproduce", "--platform", str(mine), "--out", str(tmp_path / "out"))
+    done = run("reproduce", "--platform", str(mine), "--report", "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["case"]["platform"] == "mine"
     assert report["readings"] == []
+    page = unescape((tmp_path / "out" / "report.html").read_text())
+    assert f"<title>{report['case']['title']}</title>" in page
+    assert [row["what"] for row in report["agreement"] if row["what"] not in page] == []
     assert "scan" not in done.stdout
 
 

@@ -1,5 +1,6 @@
 """The paper's open-loop case: formulations agree, other platforms get a scaled case."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,7 +10,8 @@ import pytest
 
 from gough_stewart.harness import agreement, readings
 from gough_stewart.harness.open_loop import Trajectory, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.record import table_of
+from gough_stewart.harness.open_loop_record import record_of_case
+from gough_stewart.harness.record import platform_of, table_of
 from gough_stewart.model import interface
 from gough_stewart.model.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
 from gough_stewart.model.errors import StepError
@@ -34,6 +36,16 @@ def test_case_is_the_published_one(case: OpenLoopCase) -> None:
     assert np.array_equal(case.actuator_force, [55, 49.5, 55, 49.5, 55, 49.5])
     assert np.allclose(np.diff(case.time), 0.01, atol=1e-15)
     assert len(case.time) == 101
+
+
+def test_the_record_of_the_case_is_complete(case: OpenLoopCase, kernel_run: Trajectory) -> None:
+    """Expected: the run's own numbers, the constant forces, a platform that is the case's."""
+    record = record_of_case(case, kernel_run)
+    assert np.array_equal(record["position"], kernel_run["position"])
+    assert np.array_equal(record["actuator_force"], np.tile(case.actuator_force, (101, 1)))
+    assert np.array_equal(record["external_force"], np.zeros((101, 3)))
+    assert platform_of(record) == case.platform
+    assert json.loads(record.to_metadata()) == record.metadata
 
 
 def test_kanes_dae_ends_in_the_pose_of_the_kernel(case: OpenLoopCase, kernel_run: Trajectory) -> None:

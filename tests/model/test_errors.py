@@ -16,6 +16,7 @@ EXAMPLES = [
     errors.SingularPoseError("odd", 1e13),
     errors.NoPoseError("none", {"iterations": 3}),
     errors.InterfaceError("leg_length", "is odd"),
+    errors.WorkspaceError("is both swept and fixed"),
     errors.StepError("leg_length[1]", 0.1, 2.0, "has collapsed"),
 ]
 
