@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion import Motion
 from gough_stewart.model.kinematics import (
-    LegGeometry,
     conditioning_of_legs,
-    jacobian_of_legs,
     joint_angles,
     leg_geometry,
     rates_of_legs,
+    side_of_singular_poses,
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
@@ -90,17 +89,18 @@ def check_reach(platform: Platform, time: FloatArray, motion: Motion, largest_co
 def _bounds(platform: Platform, motion: Motion, largest_condition_number: float) -> list[_Bound]:
     pose = (motion.position, motion.orientation)
     legs = leg_geometry(platform, *pose)
+    side = side_of_singular_poses(legs, leg_geometry(platform, platform.home_position, platform.home_orientation))
     pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # at LARGEST_PITCH itself the plant refuses
     bounds = [
         _Bound("the pitch", "rad", motion.orientation[:, 1], -pitch, pitch),
         _Bound(
             "the condition number of the leg Jacobian",
             "",
-            _condition_number(legs),
+            np.asarray(conditioning_of_legs(legs).condition_number),
             1.0 - 1e-9,
             largest_condition_number,
         ),
-        _Bound("the side of the singular poses (sign of det J against home)", "", _side(platform, legs), 1.0, 1.0),
+        _Bound("the side of the singular poses (sign of det J against home)", "", side, 1.0, 1.0),
     ]
     low, high = platform.leg_length_min, platform.leg_length_max
     if low is not None or high is not None:
@@ -111,17 +111,3 @@ def _bounds(platform: Platform, motion: Motion, largest_condition_number: float)
         for where, values in zip(("base", "platform"), angles, strict=True):
             bounds.append(_Bound(f"the angle of the {where} joint", "rad", values, 0.0, platform.joint_angle_max))
     return bounds
-
-
-def _condition_number(legs: LegGeometry) -> FloatArray:
-    """Infinite where a leg has no direction, since its length is 0 or not a number."""
-    number = np.full(legs.length.shape[0], np.inf)
-    known = np.isfinite(legs.direction).all(axis=(1, 2))
-    number[known] = conditioning_of_legs(LegGeometry(*(part[known] for part in legs))).condition_number
-    return number
-
-
-def _side(platform: Platform, legs: LegGeometry) -> FloatArray:
-    """1 on home's side of the singular poses, −1 beyond."""
-    home = leg_geometry(platform, platform.home_position, platform.home_orientation)
-    return np.asarray(np.sign(np.linalg.det(jacobian_of_legs(legs))) * np.sign(np.linalg.det(jacobian_of_legs(home))))

@@ -1,8 +1,8 @@
 """Kinematics of the six legs: vectors, lengths, directions, rates, and the leg Jacobian.
 
 Closure of leg i (paper, fig. 1): l_i = t + R p_i − B_i, with t the position of Op, R from platform to world.
-All functions broadcast over leading axes and are traceable, except `conditioning` and `joint_angles`, which are NumPy
-only.
+All functions broadcast over leading axes and are traceable, except `conditioning`, `side_of_singular_poses` and
+`joint_angles`, which are NumPy only.
 """
 
 from typing import NamedTuple
@@ -93,11 +93,22 @@ def conditioning(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
-    """`conditioning` where the geometry is known already."""
+    """`conditioning` where the geometry is known already; infinite and 0 where a leg of length 0 has no direction."""
     scaled, rho = scaled_jacobian_of_legs(legs)
-    sigma = np.linalg.svd(scaled, compute_uv=False)
-    with np.errstate(divide="ignore"):
-        return Conditioning(np.asarray(sigma[..., 0] / sigma[..., -1]), np.asarray(sigma[..., -1]), rho)
+    known = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
+    sigma = np.linalg.svd(np.where(known[..., None, None], scaled, 0.0), compute_uv=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        number = np.where(known, sigma[..., 0] / sigma[..., -1], np.inf)
+    return Conditioning(np.asarray(number), np.asarray(sigma[..., -1]), rho)
+
+
+def side_of_singular_poses(legs: LegGeometry, home: LegGeometry) -> Array:
+    """sign(det J)/sign(det J at home) (...): 1 on home's side of the singular poses, −1 beyond; else 0 or not a number.
+
+    The same side is necessary, not sufficient, for a way from home that passes none.
+    """
+    det, at_home = (np.sign(np.linalg.det(jacobian_of_legs(each))) for each in (legs, home))
+    return np.asarray(det * at_home)
 
 
 def scaled_jacobian_of_legs(legs: LegGeometry) -> tuple[Array, Array]:
