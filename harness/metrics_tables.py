@@ -5,6 +5,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from gough_stewart.harness.record import outcome_text
 from gough_stewart.harness.tables import Named, Sheet, number_text, to_terminal
 
 
@@ -13,8 +14,7 @@ def metrics_table(metrics: dict[str, Any]) -> RenderableType:
     parts: list[RenderableType] = []
     outcome = metrics["outcome"]
     if outcome["status"] != "completed":
-        cause = f": {outcome['cause']}" if outcome.get("cause") else ""
-        parts.append(Text(f"{outcome['status']} at {number_text(outcome['time'], 6)} s{cause}", "bold red"))
+        parts.append(Text(outcome_text(outcome), "bold red"))
     return Group(*parts, *map(to_terminal, metrics_sheets(metrics)))
 
 

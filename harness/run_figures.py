@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from gough_stewart.harness.plotting import COLOURS, entitle, pictures
-from gough_stewart.harness.record import Record
+from gough_stewart.harness.record import Record, outcome_text
 from gough_stewart.model.vectors import FloatArray
 
 WIDTH = 8.0  # [inch]
@@ -237,9 +237,7 @@ def _title(record: Record, what: str) -> list[str]:
     outcome = record.metadata["outcome"]
     lines = textwrap.wrap(f"{record.metadata['title']} — {what}", 85, max_lines=2, placeholder=" …")
     if outcome["status"] != "completed":
-        cause = f": {outcome['cause']}" if outcome.get("cause") else ""
-        note = f"{outcome['status']} at {outcome['time']:.6g} s{cause}"
-        lines += textwrap.wrap(note, 85, max_lines=2, placeholder=" …")
+        lines += textwrap.wrap(outcome_text(outcome), 85, max_lines=2, placeholder=" …")
     return lines
 
 

@@ -58,8 +58,9 @@ def number_text(value: float | None, digits: int = 4) -> str:
     """At most so many significant digits."""
     if value is None:
         return "–"
+    text = f"{value:.{digits}g}"
     # large ones as they are: 18610 is shorter than 1.861e+04
-    return f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e+" in text and abs(value) < 1e7 else text
 
 
 def _marked_up(cell: str | Named) -> str:
