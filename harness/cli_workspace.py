@@ -81,7 +81,7 @@ def workspace_command(
             files = {
                 "workspace.csv": workspace_csv(workspace),
                 **workspace_figures(workspace),
-                "workspace.html": workspace_page(workspace).encode(),
+                "workspace.html": workspace_page(workspace),
             }
         write_files(out, files)
         console = Console()
@@ -146,11 +146,8 @@ def _quantity(option: str, given: str, name: str, text: str) -> float:
 
     unit = COORDINATES[name]
     found = _QUANTITY.fullmatch(text)
+    digits, suffix = found.groups() if found else (text, "")
     try:
-        if found is None:
-            number("", unit)  # says what is expected
-            return 0.0
-        digits, suffix = found.groups()
         return number(f"{digits} {suffix or unit}", unit)
     except ValueError as error:
         raise UsageError(f"{option} {given}: {name} is '{text}'; {error}, such as 20mm or 5deg") from None

@@ -114,10 +114,11 @@ def _panels(records: Sequence[Record], platforms: Sequence[Platform]) -> list[_P
     strongest = {record.metadata.get("force_limit") for record in records}
     common = next(iter(strongest)) if len(strongest) == 1 else None
     force = () if common is None else (float(common), -float(common))
-    condition = tuple(
-        _Curves(conditioning(p, r["position"], r["orientation"]).condition_number[:, None])
-        for r, p in zip(records, platforms, strict=True)
-    )
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
+        condition = tuple(
+            _Curves(conditioning(p, r["position"], r["orientation"]).condition_number[:, None])
+            for r, p in zip(records, platforms, strict=True)
+        )
     return [
         _Panel("position from home [mm]", _AXES, each("position", 1e3, "reference.position", "home_position")),
         _Panel(
@@ -139,31 +140,36 @@ def _lines(
 ) -> list[dict[str, Any]]:
     lines: list[dict[str, Any]] = []
     points = points_of(len(records))
-    wanted_shown: list[FloatArray] = []
+    wanted: list[tuple[FloatArray, list[int]]] = []  # with the records that share them
     for k, (record, curves) in enumerate(zip(records, panel.curves, strict=True)):
         if curves is None:
             continue
-        is_first = not lines
         which = "" if len(records) == 1 else f" · {_without_markup(names[k])}"
+        is_first = not lines
         for i, name in enumerate(panel.names):
             said = f"leg {name}" if panel.names is _LEGS else name
-            style = {"color": COLOURS[i], "width": 1.6, "dash": DASHES[k % len(DASHES)]}
+            style = {"color": COLOURS[i], "width": 1.6, "dash": DASHES[k]}
+            group = {"legendgroup": f"{panel.title} {name}"} if len(panel.names) > 1 else {}
             lines.append(
                 _line(record, curves.values[:, i], points, name, style)
                 | axes
-                | {"hovertemplate": f"{said}{which}: %{{y:.5g}}<extra></extra>"}
-                | {"legendgroup": f"{panel.title} {name}", "showlegend": len(panel.names) > 1 and is_first}
-                | {"meta": k}
+                | group
+                | {"hovertemplate": f"{said}{which}: %{{y:.5g}}<extra></extra>", "meta": [k]}
+                | {"showlegend": bool(group) and is_first}
             )
-        if curves.wanted is None or any(np.array_equal(curves.wanted, other) for other in wanted_shown):
+        if curves.wanted is None:
             continue
-        wanted_shown.append(curves.wanted)
+        shared = next((sharing for other, sharing in wanted if np.array_equal(curves.wanted, other)), None)
+        if shared is not None:
+            shared.append(k)
+            continue
+        wanted.append((curves.wanted, [k]))
         for i in range(len(panel.names)):
             lines.append(
                 _line(record, curves.wanted[:, i], points, "wanted", _REFERENCE)
                 | axes
-                | {"legendgroup": f"{panel.title} wanted", "showlegend": i == 0 and len(wanted_shown) == 1}
-                | {"hoverinfo": "skip"}
+                | {"legendgroup": f"{panel.title} wanted", "showlegend": i == 0 and len(wanted) == 1}
+                | {"hoverinfo": "skip", "meta": wanted[-1][1]}
             )
     return lines
 

@@ -7,21 +7,27 @@ from pathlib import Path
 from string import Template
 from typing import NamedTuple
 
+import numpy as np
+
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.metrics import finite_part, metrics
 from gough_stewart.harness.metrics_tables import metrics_sheets
-from gough_stewart.harness.pages import as_json, asset, library, plotly
+from gough_stewart.harness.pages import asset, document, library, plotly
 from gough_stewart.harness.plotting import COLOURS
-from gough_stewart.harness.record import Record, platform_of
+from gough_stewart.harness.record import Record, outcome_text, platform_of
 from gough_stewart.harness.tables import Sheet, to_html
 from gough_stewart.harness.view_charts import DASHES, chart_of, points_of
 from gough_stewart.harness.view_scene import FRAMES, frame_rows, scene_of
 from gough_stewart.harness.view_tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
+from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 
 PAGE = "report.html"
-MOST_RECORDS = len(COLOURS)
-_SCRIPTS = ("data.js", "colours.js", "bodies.js", "scene.js", "charts.js", "player.js")
+MOST_RECORDS = min(len(COLOURS), len(DASHES))
+# Beyond this, nothing that could be looked at is left of a run [SI units].
+_LARGEST = 1e9
+_DRAWN = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force", "external_force")
+_SCRIPTS = ("page.js", "data.js", "colours.js", "bodies.js", "scene.js", "charts.js", "player.js")
 
 
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
@@ -42,7 +48,8 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     Raises
     ------
     RecordError
-        No record, more than `MOST_RECORDS`, or one without a single finite row or without its platform.
+        No record, more than `MOST_RECORDS`, or one without a single finite row, without its platform, or without a
+        column that is drawn.
     """
     if not 1 <= len(records) <= MOST_RECORDS:
         raise RecordError(f"{len(records)} records; expected 1 to {MOST_RECORDS} of them on a page")
@@ -54,20 +61,19 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
         "colours": COLOURS[: len(records)],
     }
     one = len(records) == 1
-    page = Template(asset("view.html")).substitute(
-        title=html.escape(str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)),
-        style=asset("view.css"),
+    title = str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)
+    body = Template(asset("view.html")).substitute(
+        title=html.escape(title),
         lead=html.escape(_lead(records[0]) if one else "several runs laid over each other"),
         records=_heads(shown),
         tables=_tables(shown, more),
         footer=html.escape(_footer(shown, frames)),
-        data=as_json(data),
         licences=html.escape(_licences()),
-        viewer=library("meshcat", "viewer/dist/main.min.js"),
-        code="\n".join(asset(name) for name in _SCRIPTS),
-        plots=plotly(),
     )
-    return page.encode()
+    viewer = library("meshcat", "viewer/dist/main.min.js")
+    # the view first, so that it is there while plotly.js is still being read
+    scripts = [viewer, "\n".join(map(asset, _SCRIPTS)), plotly(), "GoughStewart.charts();"]
+    return document(title, body, asset("view.css"), data, scripts)
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
@@ -87,20 +93,26 @@ class _Shown(NamedTuple):
 
 
 def _shown(record: Record, name: str) -> _Shown:
-    missing = [key for key in ("platform", "outcome") if key not in record.metadata]
-    if missing:
-        raise RecordError(f"{name}: the metadata hold no {missing[0]}; expected what `gough-stewart run` writes")
-    finite = finite_part(record)
-    if not finite.table.height:
+    if "outcome" not in record.metadata:
+        raise RecordError(f"{name}: the metadata hold no outcome; expected what `gough-stewart run` writes")
+    try:
+        platform = platform_of(record)
+        finite = finite_part(record)
+        sizes = [np.abs(finite[column]).max(axis=1) for column in _DRAWN]
+    except GoughStewartError as error:
+        raise RecordError(f"{name}: {error}") from error
+    small = np.max(sizes, axis=0) < _LARGEST
+    rows = finite.table.height if small.all() else int(small.argmin())
+    if not rows:
         raise RecordError(f"{name}: no row with finite values; there is nothing to show")
-    return _Shown(record, finite, platform_of(record), name)
+    return _Shown(record, Record(finite.table.head(rows), record.metadata), platform, name)
 
 
 def _lead(record: Record) -> str:
-    experiment = record.metadata.get("experiment") or {}
-    said = experiment.get("description") or record.metadata["platform"].get("source", "")
-    plant = record.metadata.get("plant")
-    return f"{said} — platform {record.metadata['platform']['name']}" + (f", plant {plant}" if plant else "")
+    said, platform = record.metadata, record.metadata["platform"]
+    description = (said.get("experiment") or {}).get("description") or platform.get("source")
+    parts = [f"platform {platform['name']}", *([f"plant {said['plant']}"] if said.get("plant") else [])]
+    return " — ".join(filter(None, [description, ", ".join(parts)]))
 
 
 def _heads(shown: Sequence[_Shown]) -> str:
@@ -109,8 +121,7 @@ def _heads(shown: Sequence[_Shown]) -> str:
     for k, each in enumerate(shown):
         outcome, ended = each.record.metadata["outcome"], ""
         if outcome["status"] != "completed":
-            said = f"{outcome['status']} at {outcome['time']:.6g} s: {outcome['cause']}"
-            ended = f' <span class="ended">{html.escape(said)}</span>'
+            ended = f' <span class="ended">{html.escape(outcome_text(outcome))}</span>'
         if len(shown) > 1:
             box = f'<input type="checkbox" data-record="{k}" checked> '
             swatch = f'<span class="swatch" style="background:{COLOURS[k]}"></span>'

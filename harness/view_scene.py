@@ -1,6 +1,7 @@
 """What the 3-D view of a page needs of a record: bodies, and their motion frame by frame."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES
     """Geometry and frames of a record whose rows are finite.
 
     Frames hold what the rows hold: time, pose, leg lengths, forces, reference; nothing is interpolated or rounded.
-    `flags` are up if they are up in any row since the frame before.
+    `flags` are of the time from each frame to the next, and up if they are up in any row of it.
     """
     rows = frame_rows(record.table.height, frames)
     few = Record(record.table[rows], record.metadata)
@@ -52,7 +53,7 @@ def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES
         "force": packed(few["actuator_force"]),
         "nearness": _nearness(few, platform),
         "external_force": packed(few["external_force"]) if few["external_force"].any() else None,
-        "flags": {name: _any_since(record, rows, name) for name in FLAGS if f"flag.{name}" in record},
+        "flags": {name: _any_until_next(record, rows, name) for name in FLAGS if f"flag.{name}" in record},
     }
 
 
@@ -99,7 +100,7 @@ def _pose(record: Record, prefix: str) -> FloatArray:
     return np.concatenate([record[f"{prefix}position"], Rotation.from_matrix(rotation).as_quat()], axis=1)
 
 
-def _any_since(record: Record, rows: NDArray[np.int64], name: str) -> str:
-    up = record[f"flag.{name}"].astype(bool).any(axis=1)
-    starts = np.concatenate([[0], rows[:-1] + 1])
-    return "".join("1" if flag else "0" for flag in np.logical_or.reduceat(up, starts))
+def _any_until_next(record: Record, rows: NDArray[np.int64], name: str) -> str:
+    """A character for each frame but the last: what a row says holds until the next one."""
+    up = np.asarray(record[f"flag.{name}"].astype(bool).any(axis=1))
+    return "".join("01"[int(up[a:b].any())] for a, b in pairwise(rows))

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.record import Record
+from gough_stewart.harness.record import Record, outcome_text
 from gough_stewart.harness.tables import Named, Sheet, number_text
 from gough_stewart.harness.view_scene import FLAGS, nearness_to_limits
 from gough_stewart.model import interface
@@ -23,9 +23,7 @@ _UNITS = {variable.name: variable.unit for variable in interface.VARIABLES} | {
 def run_sheet(record: Record) -> Sheet:
     """How the run was made, and how it ended."""
     said, sheet = record.metadata, Sheet("Run", ("", ""))
-    outcome = said["outcome"]
-    end = f"{outcome['status']} at {number_text(outcome['time'], 6)} s"
-    sheet.add("outcome", f"{end}: {outcome['cause']}" if outcome.get("cause") else end)
+    sheet.add("outcome", outcome_text(said["outcome"]))
     sheet.add("plant", str(said.get("plant", "–")))
     sheet.add("platform", said["platform"]["name"])
     sheet.add("rows", str(record.table.height))
@@ -52,21 +50,16 @@ def settings_of(experiment: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def limits_sheet(record: Record, platform: Platform) -> Sheet | None:
-    """Flags that were up, and how near each leg came to its limits."""
-    sheet = Sheet("Limits and flags", ("", *(f"{i}" for i in range(1, 7)), "first at s"))
+    """How near each leg came to its limits, and when flags first went up; their shares are among the metrics."""
+    sheet = Sheet("Limits and flags", ("", *(f"{i}" for i in range(1, 7))))
     for name, values in nearness_to_limits(record, platform).items():
-        most = 100 * values.max(axis=0)
-        reached = np.flatnonzero((values >= 1).any(axis=1))
-        first = number_text(record["time"][reached[0]], 6) if reached.size else ""
-        sheet.add(Named(f"{name}, most of its limit", "%"), *map(number_text, most), first)
+        sheet.add(Named(f"{name}, most of its limit", "%"), *map(number_text, 100 * values.max(axis=0)))
     for name in FLAGS:
-        if f"flag.{name}" not in record:
-            continue
-        flags = record[f"flag.{name}"].astype(bool)
-        up = np.flatnonzero(flags.any(axis=1))
-        first = number_text(record["time"][up[0]], 6) if up.size else "never"
-        shares = 100 * flags.mean(axis=0)
-        sheet.add(Named(name.replace("_", " "), "% of the rows"), *map(number_text, shares), first)
+        if f"flag.{name}" in record:
+            flags = record[f"flag.{name}"].astype(bool)
+            firsts = [record["time"][leg.argmax()] if leg.any() else None for leg in flags.T]
+            times = ("never" if first is None else number_text(first, 6) for first in firsts)
+            sheet.add(Named(f"{name.replace('_', ' ')}, first at", "s"), *times)
     return sheet if sheet.rows else None
 
 

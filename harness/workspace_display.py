@@ -1,5 +1,6 @@
 """How a workspace is told and shown: its coordinates, results and border, with names, units and scales."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,10 +9,12 @@ from gough_stewart.harness.tables import number_text
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit
-from gough_stewart.model.workspace_grid import COORDINATES, Workspace
+from gough_stewart.model.workspace_grid import COORDINATES, Workspace, home_of
 
 # A platform smaller than this is shown in mm [m].
 _SMALL = 0.5
+# Coordinates closer than this are the same [m, rad].
+_SAME = 1e-9
 # Forces from here on are shown in kN [N].
 _STRONG = 1e4
 
@@ -83,7 +86,7 @@ def reachable_values(workspace: Workspace, values: FloatArray) -> FloatArray:
 
 
 def clearance(workspace: Workspace) -> FloatArray:
-    """A continuous measure of distance from the nearest limit, 0 exactly at the border of what can be reached.
+    """A continuous measure of distance from the nearest limit, positive within the border of what can be reached.
 
     The least of: stroke left in characteristic lengths, joint angle and pitch left in rad, smallest singular value.
     """
@@ -102,10 +105,10 @@ def limits_met(workspace: Workspace) -> list[Limit]:
     return [Limit(code) for code in np.unique(workspace.qualities.limit) if code != Limit.NONE]
 
 
-def home_of(workspace: Workspace) -> dict[str, float]:
-    """The home pose by coordinate [m or rad]."""
-    platform = workspace.platform
-    return dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
+def is_through_home(workspace: Workspace, others: Mapping[str, float]) -> bool:
+    """Whether coordinates that are not drawn have their values of home."""
+    home = home_of(workspace.platform)
+    return all(abs(value - home[name]) < _SAME for name, value in others.items())
 
 
 def swept_text(workspace: Workspace) -> str:

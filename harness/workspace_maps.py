@@ -16,14 +16,14 @@ from gough_stewart.harness.workspace_display import (
     Result,
     Shown,
     clearance,
-    home_of,
+    is_through_home,
     reachable_values,
     shown_coordinate,
     shown_length,
 )
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit
-from gough_stewart.model.workspace_grid import COORDINATES, Workspace
+from gough_stewart.model.workspace_grid import COORDINATES, Workspace, home_of
 
 # Okabe & Ito's orange, sky blue, purple and green, toned down to stay behind what is drawn over them.
 LIMIT_COLOURS = {
@@ -63,8 +63,7 @@ def plane_of(workspace: Workspace, k: int | None = None) -> Plane:
     if k is not None:
         name, values = list(workspace.swept.items())[2]
         others[name] = float(values[k])
-    home = home_of(workspace)
-    is_through_home = all(np.isclose(value, home[name], atol=1e-9) for name, value in others.items())
+    home = home_of(workspace.platform)
     part = (...,) if k is None else (..., k)
     return Plane(
         (a, b),
@@ -72,7 +71,7 @@ def plane_of(workspace: Workspace, k: int | None = None) -> Plane:
         (first * shown[0].factor, second * shown[1].factor),
         part,
         clearance(workspace)[part],
-        (home[a] * shown[0].factor, home[b] * shown[1].factor) if is_through_home else None,
+        (home[a] * shown[0].factor, home[b] * shown[1].factor) if is_through_home(workspace, others) else None,
     )
 
 

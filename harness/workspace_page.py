@@ -10,13 +10,13 @@ from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from gough_stewart.harness.isosurface import isosurface
-from gough_stewart.harness.pages import as_json, asset, packed, plotly
+from gough_stewart.harness.pages import asset, document, packed, plotly
 from gough_stewart.harness.tables import to_html
 from gough_stewart.harness.workspace_display import (
     Result,
     clearance,
     fixed_text,
-    home_of,
+    is_through_home,
     limits_met,
     results_of,
     shown_coordinate,
@@ -25,14 +25,14 @@ from gough_stewart.harness.workspace_display import (
 from gough_stewart.harness.workspace_maps import LARGEST_SHOWN, LIMIT_COLOURS, MAPS, limits_behind, norm_of
 from gough_stewart.harness.workspace_tables import sheets_of, size_text
 from gough_stewart.model.workspace import Limit
-from gough_stewart.model.workspace_grid import Workspace
+from gough_stewart.model.workspace_grid import Workspace, home_of
 
 # Of results that the pictures for print leave out.
 _OTHER_MAP = "viridis"
 _STOPS = 17
 
 
-def workspace_page(workspace: Workspace) -> str:
+def workspace_page(workspace: Workspace) -> bytes:
     """The page: maps with everything at the pointer; for three swept coordinates a volume, and slices of it.
 
     Nothing is loaded from anywhere, and the page's own policy forbids it. Numbers are float32, seven digits.
@@ -47,9 +47,9 @@ def workspace_page(workspace: Workspace) -> str:
     hint = "Point at a map for everything that is known there. Drag to zoom, all maps follow; double click for all."
     if len(workspace.shape) == 3:
         hint += " The slider moves the slice; drag the volume to turn it."
-    return Template(asset("workspace.html")).substitute(
-        title=html.escape(f"Workspace of {platform.name}"),
-        style=asset("workspace.css"),
+    title = f"Workspace of {platform.name}"
+    body = Template(asset("workspace.html")).substitute(
+        title=html.escape(title),
         lead=html.escape(lead),
         size=html.escape(size_text(workspace)),
         legend=_legend(workspace),
@@ -60,10 +60,9 @@ def workspace_page(workspace: Workspace) -> str:
             "margin: the largest force there, in whatever direction, held at rest. Made by gough-stewart, with "
             "plotly.js inside.".lstrip(". ")
         ),
-        data=as_json(_data(workspace)),
-        plots=plotly(),
-        code=asset("workspace.js"),
     )
+    scripts = [plotly(), asset("page.js") + asset("workspace.js")]
+    return document(title, body, asset("workspace.css"), _data(workspace), scripts)
 
 
 def _data(workspace: Workspace) -> dict[str, Any]:
@@ -105,12 +104,19 @@ def _behind(workspace: Workspace) -> NDArray[np.int8]:
     return np.stack([limits_behind(code[..., k]) for k in range(code.shape[2])], axis=-1)
 
 
-def _home(workspace: Workspace) -> list[float] | None:
-    """In shown units, if the fixed coordinates are those of home."""
-    home = home_of(workspace)
-    if not all(np.isclose(value, home[name], atol=1e-9) for name, value in workspace.fixed.items()):
+def _home(workspace: Workspace) -> dict[str, Any] | None:
+    """Where home is on the maps, in shown units, and on which slice of a volume; None if nowhere."""
+    if not is_through_home(workspace, workspace.fixed):
         return None
-    return [home[name] * shown_coordinate(workspace, name).factor for name in workspace.swept]
+    home = home_of(workspace.platform)
+    slices = [] if len(workspace.shape) == 2 else list(workspace.swept.items())[2:]
+    level = 0
+    for name, values in slices:
+        level = _level(workspace)
+        if not is_through_home(workspace, {name: float(values[level])}):
+            return None
+    place = [home[name] * shown_coordinate(workspace, name).factor for name in list(workspace.swept)[:2]]
+    return {"place": place, "level": level}
 
 
 def _level(workspace: Workspace) -> int:
@@ -118,12 +124,13 @@ def _level(workspace: Workspace) -> int:
     if len(workspace.shape) == 2:
         return 0
     name, values = list(workspace.swept.items())[2]
-    return int(np.abs(values - home_of(workspace)[name]).argmin())
+    return int(np.abs(values - home_of(workspace.platform)[name]).argmin())
 
 
 def _surface(workspace: Workspace) -> dict[str, Any] | None:
     """Of the reachable volume, coloured by the logarithm of the condition number."""
-    if len(workspace.shape) == 2 or not workspace.qualities.reachable.any():
+    # poses exactly at a limit are reachable, and have no surface about them
+    if len(workspace.shape) == 2 or not (clearance(workspace) > 0).any():
         return None
     axes = [values * shown_coordinate(workspace, name).factor for name, values in workspace.swept.items()]
     number = np.log10(np.minimum(workspace.qualities.condition_number, LARGEST_SHOWN))

@@ -17,8 +17,9 @@ from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     joint_angles,
     leg_geometry,
+    side_of_singular_poses,
 )
-from gough_stewart.model.platform import OPTIONAL_LIMITS, Platform
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
@@ -70,11 +71,6 @@ class PoseQualities(NamedTuple):
     def reachable(self) -> NDArray[np.bool_]:
         """No limit is passed."""
         return np.asarray(self.limit == Limit.NONE)
-
-
-def limits_not_stated(platform: Platform) -> tuple[str, ...]:
-    """Names of the limits that this platform does not state, which therefore keep it from nothing."""
-    return tuple(name for name in OPTIONAL_LIMITS if getattr(platform, name) is None)
 
 
 def evaluate_poses(
@@ -143,7 +139,7 @@ def static_strength(platform: Platform, position: Array, orientation: Array, lar
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     with np.errstate(all="ignore"):
         legs = leg_geometry(platform, position, orientation)
-        regular = _condition(legs)[0] < LARGEST_CONDITION_NUMBER
+        regular = conditioning_of_legs(legs).condition_number < LARGEST_CONDITION_NUMBER
     return _strength(platform, position, orientation, legs, regular, largest_force)
 
 
@@ -152,7 +148,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
         side = _side(platform, legs)
-        number, smallest = _condition(legs)
+        number, smallest, _ = conditioning_of_legs(legs)
         leg_margins = _leg_margins(platform, legs)
         joint_margins = _joint_margins(platform, position, orientation)
     strength: Strength | tuple[None, None] = (None, None)
@@ -184,18 +180,7 @@ def _first_limit(
 
 
 def _side(platform: Platform, legs: LegGeometry) -> FloatArray:
-    """1 on home's side of the singular poses; −1, 0 or not a number elsewhere."""
-    home = leg_geometry(platform, platform.home_position, platform.home_orientation)
-    return np.asarray(np.sign(np.linalg.det(jacobian_of_legs(legs))) * np.sign(np.linalg.det(jacobian_of_legs(home))))
-
-
-def _condition(legs: LegGeometry) -> tuple[FloatArray, FloatArray]:
-    """Condition number and smallest singular value; infinite and 0 where a leg has no direction."""
-    known = np.isfinite(legs.direction).all(axis=(-1, -2))
-    number, smallest = np.full(known.shape, np.inf), np.zeros(known.shape)
-    found = conditioning_of_legs(LegGeometry(*(part[known] for part in legs)))
-    number[known], smallest[known] = found.condition_number, found.smallest_singular_value
-    return number, smallest
+    return side_of_singular_poses(legs, leg_geometry(platform, platform.home_position, platform.home_orientation))
 
 
 def _leg_margins(platform: Platform, legs: LegGeometry) -> dict[Limit, FloatArray]:

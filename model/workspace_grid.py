@@ -22,7 +22,7 @@ LARGEST_GRID = 250_000
 # Where nothing bounds a platform: about home, in characteristic lengths, and in rad.
 UNBOUNDED_LENGTH, UNBOUNDED_ANGLE = 1.0, np.pi / 4
 # Of the search for a range: points per coordinate, and how often it is repeated on what was found.
-_SEARCH, _ROUNDS = {2: 41, 3: 21}, 3
+_SEARCH, _ROUNDS = {2: 101, 3: 21}, 3
 # What is seen beyond the reachable region, as a share of its size on either side.
 _BEYOND = 0.06
 # A range whose parts on either side of home differ by less than this is made symmetric.
@@ -39,7 +39,7 @@ class Workspace:
     swept: Mapping[str, FloatArray]  # the grid's values by coordinate, two or three [m or rad]
     fixed: Mapping[str, float]  # all the others
     found: tuple[str, ...]  # swept coordinates whose range was found from the platform's limits
-    stated: tuple[str, ...]  # those for which nothing bounds the platform: a range about home was assumed
+    assumed: tuple[str, ...]  # those for which nothing bounds the platform: it is a range about home
     qualities: PoseQualities
 
     @property
@@ -81,27 +81,34 @@ def sweep(
     at = {} if at is None else dict(at)
     _check(over, at)
     count = _checked_points(points, len(over))
-    home = dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
+    home = home_of(platform)
     fixed = {name: float(at.get(name, home[name])) for name in COORDINATES if name not in over}
-    stated = tuple(name for name, given in over.items() if given is None and not _is_bounded(platform, name))
-    found = tuple(name for name, given in over.items() if given is None and name not in stated)
+    assumed = tuple(name for name, given in over.items() if given is None and not _is_bounded(platform, name))
+    found = tuple(name for name, given in over.items() if given is None and name not in assumed)
     ranges = default_ranges(platform, over, fixed)
     swept = {name: np.linspace(*ranges[name], count) for name in over}
     poses = _poses(swept, fixed)
     qualities = evaluate_poses(platform, poses[..., :3], poses[..., 3:], told)
-    return Workspace(platform, swept, fixed, found, stated, qualities)
+    return Workspace(platform, swept, fixed, found, assumed, qualities)
+
+
+def home_of(platform: Platform) -> dict[str, float]:
+    """The home pose by coordinate [m or rad]."""
+    return dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
 
 
 def default_ranges(
     platform: Platform, over: Mapping[str, Range | None], fixed: Mapping[str, float]
 ) -> dict[str, Range]:
-    """Ranges [m or rad] that hold the reachable region with the other coordinates fixed, rounded outward.
+    """Ranges [m or rad] about the reachable region with the other coordinates fixed, rounded outward.
 
     P_i stays within `leg_length_max` of B_i, which bounds Op by a box; angles are bounded by half turns. A coarse
-    grid over that finds the region, and two finer ones its ends. Where the platform states no limit that would bound
-    a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Ranges that are given stay.
+    grid over that finds the region, and two finer ones its ends; a tip thinner than a step of the coarse grid, a
+    hundredth of the box (a twentieth for three coordinates), may be cut. Where the platform states no limit that
+    would bound a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Ranges that are given
+    stay.
     """
-    home = dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
+    home = home_of(platform)
     free = [name for name, given in over.items() if given is None and _is_bounded(platform, name)]
     box = {name: given or _outer_range(platform, name, home[name], over, fixed) for name, given in over.items()}
     ranges = dict(box)

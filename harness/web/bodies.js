@@ -8,16 +8,25 @@
   const UP = new THREE.Vector3(0, 0, 1);
   const vector = (a) => new THREE.Vector3(a[0], a[1], a[2]);
 
-  // The size of things follows the platform, and the whole is scaled to a room of about three units.
-  const extent = Math.max(...GS.records.flatMap((r) => [...r.base, ...r.platform].map((p) => Math.hypot(p[0], p[1]))));
-  const height = Math.max(...GS.records.map((r) => Math.abs(r.pose[2] - r.base[0][2])));
-  const SIZE = Math.max(extent, 0.5 * height);
-  // How high and how far from the middle the motion leads; one that flies away is not followed for ever.
-  const farthest = (of) => Math.min(GS.records.reduce((most, r) => {
-    for (let k = 0; k < r.time.length; k++) most = Math.max(most, of(r.pose, 7 * k));
-    return most;
-  }, 0), 5 * SIZE);
-  const top = farthest((pose, k) => pose[k + 2]), aside = farthest((pose, k) => Math.hypot(pose[k], pose[k + 1]));
+  // The size of things follows the platform, and the whole is scaled to a room of about three units about its base.
+  const mean = (points) => [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / points.length);
+  const spread = (points, from) => Math.max(...points.map((p) => Math.hypot(p[0] - from[0], p[1] - from[1])));
+  const MIDDLE = mean(GS.records.flatMap((r) => r.base));
+  const extent = Math.max(...GS.records.flatMap((r) => [spread(r.base, MIDDLE), spread(r.platform, mean(r.platform))]));
+  const reach = Math.max(...GS.records.map((r) => Math.hypot(...MIDDLE.map((m, k) => r.pose[k] - m))));
+  const SIZE = Math.max(extent, 0.5 * reach);
+  // How high, how low and how far aside the motion leads; one that flies away is not followed for ever.
+  const heights = GS.records.flatMap((r) => r.base.map((p) => p[2]));
+  const room = { low: Math.min(...heights), high: Math.max(...heights), aside: 0 };
+  const near = (value, from) => Math.min(Math.max(value, from - 5 * SIZE), from + 5 * SIZE);
+  for (const { time, pose } of GS.records) {
+    for (let k = 0; k < 7 * time.length; k += 7) {
+      const z = near(pose[k + 2], MIDDLE[2]);
+      room.low = Math.min(room.low, z);
+      room.high = Math.max(room.high, z);
+      room.aside = Math.max(room.aside, near(Math.hypot(pose[k] - MIDDLE[0], pose[k + 1] - MIDDLE[1]), 0));
+    }
+  }
   const unit = 0.02 * SIZE;
 
   const material = (colour, more = {}) => new THREE.MeshStandardMaterial({ color: colour, roughness: 0.55, metalness: 0.15, ...more });
@@ -52,18 +61,17 @@
     return [...half(sorted), ...half([...sorted].reverse())];
   };
 
-  // A plate under or over the joints, its edge a little outside of them.
-  const plate = (points, thickness, colour, more) => {
-    const middle = points.reduce((sum, p) => sum + p[2], 0) / points.length;
+  // A plate under (side −1) or over (side 1) the joints, its edge a little outside of them.
+  const plate = (points, thickness, side, colour, more) => {
+    const [cx, cy, cz] = mean(points), bevel = 0.25 * thickness;
     const corners = outline(points).map(([x, y]) => {
-      const away = 1 + 3.2 * unit / Math.max(Math.hypot(x, y), unit);
-      return new THREE.Vector2(x * away, y * away);
+      const away = 1 + 3.2 * unit / Math.max(Math.hypot(x - cx, y - cy), unit);
+      return new THREE.Vector2(cx + (x - cx) * away, cy + (y - cy) * away);
     });
-    const bevel = 0.25 * Math.abs(thickness);
     const geometry = new THREE.ExtrudeGeometry(new THREE.Shape(corners), {
-      depth: Math.abs(thickness), bevelEnabled: true, bevelSize: bevel, bevelThickness: bevel, bevelSegments: 3,
+      depth: thickness, bevelEnabled: true, bevelSize: bevel, bevelThickness: bevel, bevelSegments: 3,
     });
-    geometry.translate(0, 0, middle + Math.min(thickness, 0));
+    geometry.translate(0, 0, side < 0 ? cz - thickness : cz);
     return mesh(geometry, colour, more);
   };
 
@@ -114,9 +122,13 @@
     const colour = new THREE.Color(GS.page.colours[index]);
     const group = new THREE.Group();
     const base = record.base.map(vector), joints = record.platform.map(vector);
-    group.add(plate(record.base, -2.2 * unit, index ? STEEL : 0xb9c2cc, index ? { transparent: true, opacity: 0.5 } : undefined));
+    // plates lie on the far sides of the joints, also where the platform hangs
+    const below = record.pose[2] < MIDDLE[2] ? 1 : -1;
+    const seen = new THREE.Vector3(...MIDDLE).sub(new THREE.Vector3(...record.pose.subarray(0, 3)));
+    const above = seen.applyQuaternion(new THREE.Quaternion(...record.pose.subarray(3, 7)).invert()).z > 0 ? -1 : 1;
+    group.add(plate(record.base, 2.2 * unit, below, index ? STEEL : 0xb9c2cc, index ? { transparent: true, opacity: 0.5 } : undefined));
     const platform = new THREE.Group();
-    platform.add(plate(record.platform, 1.8 * unit, colour, { transparent: true, opacity: several ? 0.72 : 0.9 }));
+    platform.add(plate(record.platform, 1.8 * unit, above, colour, { transparent: true, opacity: several ? 0.72 : 0.9 }));
     const legs = base.map((point, k) => {
       const lower = new THREE.Group(), upper = new THREE.Group();
       const sleeve = tube(1.25 * unit, record.lower, STEEL);
@@ -145,9 +157,9 @@
       if (index === 0) {
         const name = label(String(k + 1), "#37424e", 6 * unit);
         // outward, and away from the nearest other joint
-        const near = base.filter((other) => other !== point).sort((a, b) => a.distanceTo(point) - b.distanceTo(point))[0];
-        const out = point.clone().setZ(0).setLength(6.5 * unit), aside = point.clone().sub(near).setZ(0).setLength(4 * unit);
-        name.position.copy(point).add(out).add(aside);
+        const next = base.filter((other) => other !== point).sort((a, b) => a.distanceTo(point) - b.distanceTo(point))[0];
+        const out = point.clone().sub(vector(MIDDLE)).setZ(0).setLength(6.5 * unit);
+        name.position.copy(point).add(out).add(point.clone().sub(next).setZ(0).setLength(4 * unit));
         group.add(name);
       }
       return { lower, upper, core, sleeve, rod: upper.children[0] };
@@ -165,7 +177,7 @@
     let ghost = null;
     if (record.reference) {
       ghost = new THREE.Group();
-      const body = plate(record.platform, 1.8 * unit, GHOST, { transparent: true, opacity: 0.22, depthWrite: false });
+      const body = plate(record.platform, 1.8 * unit, above, GHOST, { transparent: true, opacity: 0.22, depthWrite: false });
       const edges = new THREE.LineSegments(new THREE.EdgesGeometry(body.geometry, 40), new THREE.LineBasicMaterial({ color: GHOST }));
       ghost.add(body, edges);
       group.add(ghost);
@@ -184,5 +196,5 @@
     return { record, group, platform, legs, ghost, trails, frames, push, strongest };
   };
 
-  GS.bodies = { vector, frame, machine, unit, extent, height, SIZE, top, aside, UP };
+  GS.bodies = { vector, frame, machine, unit, extent, SIZE, MIDDLE, room, UP };
 })();

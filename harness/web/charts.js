@@ -28,13 +28,24 @@
     cursor.style.height = `${place.bottom - place.top}px`;
   };
 
+  // Curves of the records whose boxes are checked; a legend entry is that of the first of its curves to be seen.
+  GS.showCurves = () => {
+    const boxes = [...document.querySelectorAll("input[data-record]")];
+    if (!chart || !boxes.length) return;
+    const led = new Set(), { data } = GS.page.chart;
+    const visible = data.map((line) => line.meta.some((record) => boxes[record].checked));
+    const showlegend = data.map(({ legendgroup }, k) => {
+      if (!legendgroup || !visible[k] || led.has(legendgroup)) return false;
+      led.add(legendgroup);
+      return true;
+    });
+    Plotly.restyle(chart, { visible, showlegend });
+  };
+
   GS.charts = () => {
     const element = document.getElementById("chart");
     const { data, layout } = GS.page.chart;
-    // only what serves here; others would offer to send the data somewhere
-    const buttons = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
-    const options = { responsive: true, displaylogo: false, modeBarButtons: buttons };
-    Plotly.newPlot(element, data, layout, options).then(() => {
+    Plotly.newPlot(element, data, layout, GS.quiet).then(() => {
       chart = element;
       GS.moveCursor(GS.player.time);
       element.on("plotly_relayout", () => GS.moveCursor(GS.player.time));
@@ -49,10 +60,7 @@
         const share = (x - place.left) / place.width;
         GS.player.seek(place.range[0] + share * (place.range[1] - place.range[0]));
       }, true);
-      GS.showCurves = (record, on) => {
-        const lines = data.map((_, k) => k).filter((k) => data[k].meta === record);
-        Plotly.restyle(element, { visible: on }, lines);
-      };
+      GS.showCurves();
       performance.mark("curves");
       GS.ready.curves = true;
     });

@@ -1,11 +1,7 @@
 "use strict";
-// Reads what Python packed into the page, and finds poses between its frames.
-const GoughStewart = {};
+// The records of the page, and poses between their frames.
 (() => {
-  const numbers = (packed) => {
-    const bytes = Uint8Array.from(atob(packed.bdata), (c) => c.charCodeAt(0));
-    return new Float64Array(bytes.buffer);
-  };
+  const { numbers, page } = GoughStewart;
   const read = (scene) => {
     const record = { ...scene };
     for (const name of ["time", "pose", "reference", "orientation", "length", "force", "external_force"]) {
@@ -14,8 +10,6 @@ const GoughStewart = {};
     if (scene.nearness) record.nearness = { of: scene.nearness.of, values: numbers(scene.nearness.values) };
     return record;
   };
-  const page = JSON.parse(document.getElementById("data").textContent);
-  GoughStewart.page = page;
   GoughStewart.records = page.scenes.map(read);
   GoughStewart.start = Math.min(...GoughStewart.records.map((r) => r.time[0]));
   GoughStewart.end = Math.max(...GoughStewart.records.map((r) => r.time[r.time.length - 1]));

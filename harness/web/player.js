@@ -4,9 +4,7 @@
   const GS = GoughStewart;
   const $ = (id) => document.getElementById(id);
   GS.ready = { picture: false, curves: false };
-  const minus = (text) => (Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−"));
-  const fixed = (x, digits) => minus(x.toFixed(digits));
-  GS.text = (x) => minus(Math.abs(x) >= 1e4 ? x.toFixed(0) : x.toPrecision(4));
+  const { fixed } = GS;
 
   let view = null;
   try {
@@ -16,8 +14,8 @@
     $("no-view").textContent = `This browser shows no 3-D graphics (WebGL): ${problem.message || problem}. Curves and tables work without.`;
   }
 
-  const longest = GS.records.reduce((most, r) => (r.time.length > most.time.length ? r : most));
-  const digits = Math.max(2, Math.min(6, Math.ceil(-Math.log10((GS.end - GS.start) / Math.max(longest.time.length - 1, 1) || 1) + 0.3)));
+  const longest = Math.max(...GS.records.map((r) => r.time.length));
+  const digits = Math.max(2, Math.min(6, Math.ceil(-Math.log10((GS.end - GS.start) / Math.max(longest - 1, 1) || 1) + 0.3)));
   const player = { time: GS.start, playing: false, speed: 1 };
   GS.player = player;
   let before = 0, colour = "force";
@@ -51,7 +49,7 @@
 
   const show = () => {
     $("time").value = player.time;
-    $("clock").textContent = `${player.time.toFixed(digits)} of ${GS.end.toFixed(2)} s`;
+    $("clock").textContent = `${player.time.toFixed(digits)} of ${GS.end.toFixed(digits)} s`;
     GS.moveCursor(player.time);
     write();
     if (view) view.show(player.time);
@@ -73,12 +71,12 @@
     $("play").setAttribute("aria-label", "pause");
   };
   const toggle = () => (player.playing ? player.pause() : player.play());
-  const step = (frames) => {
+  // the frames of all records, in their order
+  const moments = [...new Set(GS.records.flatMap((r) => [...r.time]))].sort((a, b) => a - b);
+  const step = (forward) => {
     player.pause();
-    const { frame, share } = GS.frameAt(longest, player.time);
-    // going back from between two frames leads to the one before
-    const to = frame + frames + (frames < 0 && share > 0 ? 1 : 0);
-    player.seek(longest.time[Math.min(Math.max(to, 0), longest.time.length - 1)]);
+    const { time } = player;
+    player.seek((forward ? moments.find((t) => t > time) : moments.findLast((t) => t < time)) ?? time);
   };
 
   // Where frames come slowly, as without a graphics card, shadows and pixels are given up for motion.
@@ -118,9 +116,9 @@
     canvas.height = 6;
     GS.records.forEach((record) => Object.entries(record.flags).forEach(([name, up], row) => {
       pen.fillStyle = colours[name];
-      for (let k = 1; k < up.length; k++) {
+      for (let k = 0; k < up.length; k++) {
         if (up[k] !== "1") continue;
-        const [from, to] = [record.time[k - 1], record.time[k]].map((t) => width * (t - GS.start) / (GS.end - GS.start || 1));
+        const [from, to] = [record.time[k], record.time[k + 1]].map((t) => width * (t - GS.start) / (GS.end - GS.start || 1));
         pen.fillRect(from, 2 * row, Math.max(to - from, 1), 2);
       }
     }));
@@ -147,13 +145,12 @@
   $("ghost").parentElement.hidden = !GS.records.some((r) => r.reference);
   document.querySelector("#colour option[value=nearness]").disabled = !GS.records.some((r) => r.nearness);
   document.querySelectorAll("input[data-record]").forEach((box) => box.addEventListener("change", () => {
-    const k = Number(box.dataset.record);
-    if (view) view.showMachine(k, box.checked);
-    if (GS.showCurves) GS.showCurves(k, box.checked);
+    if (view) view.showMachine(Number(box.dataset.record), box.checked);
+    GS.showCurves();
   }));
   document.addEventListener("keydown", (event) => {
     if (event.target.closest("select, input[type=checkbox], summary") || event.ctrlKey || event.metaKey || event.altKey) return;
-    const act = { " ": toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1) }[event.key];
+    const act = { " ": toggle, ArrowLeft: () => step(false), ArrowRight: () => step(true) }[event.key];
     if (!act) return;
     if (event.key === " " && event.target.id === "play") return;  // a button does it by itself
     event.preventDefault();

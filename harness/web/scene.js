@@ -3,7 +3,7 @@
 (() => {
   const { THREE } = MeshCat;
   const GS = GoughStewart;
-  const { vector, frame, machine, unit, extent, height, SIZE, top, aside, UP } = GS.bodies;
+  const { vector, frame, machine, unit, extent, SIZE, MIDDLE, room, UP } = GS.bodies;
   const quaternion = new THREE.Quaternion(), next = new THREE.Quaternion(), direction = new THREE.Vector3(), point = new THREE.Vector3();
   const place = (object, values, at) => {
     const from = 7 * at.frame;
@@ -23,20 +23,24 @@
 
     const scale = 1.1 / SIZE, root = new THREE.Group();
     root.scale.setScalar(scale);
+    root.position.copy(vector(MIDDLE)).multiplyScalar(-scale);
     const machines = GS.records.map(machine);
     root.add(...machines.map((m) => m.group));
-    const ground = Math.min(...GS.records.flatMap((r) => r.base.map((p) => p[2]))) - 2.8 * unit;
+    // a hanging platform has some air below it
+    const hangs = GS.records.some((r) => r.pose[2] < MIDDLE[2]);
+    const ground = room.low - (hangs ? 0.4 * SIZE : 2.8 * unit);
     const floor = new THREE.Mesh(new THREE.CircleGeometry(3.2 * SIZE, 64), new THREE.ShadowMaterial({ opacity: 0.16 }));
-    floor.position.z = ground;
+    floor.position.set(MIDDLE[0], MIDDLE[1], ground);
     floor.receiveShadow = true;
     const cell = 10 ** Math.round(Math.log10(SIZE / 4)), cells = 2 * Math.ceil(2.2 * SIZE / cell / 2);
     const grid = new THREE.GridHelper(cells * cell, cells, 0xc3cbd4, 0xdde3e9);
     grid.rotateX(Math.PI / 2);
-    grid.position.z = ground;
+    grid.position.copy(floor.position);
     const world = frame(0.42 * SIZE, ["X", "Y", "Z"]);
     root.add(floor, grid, world);
     const sun = new THREE.DirectionalLight(0xffffff, 0.75), sky = new THREE.HemisphereLight(0xffffff, 0xc8ccd2, 0.62);
-    sun.position.set(2.2 * SIZE, -1.6 * SIZE, 5 * SIZE);
+    sun.position.set(2.2 * SIZE, -1.6 * SIZE, 5 * SIZE).add(vector(MIDDLE));
+    sun.target.position.copy(vector(MIDDLE));
     sun.castShadow = true;
     sun.shadow.mapSize.set(1024, 1024);
     sun.shadow.radius = 3;
@@ -46,8 +50,8 @@
     viewer.set_object(["gough-stewart"], root);
 
     // The camera lives in a frame whose y is up: (x, z, −y) of the room.
-    const middle = scale * (ground + 0.5 * (top - ground));
-    const radius = scale * Math.hypot(Math.max(extent, 0.6 * extent + aside), 0.6 * (top - ground));
+    const middle = scale * (0.5 * (ground + room.high) - MIDDLE[2]);
+    const radius = scale * Math.hypot(Math.max(extent, 0.6 * extent + room.aside), 0.6 * (room.high - ground));
     const places = { corner: [0.62, 0.36, 0.70], front: [0, 0.12, 1], side: [1, 0.12, 0], top: [0, 1, 0.001] };
     const look = (from) => {
       const [x, y, z] = places[from], size = Math.hypot(x, y, z);
@@ -111,7 +115,9 @@
       showMachine: (k, on) => { machines[k].group.visible = on; viewer.set_dirty(); },
       simpler: () => {
         if (sun.castShadow) sun.castShadow = floor.visible = false;
-        else viewer.renderer.setPixelRatio(Math.max(0.6, 0.75 * viewer.renderer.getPixelRatio()));
+        else if (viewer.renderer.getPixelRatio() > 0.6) {
+          viewer.renderer.setPixelRatio(Math.max(0.6, 0.75 * viewer.renderer.getPixelRatio()));
+        }
         viewer.set_dirty();
       },
       render: () => { if (viewer.needs_render) viewer.render(); },

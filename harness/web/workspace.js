@@ -1,22 +1,14 @@
 "use strict";
 // Maps over two coordinates, a volume over three; every map shows the same part of the plane, and tells everything.
 (() => {
-  const page = JSON.parse(document.getElementById("data").textContent);
-  const numbers = (packed) => {
-    const bytes = Uint8Array.from(atob(packed.bdata), (c) => c.charCodeAt(0));
-    return new ({ f4: Float32Array, i4: Int32Array, i1: Int8Array })[packed.dtype](bytes.buffer);
-  };
+  const { page, numbers, quiet, short: said } = GoughStewart;
   const [first, second, third] = page.swept;
   const axes = page.swept.map((axis) => Array.from(numbers(axis.values)));
   const limit = numbers(page.limit), behind = numbers(page.behind), clearance = numbers(page.clearance);
   const results = page.results.map((result) => ({ ...result, values: numbers(result.values) }));
   const depth = third ? axes[2].length : 1;
-  // only buttons that serve here; others would offer to send the data somewhere
-  const quiet = { displaylogo: false, responsive: true, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]] };
   const turning = { ...quiet, modeBarButtons: [["toImage", "orbitRotation", "tableRotation", "resetCameraDefault3d"]] };
   const font = { family: 'system-ui, "Segoe UI", sans-serif', size: 12, color: "#1d2733" };
-  const said = (value) => !Number.isFinite(value) ? (value > 0 ? "∞" : "–")
-    : Math.abs(value) >= 1e4 ? value.toFixed(0) : String(Number(value.toPrecision(4)));
   const unit = (name) => (name && name !== "°" ? ` ${name}` : name);
 
   // Rows of the second coordinate, as plotly.js wants them.
@@ -77,9 +69,9 @@
   const isEqual = first.unit === second.unit;
   const home = (k) => ({
     type: "scatter", mode: "markers", hoverinfo: "skip", showlegend: false,
-    x: page.home ? [page.home[0]] : [], y: page.home ? [page.home[1]] : [],
+    x: page.home ? [page.home.place[0]] : [], y: page.home ? [page.home.place[1]] : [],
     marker: { symbol: "cross-thin", size: 11, line: { width: 2, color: "#000" } },
-    visible: !third || !page.home || Math.abs(axes[2][k] - page.home[2]) < 1e-6 * Math.abs(axes[2].at(-1) - axes[2][0]),
+    visible: Boolean(page.home) && page.home.level === k,
   });
   const extent = (values) => [values[0], values.at(-1)];
   let level = page.level;

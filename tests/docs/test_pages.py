@@ -57,6 +57,9 @@ LEFT_BY = {
     "README.md": "results/mine/figure-4.png",
     "docs/control.md": "results/mine/pose.png",
     "docs/use-loop.md": "results/mine/record.csv",
+    "docs/view.md": "compared.html",
+    "docs/workspace.md": "results/volume/workspace.html",
+    "docs/getting-started.md": "experiment.toml",
 }
 # What a page says of its snippet, by a word that no other has.
 SAID = {

@@ -10,12 +10,12 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-STEP = 1e-3
 
-
-def waving_record(platform: Platform, rows: int = 501, size: float = 0.04, **metadata: Any) -> Record:
+def waving_record(
+    platform: Platform, rows: int = 501, size: float = 0.04, step: float = 1e-3, **metadata: Any
+) -> Record:
     """Six sines of different frequencies about home, wanted a little ahead of actual; forces are sines as well."""
-    time = STEP * np.arange(rows)
+    time = step * np.arange(rows)
     length = platform.characteristic_length
 
     def pose(shift: float) -> tuple[FloatArray, FloatArray]:

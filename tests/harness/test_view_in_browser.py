@@ -194,22 +194,55 @@ def test_dragging_turns_the_view(still: Watched) -> None:
 
 
 def test_records_lie_over_each_other_and_can_be_hidden(browser: Browser, record: Record, tmp_path: Path) -> None:
-    """Expected: each at its own pose of the moment, also where one has ended; a hidden one leaves scene and curves."""
-    other = waving_record(load_preset("motion_base"), rows=251, size=0.02)
+    """Expected: each at its own pose of the moment, also where one has ended; of 33 curves and 12 wanted ones each.
+
+    Arrows go to the next row of either, and a hidden record leaves the scene, and its curves and wanted ones; legends
+    name the axes and legs all the same.
+    """
+    other = waving_record(load_preset("motion_base"), rows=251, size=0.02, step=1.7e-3)
     path = tmp_path / "both.html"
     path.write_bytes(view_page([record, other], ["long", "short"]))
-    found = open_report(browser, path, 0.4)
-    for k, (each, row) in enumerate(((record, 400), (other, 250))):
-        assert drawn(found.page, k)["position"] == pytest.approx(each["position"][row], abs=1e-9)
-    view = found.page.locator("#view")
+    found = open_report(browser, path, 0.45)
+    page = found.page
+    for k, (each, row) in enumerate(((record, 450), (other, 250))):
+        assert drawn(page, k)["position"] == pytest.approx(each["position"][row], abs=1e-9)
+    scrub(page, record["time"][200])
+    for key, time in (("ArrowRight", other["time"][118]), ("ArrowRight", record["time"][201])):
+        page.keyboard.press(key)
+        assert page.evaluate("GoughStewart.player.time") == time
+    view = page.locator("#view")
     both = view.screenshot()
-    visible = "document.querySelectorAll('#chart .scatterlayer .trace').length"
-    lines = found.page.evaluate(visible)
-    found.page.uncheck("input[data-record='1']")
-    found.page.wait_for_timeout(300)
+    traces = "document.querySelectorAll('#chart .scatterlayer .trace').length"
+    entries = "[...document.querySelectorAll('#chart .legendtext')].map(e => e.textContent)"
+    all_of_them, names = page.evaluate(traces), page.evaluate(entries)
+    assert all_of_them == 2 * (4 * 3 + 3 * 6 + 1) + 2 * (2 * 3 + 6)
+    page.uncheck("input[data-record='0']")
+    until(page, f"{traces} === {all_of_them // 2}")
+    assert page.evaluate(entries) == names
     assert view.screenshot() != both
-    assert 0 < found.page.evaluate(visible) < lines
+    page.check("input[data-record='0']")
+    page.uncheck("input[data-record='1']")
+    until(page, f"{traces} === {all_of_them // 2}")
     assert found.errors == []
+    page.close()
+
+
+def test_the_policy_stops_other_scripts_and_forms(browser: Browser, report: Path) -> None:
+    """Expected: a script that is not the page's own does not run, a form does not leave; both are complained of."""
+    found = open_report(browser, report, 0.0)
+    found.page.evaluate(
+        "document.body.append(Object.assign(document.createElement('script'), {textContent: 'window.foreign = true'}))"
+    )
+    found.page.evaluate(
+        "() => { const form = document.createElement('form');"
+        " Object.assign(form, {action: 'http://127.0.0.1:9/', method: 'post'});"
+        " document.body.append(form); form.submit(); }"
+    )
+    found.page.wait_for_timeout(200)
+    assert found.page.evaluate("window.foreign === undefined")
+    assert [error for error in found.errors if "Content Security Policy" in error] == found.errors
+    assert len(found.errors) == 2
+    assert [address for address in found.requests if not address.startswith("file:")] == []
     found.page.close()
 
 

@@ -24,7 +24,7 @@ def browser() -> Iterator[Browser]:
 def test_maps_and_volumes_are_drawn_in_silence(browser: Browser, over: str, maps: int, tmp_path: Path) -> None:
     """Expected: a map for each result, a canvas for the volume; no complaint, no request."""
     path = tmp_path / "workspace.html"
-    path.write_text(workspace_page(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=15)))
+    path.write_bytes(workspace_page(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=15)))
     found = watched(browser)
     found.page.goto(path.as_uri())
     until(found.page, f"document.querySelectorAll('.heatmaplayer').length >= {maps}")

@@ -17,7 +17,7 @@ from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacob
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at, limits_not_stated, static_strength
+from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at, static_strength
 from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, default_ranges, sweep
 from tests.random_platforms import random_platform
 
@@ -179,14 +179,7 @@ def test_without_gravity_any_payload_is_held() -> None:
     assert np.isfinite(q.force_margin)
 
 
-def test_limits_that_are_not_stated_are_left_out_and_said() -> None:
-    assert set(limits_not_stated(PAPER)) == {
-        "leg_length_min",
-        "leg_length_max",
-        "joint_angle_max",
-        "actuator_force_max",
-    }
-    assert limits_not_stated(DESKTOP) == ()
+def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     q = evaluate_poses(PAPER, PAPER.home_position, LEVEL)
     assert (q.leg_length_margin, q.joint_angle_margin, q.payload, q.force_margin) == (None,) * 4
     one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
@@ -235,7 +228,7 @@ def test_default_ranges_hold_what_can_be_reached_and_little_else(platform: Platf
 def test_without_limits_a_range_about_home_is_assumed_and_said() -> None:
     """Expected: as documented, one characteristic length (here 1 m), and 45°."""
     w = sweep(PAPER, {"z": None, "roll": None}, points=3)
-    assert w.stated == ("z", "roll")
+    assert w.assumed == ("z", "roll")
     assert w.found == ()
     assert w.swept["z"] == pytest.approx([2, 3, 4])
     assert w.swept["roll"] == pytest.approx([-np.pi / 4, 0, np.pi / 4])
