@@ -136,9 +136,7 @@ def _check_name(option: str, given: str, name: str) -> None:
     from gough_stewart.model.workspace_grid import COORDINATES
 
     if name not in COORDINATES:
-        raise UsageError(
-            f"{option} {given}: unknown coordinate '{name}'; expected of {', '.join(COORDINATES)}, separated by commas"
-        )
+        raise UsageError(f"{option} {given}: unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
 
 
 def _quantity(option: str, given: str, name: str, text: str) -> float:

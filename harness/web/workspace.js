@@ -74,6 +74,8 @@
     visible: Boolean(page.home) && page.home.level === k,
   });
   const extent = (values) => [values[0], values.at(-1)];
+  // colours shine through at the edge of what covers them
+  const frame = { type: "rect", xref: "x domain", yref: "y domain", x0: 0, x1: 1, y0: 0, y1: 1, line: { width: 2, color: "#dfe4ea" } };
   let level = page.level;
   const drawn = [];
   const firstText = told(level);
@@ -90,6 +92,7 @@
   for (const { panel, plot } of drawn) {
     const layout = {
       height: 380, showlegend: false, margin: { l: 58, r: 12, t: 8, b: 46 }, font, paper_bgcolor: "#fff", plot_bgcolor: "#f0f0f0",
+      shapes: [frame],
       hoverlabel: { align: "left", bgcolor: "#fff", bordercolor: "#5c6a79", font: { size: 12, color: "#1d2733" } },
       xaxis: { title: axisTitle(first), range: extent(axes[0]), zeroline: false, showgrid: false, constrain: "domain" },
       yaxis: { title: axisTitle(second), range: extent(axes[1]), zeroline: false, showgrid: false, constrain: "domain",

@@ -228,7 +228,7 @@ def test_nothing_reached_is_a_warning(tmp_path: Path) -> None:
 
 
 ERRORS = [
-    (["--over", "x,q"], "--over x,q: unknown coordinate 'q'; expected of x, y, z, roll, pitch, yaw"),
+    (["--over", "x,q"], "--over x,q: unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw"),
     (["--over", "x"], "1 swept coordinates; expected two for maps, or three for a volume"),
     (["--over", "x,x"], "x is there twice; expected every coordinate once"),
     (["--over", "x=1,y"], "found the range '1' for x; expected LOW:HIGH"),
