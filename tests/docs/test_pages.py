@@ -10,13 +10,11 @@ Shell commands and what becomes of them:
 - `. .venv/bin/activate`: nothing; the tests run in that environment.
 """
 
-import json
 import os
 import re
 import shlex
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -78,7 +76,6 @@ NOT_RUN = {
     "modelica": "needs OpenModelica or Dymola",
     "lua": "needs OMSimulator",
 }
-DATA = {"toml": tomllib.loads, "json": json.loads}
 AROUND_C = """\
 #include "fmi3Functions.h"
 void host(fmi3String token, fmi3ValueReference actuator_force, fmi3ValueReference leg_length, fmi3Float64 *force,
@@ -97,7 +94,7 @@ def built(fmus: dict[str, Fmu], tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 def test_every_language_is_dealt_with() -> None:
-    known = {"python", "sh", "c", *DATA, *NOT_RUN}
+    known = {"python", "sh", "c", *NOT_RUN}
     assert [b.place for b in BLOCKS if b.language not in known] == []
 
 
@@ -190,11 +187,6 @@ def test_the_tests_that_the_pages_name_are_there() -> None:
     assert [each for each in named if not any(name.startswith(each) for name in collected)] == []
     assert [each for each in slow if not each.startswith("tests/evidence/")] == []
     assert [each for each in quick if each.startswith("tests/evidence/")] == []
-
-
-@pytest.mark.parametrize("block", of_language(*DATA), ids=lambda b: b.place)
-def test_data_can_be_read(block: Block) -> None:
-    assert DATA[block.language](block.text)
 
 
 @pytest.mark.parametrize("block", of_language("c"), ids=lambda b: b.place)
