@@ -75,7 +75,7 @@ lower-bounds:
 	$(VENV)-lowest/bin/python -m pip install --quiet uv
 	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct -e '.[dev]'
 	@# old releases meet newer ones of their own dependencies: what those deprecate is not ours to fail on
-	$(VENV)-lowest/bin/python -m pytest -q -W default::DeprecationWarning
+	$(VENV)-lowest/bin/python -m pytest -q --numprocesses=auto --dist=loadfile -W default::DeprecationWarning
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest results build *.egg-info
