@@ -1,6 +1,7 @@
 """A page of ten seconds at 1 kHz: how long it takes to make, its size, and how soon Chromium shows it."""
 
 import statistics
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -13,6 +14,8 @@ from gough_stewart.harness.experiment_file import shipped_experiment
 from gough_stewart.harness.record import Record
 from gough_stewart.harness.run import run
 from gough_stewart.harness.view_page import view_page
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.browser import CHROMIUM, chromium
 
 REPEATS = 5
