@@ -193,6 +193,14 @@ def test_the_tests_that_the_pages_name_are_there() -> None:
     assert [each for each in quick if each.startswith("tests/evidence/")] == []
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_every_table_has_a_head(page: str) -> None:
+    """Expected: below the first row of each group of rows, the line that makes it a head; a blank line ends a table."""
+    lines = ["", *(ROOT / page).read_text(encoding="utf-8").splitlines(), ""]
+    firsts = [k for k in range(1, len(lines) - 1) if lines[k].startswith("|") and not lines[k - 1].startswith("|")]
+    assert [lines[k] for k in firsts if not lines[k + 1].startswith("| ---")] == []
+
+
 @pytest.mark.parametrize("block", of_language("c"), ids=lambda b: b.place)
 def test_c_compiles_with_the_standards_headers(block: Block, tmp_path: Path) -> None:
     """Expected: no error and no warning, within a function that has the values of the text as arguments."""
