@@ -12,10 +12,9 @@ from gough_stewart.model.kinematics import (
     joint_angles,
     leg_geometry,
     rates_of_legs,
-    side_of_singular_poses,
 )
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import LARGEST_PITCH
+from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
@@ -89,7 +88,7 @@ def check_reach(platform: Platform, time: FloatArray, motion: Motion, largest_co
 def _bounds(platform: Platform, motion: Motion, largest_condition_number: float) -> list[_Bound]:
     pose = (motion.position, motion.orientation)
     legs = leg_geometry(platform, *pose)
-    side = side_of_singular_poses(legs, leg_geometry(platform, platform.home_position, platform.home_orientation))
+    side = side_of_singular_poses(platform, legs)
     pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # at LARGEST_PITCH itself the plant refuses
     bounds = [
         _Bound("the pitch", "rad", motion.orientation[:, 1], -pitch, pitch),

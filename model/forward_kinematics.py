@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, NoPoseError
-from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacobian
+from gough_stewart.model.kinematics import conditioning, handedness_of_legs, leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
@@ -74,8 +74,8 @@ def forward_kinematics(
     t = interface.checked_value(interface.BY_NAME["position"], t)
     R = matrix_from_orientation(interface.checked_value(interface.BY_NAME["orientation"], o))
     o = orientation_from_matrix(R)
-    side = _handedness(platform, t, o)
-    error = wanted - leg_geometry(platform, t, o).length
+    legs = leg_geometry(platform, t, o)
+    side, error = handedness_of_legs(legs), wanted - legs.length
     history = [float(np.abs(error).max())]
     close = tolerance * float(wanted.max())
 
@@ -92,9 +92,10 @@ def forward_kinematics(
             t_next = t + share * step[:3]
             R_next = Rotation.from_rotvec(share * step[3:]).as_matrix() @ R
             o_next = orientation_from_matrix(R_next)
-            error_next = wanted - leg_geometry(platform, t_next, o_next).length
+            legs = leg_geometry(platform, t_next, o_next)
+            error_next = wanted - legs.length
             falls = np.linalg.norm(error_next) < (1 - 1e-4 * share) * np.linalg.norm(error)
-            if falls and _handedness(platform, t_next, o_next) == side:
+            if falls and handedness_of_legs(legs) == side:
                 break
             share /= 2
         else:
@@ -102,11 +103,6 @@ def forward_kinematics(
         t, R, o, error = t_next, R_next, o_next, error_next
         history.append(float(np.abs(error).max()))
     return ForwardKinematics(t, o, True, len(history) - 1, history[-1], tuple(history))
-
-
-def _handedness(platform: Platform, position: FloatArray, orientation: FloatArray) -> float:
-    """Sign of det J: constant within an assembly mode, changes at singular poses."""
-    return float(np.sign(np.linalg.det(leg_jacobian(platform, position, orientation))))
 
 
 def _no_pose(reason: str, t: FloatArray, o: FloatArray, history: list[float]) -> NoPoseError:

@@ -1,7 +1,7 @@
 """Kinematics of the six legs: vectors, lengths, directions, rates, and the leg Jacobian.
 
 Closure of leg i (paper, fig. 1): l_i = t + R p_i − B_i, with t the position of Op, R from platform to world.
-All functions broadcast over leading axes and are traceable, except `conditioning`, `side_of_singular_poses` and
+All functions broadcast over leading axes and are traceable, except `conditioning`, `handedness_of_legs` and
 `joint_angles`, which are NumPy only.
 """
 
@@ -102,13 +102,9 @@ def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
     return Conditioning(np.asarray(number), np.asarray(sigma[..., -1]), rho)
 
 
-def side_of_singular_poses(legs: LegGeometry, home: LegGeometry) -> Array:
-    """sign(det J)/sign(det J at home) (...): 1 on home's side of the singular poses, −1 beyond; else 0 or not a number.
-
-    The same side is necessary, not sufficient, for a way from home that passes none.
-    """
-    det, at_home = (np.sign(np.linalg.det(jacobian_of_legs(each))) for each in (legs, home))
-    return np.asarray(det * at_home)
+def handedness_of_legs(legs: LegGeometry) -> Array:
+    """sign(det J) (...): constant within an assembly mode, changes at singular poses; else 0 or not a number."""
+    return np.asarray(np.sign(np.linalg.det(jacobian_of_legs(legs))))
 
 
 def scaled_jacobian_of_legs(legs: LegGeometry) -> tuple[Array, Array]:

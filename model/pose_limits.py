@@ -3,9 +3,9 @@
 import numpy as np
 
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.kinematics import conditioning_of_legs, jacobian_of_legs, leg_geometry
+from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, handedness_of_legs, leg_geometry
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, FloatArray
 
 # 0.06° short of the singularity of roll and yaw [rad].
 LARGEST_PITCH = np.pi / 2 - 1e-3
@@ -40,7 +40,7 @@ def check_pose(platform: Platform, x: Array, time: float, handedness: float | No
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
         raise StepError(f"leg_length[{leg + 1}]", float(legs.length[leg]), time, "the leg has collapsed")
     number = float(conditioning_of_legs(legs).condition_number)
-    sign = float(np.sign(np.linalg.det(jacobian_of_legs(legs))))
+    sign = float(handedness_of_legs(legs))
     passed = handedness is not None and sign != handedness
     if passed or not number < SINGULAR_CONDITION_NUMBER:
         since = " (passed since the last internal step)" if passed else ""
@@ -51,3 +51,13 @@ def check_pose(platform: Platform, x: Array, time: float, handedness: float | No
             f"the platform has reached a singular pose, where the legs cannot hold it{since}",
         )
     return sign
+
+
+def side_of_singular_poses(platform: Platform, legs: LegGeometry) -> FloatArray:
+    """Sign of det J against that at home (...): 1 on home's side of the singular poses, −1 beyond.
+
+    0 at a singular pose, not a number where a leg has no direction. The same side is necessary, not sufficient, for a
+    way from home that passes no singular pose.
+    """
+    home = leg_geometry(platform, platform.home_position, platform.home_orientation)
+    return np.asarray(handedness_of_legs(legs) * handedness_of_legs(home))

@@ -17,10 +17,9 @@ from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     joint_angles,
     leg_geometry,
-    side_of_singular_poses,
 )
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import LARGEST_PITCH
+from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
 
@@ -108,7 +107,7 @@ def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArra
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
-        side = _side(platform, legs)
+        side = side_of_singular_poses(platform, legs)
         leg_margins = _leg_margins(platform, legs)
         joint_margins = _joint_margins(platform, position, orientation)
     return _first_limit(orientation, side, leg_margins, joint_margins)
@@ -147,7 +146,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     """Of poses (n, 3)."""
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
-        side = _side(platform, legs)
+        side = side_of_singular_poses(platform, legs)
         number, smallest, _ = conditioning_of_legs(legs)
         leg_margins = _leg_margins(platform, legs)
         joint_margins = _joint_margins(platform, position, orientation)
@@ -177,10 +176,6 @@ def _first_limit(
     for each in sorted(kept, reverse=True):
         limit[~kept[each]] = each
     return limit
-
-
-def _side(platform: Platform, legs: LegGeometry) -> FloatArray:
-    return side_of_singular_poses(legs, leg_geometry(platform, platform.home_position, platform.home_orientation))
 
 
 def _leg_margins(platform: Platform, legs: LegGeometry) -> dict[Limit, FloatArray]:
