@@ -1,12 +1,11 @@
 """Draws docs/figures/platform.svg, the picture of README and docs/notation.md: `make figures`."""
 
-from pathlib import Path
-
 import matplotlib.style as mpl_style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from saving import save_svg
 
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform_toml import load_preset
@@ -124,10 +123,7 @@ def main() -> None:
             draw(axes)
             axes.set_aspect("equal")
             axes.axis("off")
-        path = Path(__file__).with_name("platform.svg")
-        figure.savefig(path, metadata={"Date": None, "Creator": None})
-        # matplotlib leaves spaces at line ends
-        path.write_text("\n".join(line.rstrip() for line in path.read_text().splitlines()) + "\n")
+        save_svg("platform.svg", figure)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,10 @@
 """Draws docs/figures/architecture.svg, what flows between the three packages: `make figures`."""
 
-from pathlib import Path
-
 import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
+from saving import save_svg
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}
 INK, FAINT = "#222222", "#5A6B7D"
@@ -104,10 +103,7 @@ def main() -> None:
         axes.set(xlim=(-0.45, 12.95), ylim=(0.0, 6.1))
         axes.set_aspect("equal")
         axes.axis("off")
-        path = Path(__file__).with_name("architecture.svg")
-        figure.savefig(path, metadata={"Date": None, "Creator": None})
-        # matplotlib leaves spaces at line ends
-        path.write_text("\n".join(line.rstrip() for line in path.read_text().splitlines()) + "\n", newline="\n")
+        save_svg("architecture.svg", figure)
 
 
 if __name__ == "__main__":

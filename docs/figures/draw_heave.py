@@ -1,6 +1,6 @@
 """Draws docs/figures/heave.svg, the picture of README's closed loop: `make figures`."""
 
-from pathlib import Path
+from saving import save_svg
 
 from gough_stewart.harness.experiment_file import shipped_experiment
 from gough_stewart.harness.run import run
@@ -9,10 +9,7 @@ from gough_stewart.harness.run_figures import run_figures
 
 def main() -> None:
     """Write the picture beside this file."""
-    drawn = run_figures(run(shipped_experiment("heave_step")))["pose.svg"].decode()
-    # matplotlib leaves spaces at line ends
-    lines = "\n".join(line.rstrip() for line in drawn.splitlines())
-    Path(__file__).with_name("heave.svg").write_text(lines + "\n")
+    save_svg("heave.svg", run_figures(run(shipped_experiment("heave_step")))["pose.svg"])
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
 """Draws docs/figures/loop.svg, the block diagram of docs/control.md: `make figures`."""
 
 from itertools import pairwise
-from pathlib import Path
 
 import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
+from saving import save_svg
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}
 INK, DIGITAL, PHYSICAL = "#222222", "#E3EEF7", "#F6EAD7"
@@ -96,10 +96,7 @@ def main() -> None:
         axes.set(xlim=(-1.0, 13.75), ylim=(-0.4, 4.45))
         axes.set_aspect("equal")
         axes.axis("off")
-        path = Path(__file__).with_name("loop.svg")
-        figure.savefig(path, metadata={"Date": None, "Creator": None})
-        # matplotlib leaves spaces at line ends
-        path.write_text("\n".join(line.rstrip() for line in path.read_text().splitlines()) + "\n")
+        save_svg("loop.svg", figure)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
 """Draws docs/figures/paper.svg, the paper's figures 4 to 7 as one picture: `make figures`."""
 
-from pathlib import Path
-
 import matplotlib.style as mpl_style
 from matplotlib.figure import Figure
+from saving import save_svg
 
 from gough_stewart.harness.open_loop import run_kernel
 from gough_stewart.harness.plotting import COLOURS, DASHES, STYLE
@@ -31,10 +30,7 @@ def main() -> None:
             axes.margins(x=0)
             axes.legend(ncols=2 if len(names) == 6 else 1, fontsize=8)
             axes.set_xlabel("time [s]")
-        path = Path(__file__).with_name("paper.svg")
-        figure.savefig(path, metadata={"Date": None, "Creator": None})
-    # matplotlib leaves spaces at line ends
-    path.write_text("\n".join(line.rstrip() for line in path.read_text().splitlines()) + "\n")
+        save_svg("paper.svg", figure)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Draws docs/figures/workspace.svg, the picture of docs/workspace.md: `make figures`."""
 
-from pathlib import Path
+from saving import save_svg
 
 from gough_stewart.harness.workspace_figures import workspace_figures
 from gough_stewart.model.platform_toml import load_preset
@@ -10,10 +10,7 @@ from gough_stewart.model.workspace_grid import sweep
 def main() -> None:
     """Write the picture beside this file."""
     workspace = sweep(load_preset("motion_base"), {"x": None, "z": None}, points=81)
-    drawn = workspace_figures(workspace)["workspace.svg"].decode()
-    # matplotlib leaves spaces at line ends
-    lines = "\n".join(line.rstrip() for line in drawn.splitlines())
-    Path(__file__).with_name("workspace.svg").write_text(lines + "\n")
+    save_svg("workspace.svg", workspace_figures(workspace)["workspace.svg"])
 
 
 if __name__ == "__main__":
