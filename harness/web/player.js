@@ -21,15 +21,14 @@
   let before = 0, colour = "force";
 
   // A table of the moment: pose, and leg by leg length and force.
-  const names = GS.records.length > 1;
   const now = GS.records.map((record) => {
     const table = document.createElement("table");
     const heads = ["", ...[1, 2, 3, 4, 5, 6].map((k) => `leg ${k}`)];
     const rows = ["force N", "length m", ...(record.nearness ? ["of limit %"] : [])];
-    const title = names ? record.name : "";
     table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => `<th>${h}</th>`).join("")}</tr></thead><tbody>${
       rows.map((r) => `<tr><th scope="row">${r}</th>${"<td></td>".repeat(6)}</tr>`).join("")}</tbody>`;
     $("now").append(table);
+    const title = GS.records.length > 1 ? `${record.name}: ` : "";
     return { record, caption: table.caption, title, cells: [...table.querySelectorAll("td")] };
   });
   const write = () => {
@@ -37,7 +36,7 @@
       const at = GS.frameAt(record, player.time);
       const [x, y, z] = GS.between(record.pose, 7, at).slice(0, 3).map((v) => fixed(v, 4));
       const turned = GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, 2)}°`);
-      caption.textContent = `${title ? title + ": " : ""}x ${x}  y ${y}  z ${z} m   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}`;
+      caption.textContent = `${title}x ${x}  y ${y}  z ${z} m   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}`;
       for (let k = 0; k < 6; k++) {
         const dot = `<i style="background:${GS.css(GS.legColour(colour, record, at, k))}"></i>`;
         cells[k].innerHTML = dot + GS.text(record.force[6 * at.frame + k]);

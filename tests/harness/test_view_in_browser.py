@@ -15,16 +15,8 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from tests.browser import CHROMIUM, Watched, chromium, open_report, until
+from tests.browser import Watched, open_report, until
 from tests.harness.records import waving_record
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; `make evidence` insists on it")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture(scope="module")

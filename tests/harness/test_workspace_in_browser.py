@@ -1,6 +1,5 @@
 """The page of a workspace in a real browser: it loads in silence, and tells at the pointer what was computed."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,15 +8,7 @@ from playwright.sync_api import Browser
 from gough_stewart.harness.workspace_page import workspace_page
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.workspace_grid import sweep
-from tests.browser import CHROMIUM, chromium, until, watched
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
+from tests.browser import until, watched
 
 
 @pytest.mark.parametrize(("over", "maps"), [("xy", 6), ("xyz", 6)])
