@@ -18,7 +18,7 @@ from rich.table import Table
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import FLAGS
-from gough_stewart.model.cases import paper_case
+from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.stepping import SteppingModel
 
 ROUNDS = 300

@@ -15,10 +15,10 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.cached import cached_build
-from gough_stewart.harness.experiment_file import shipped_experiment
-from gough_stewart.harness.fmu_plant import FmuPlant
-from gough_stewart.harness.loop import simulate
-from gough_stewart.harness.preparation import prepare
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.loop.loop import simulate
+from gough_stewart.harness.plants.fmu import FmuPlant
 
 ROUNDS = 5
 SETTINGS = ["loop.duration=10"]

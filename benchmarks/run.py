@@ -18,12 +18,12 @@ from rich.progress import track
 from rich.table import Table
 
 from gough_stewart.model import dynamics, kernel
-from gough_stewart.model.cases import paper_case
+from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.stepping import SteppingModel
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.evidence.pinocchio_platform import PinocchioPlatform
+from tests.support.pinocchio_platform import PinocchioPlatform
 
 ROUNDS = 15
 

@@ -10,13 +10,13 @@ from playwright.sync_api import Browser
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.harness.experiment_file import shipped_experiment
-from gough_stewart.harness.record import Record
-from gough_stewart.harness.run import run
-from gough_stewart.harness.view_page import view_page
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.view.page import view_page
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.browser import CHROMIUM, chromium
+from tests.support.browser import CHROMIUM, chromium
 
 REPEATS = 5
 MARK = "name => performance.getEntriesByName(name)[0].startTime"

@@ -2,15 +2,15 @@
 
 from pathlib import Path
 
-from gough_stewart.harness.controllers import pid, sampled
-from gough_stewart.harness.experiment_file import shipped_experiment
-from gough_stewart.harness.gains import gains_from_bandwidth
-from gough_stewart.harness.laws import LinearController
-from gough_stewart.harness.loop_transfer import loop_transfer
-from gough_stewart.harness.margins import loop_margins
-from gough_stewart.harness.metrics import metrics
-from gough_stewart.harness.run import run
-from gough_stewart.harness.run_figures import run_figures
+from gough_stewart.harness.control.gains import gains_from_bandwidth
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control.margins import loop_margins
+from gough_stewart.harness.control.pid import pid, sampled
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.results.figures import run_figures
+from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.model.platform_toml import load_preset
 
 platform = load_preset("motion_base")

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gough_stewart.harness.experiment_file import shipped_experiment
-from gough_stewart.harness.laws import Sample
-from gough_stewart.harness.run import run
+from gough_stewart.harness.control.laws import Sample
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.run import run
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform_toml import load_preset

@@ -3,10 +3,10 @@
 import control
 import numpy as np
 
-from gough_stewart.harness.experiment_file import shipped_experiment
-from gough_stewart.harness.laws import LinearController
-from gough_stewart.harness.linear import linearise, trim
-from gough_stewart.harness.run import run
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.linear import linearise, trim
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.run import run
 from gough_stewart.model.platform_toml import load_preset
 
 SAMPLE_TIME = 1e-3

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,12 +23,11 @@ from gough_stewart.fmu_build.toolchain import LIBRARY, compile_library, universa
 from gough_stewart.model.files import check_output_folder, write_whole
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")
 DEFAULT_PRESET = "liu2000"
 _DESCRIPTIONS = {"2.0": fmi2_description, "3.0": fmi3_description}
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def build(
     fmi: Iterable[str] = VERSIONS,
     targets: Iterable[str] = ("native",),
     platform: Platform | None = None,
-    progress: Progress | None = None,
+    progress: StepProgress | None = None,
 ) -> list[Path]:
     """Write `gough_stewart_fmi2.fmu` and `gough_stewart_fmi3.fmu`; both, or none on an error.
 
@@ -169,7 +168,7 @@ def _fmi2_binaries(libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
     return files
 
 
-def _compile(unit: Unit, targets: Iterable[Target], told: Progress) -> dict[Target, bytes]:
+def _compile(unit: Unit, targets: Iterable[Target], told: StepProgress) -> dict[Target, bytes]:
     # those of both versions, so that the kernel is the same compilation for both
     headers = unit.sources.headers | standard_headers("2.0") | standard_headers("3.0")
 

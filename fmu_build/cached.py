@@ -7,15 +7,16 @@ from importlib.metadata import version
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from gough_stewart.fmu_build.build import Progress, build, file_name
+from gough_stewart.fmu_build.build import build, file_name
 from gough_stewart.fmu_build.toolchain import cache_folder
 from gough_stewart.model.files import write_files
+from gough_stewart.model.progress import StepProgress
 
 # What the bytes of an FMU depend on beside this package's own files.
 _PACKAGES = ("gough-stewart", "casadi", "fmpy", "numpy", "scipy", "ziglang")
 
 
-def cached_build(fmi_version: str, progress: Progress | None = None) -> Path:
+def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path:
     """The FMU of the paper's platform for this machine, from the cache if it was built from the same sources before.
 
     Parameters

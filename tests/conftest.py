@@ -8,8 +8,8 @@ from hypothesis import settings
 from gough_stewart.fmu_build.build import build
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from tests.fmu_build.plants import Fmu
-from tests.random_platforms import Sample, random_sample
+from tests.support.fmu_plants import Fmu
+from tests.support.random_platforms import Sample, random_sample
 
 # derandomize: a failure in CI is the same failure at home. `make evidence` searches wider.
 settings.register_profile("test", max_examples=40, deadline=None, derandomize=True)

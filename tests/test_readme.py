@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gough_stewart.harness import controller_choice, experiment, reference_choice
+from gough_stewart.harness.control import choice as controller_choice
+from gough_stewart.harness.experiment import schema as experiment
+from gough_stewart.harness.motion import reference_choice
 from gough_stewart.harness.section import Section
-from tests.fmu_build.plants import Fmu
-from tests.snippets import PAGES, ROOT, commands_of, folder_with_fmus, run
+from tests.support.fmu_plants import Fmu
+from tests.support.snippets import PAGES, ROOT, commands_of, folder_with_fmus, run
 
 
 @pytest.fixture(scope="module")

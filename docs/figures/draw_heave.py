@@ -2,9 +2,9 @@
 
 from saving import save_svg
 
-from gough_stewart.harness.experiment_file import shipped_experiment
-from gough_stewart.harness.run import run
-from gough_stewart.harness.run_figures import run_figures
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.results.figures import run_figures
 
 
 def main() -> None:

@@ -4,9 +4,9 @@ import matplotlib.style as mpl_style
 from matplotlib.figure import Figure
 from saving import save_svg
 
-from gough_stewart.harness.open_loop import run_kernel
-from gough_stewart.harness.plotting import COLOURS, DASHES, STYLE
-from gough_stewart.model.cases import paper_case
+from gough_stewart.harness.output.plotting import COLOURS, DASHES, STYLE
+from gough_stewart.harness.paper.open_loop import run_kernel
+from gough_stewart.model.formulations.cases import paper_case
 
 PANELS = (
     ("position", "Fig. 4: position of Op [m]", ("x", "y", "z")),

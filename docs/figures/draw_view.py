@@ -8,9 +8,9 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from gough_stewart.harness.experiment_file import shipped_experiment
-from gough_stewart.harness.run import run
-from gough_stewart.harness.view_page import view_page
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.view.page import view_page
 
 # Slow gains and a large motion, so that the reference is to be seen beside the platform.
 SETTINGS = [

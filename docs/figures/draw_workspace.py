@@ -2,7 +2,7 @@
 
 from saving import save_svg
 
-from gough_stewart.harness.workspace_figures import workspace_figures
+from gough_stewart.harness.workspace.figures import workspace_figures
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.workspace_grid import sweep
 

@@ -48,8 +48,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Files by their paths in the repository, not by the links that show type checkers the namespace."""
-    return content.replace(".typings/gough_stewart/", "")
+    """Files by their paths in the repository, not by the links that make the package."""
+    return re.sub(r"gough_stewart/(?=(model|fmu_build|harness)/)", "", content)
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:

@@ -24,9 +24,9 @@ import pytest
 from gough_stewart.fmu_build.build import file_name
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.model import interface
-from tests.c_hosts import ZIG
-from tests.fmu_build.plants import Fmu
-from tests.snippets import BLOCKS, PAGES, ROOT, Block, commands_of, folder_with_fmus, run
+from tests.support.c_hosts import ZIG
+from tests.support.fmu_plants import Fmu
+from tests.support.snippets import BLOCKS, PAGES, ROOT, Block, commands_of, folder_with_fmus, run
 
 COMMANDS = {page: commands_of(page) for page in PAGES}
 ELSEWHERE = re.compile(r"make |pytest |\. \.venv/bin/activate$|.* --target all")

@@ -12,8 +12,8 @@ import pytest
 from lxml import html
 from lxml.html import HtmlElement
 
-from tests.browser import CHROMIUM, chromium, watched
-from tests.snippets import ROOT
+from tests.support.browser import CHROMIUM, chromium, watched
+from tests.support.snippets import ROOT
 
 PAGES_OF_NAV = re.findall(r"^\s+- [^#\n]+: ([\w/.-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE)
 # A formula of a page in Markdown: $$…$$, or $…$ within a line.
@@ -134,7 +134,7 @@ def test_pages_name_files_of_the_repository(pages: dict[Path, HtmlElement]) -> N
     """Expected: no page shows the links that type checkers use, or a path of this machine."""
     for path, page in pages.items():
         text = article(page).text_content()
-        assert ".typings/gough" not in text, path.name
+        assert "gough_stewart/model/" not in text, path.name
         assert str(ROOT) not in text, path.name
 
 

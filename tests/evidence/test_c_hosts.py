@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.targets import BY_NAME, Target, native
 from gough_stewart.fmu_build.toolchain import compile_library
-from gough_stewart.model.cases import paper_case
+from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform_toml import load_preset
-from tests.c_hosts import (
+from tests.support.c_hosts import (
     FUZZ,
     HOSTS,
     INSTANCES,
@@ -47,7 +47,7 @@ def gcc_with(flags: Sequence[str], folder: Path) -> str:
 
 
 def test_100_000_sequences_of_calls_break_no_contract_and_no_rule_of_c(tmp_path: Path) -> None:
-    """Expected: what tests/hosts/fuzz_contract.c checks after every call; no word from the sanitizers."""
+    """Expected: what tests/support/hosts/fuzz_contract.c checks after every call; no word from the sanitizers."""
     gcc = gcc_with(SANITIZERS, tmp_path)
     program = compile_host(FUZZ, tmp_path / "fuzz", (gcc, "-O1", "-g", *SANITIZERS))
     calls = fuzz(program, 100_000, seeds=(1, 2))

@@ -10,9 +10,9 @@ from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
+from tests.model.formulations.test_formulations import solve_by_kane, solve_by_newton_euler
 from tests.model.test_energy import spring_energy_error
-from tests.model.test_formulations import solve_by_kane, solve_by_newton_euler
-from tests.random_platforms import random_sample, relative_difference
+from tests.support.random_platforms import random_sample, relative_difference
 
 pytestmark = pytest.mark.evidence
 

@@ -7,8 +7,8 @@ import pytest
 
 from gough_stewart.fmu_build.build import build
 from gough_stewart.fmu_build.layout import BY_NAME
-from gough_stewart.harness.open_loop import run_kernel
-from gough_stewart.model.cases import paper_case
+from gough_stewart.harness.paper.open_loop import run_kernel
+from gough_stewart.model.formulations.cases import paper_case
 
 pytestmark = pytest.mark.evidence
 libcosimpy = pytest.importorskip("libcosimpy", reason="libcosimpy has no wheel for this machine")

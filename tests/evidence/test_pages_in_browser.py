@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from gough_stewart.harness.experiment_file import shipped_experiment, shipped_names
-from gough_stewart.harness.metrics import finite_part
-from gough_stewart.harness.open_loop import run_kernel
-from gough_stewart.harness.open_loop_record import record_of_case
-from gough_stewart.harness.record import Record
-from gough_stewart.harness.run import run
-from gough_stewart.harness.view_page import view_page
-from gough_stewart.harness.view_scene import FRAMES, frame_rows
-from gough_stewart.model.cases import case_of, paper_case
+from gough_stewart.harness.experiment.file import shipped_experiment, shipped_names
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.paper.open_loop import run_kernel
+from gough_stewart.harness.paper.record import record_of_case
+from gough_stewart.harness.results.metrics import finite_part
+from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.scene import FRAMES, frame_rows
+from gough_stewart.model.formulations.cases import case_of, paper_case
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from tests.browser import CHROMIUM, chromium, open_report, until
-from tests.fmu_build.plants import Fmu
+from tests.support.browser import CHROMIUM, chromium, open_report, until
+from tests.support.fmu_plants import Fmu
 
 pytestmark = pytest.mark.evidence
 # Of a page's frames, so many are compared.

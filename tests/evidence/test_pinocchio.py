@@ -5,8 +5,8 @@ import pytest
 
 from gough_stewart.model import dynamics
 from gough_stewart.model.state import Inputs, State
-from tests.evidence.pinocchio_platform import PinocchioPlatform
-from tests.random_platforms import Sample, relative_difference
+from tests.support.pinocchio_platform import PinocchioPlatform
+from tests.support.random_platforms import Sample, relative_difference
 
 
 @pytest.mark.evidence

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.fmu_build.plants import Fmu
+from tests.support.fmu_plants import Fmu
 
 
 @pytest.fixture(scope="session")

@@ -21,11 +21,11 @@ from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.reference_results import reference_cases, reference_results
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets
 from gough_stewart.model import interface
-from gough_stewart.model.cases import paper_case
 from gough_stewart.model.errors import OutputError
+from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform_toml import load_preset
-from tests.fmu_build.plants import Fmu, Plant, plant
 from tests.fmu_build.test_trajectories import reference
+from tests.support.fmu_plants import Fmu, Plant, plant
 
 
 def test_two_builds_are_the_same_bytes(fmus: dict[str, Fmu], tmp_path: Path) -> None:

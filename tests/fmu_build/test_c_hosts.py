@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.c_hosts import (
+from tests.support.c_hosts import (
     FUZZ,
     INSTANCES,
     NEVER_OK,
@@ -27,7 +27,7 @@ def hosts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_no_sequence_of_calls_breaks_the_contract(hosts: Path) -> None:
-    """Expected: what tests/hosts/fuzz_contract.c checks after every call, from the standards and instance.h.
+    """Expected: what tests/support/hosts/fuzz_contract.c checks after every call, from the standards and instance.h.
 
     Every function of the standards' headers is called; all that this unit offers succeed somewhere.
     """

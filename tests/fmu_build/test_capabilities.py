@@ -16,12 +16,12 @@ from scipy.integrate import solve_ivp
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import Role
 from gough_stewart.model import interface
-from gough_stewart.model.cases import paper_case
+from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import Inputs
-from tests.fmu_build.plants import DISCARD, ERROR, OK, Fmu, Plant, plant, refused
 from tests.fmu_build.test_trajectories import start_of
+from tests.support.fmu_plants import DISCARD, ERROR, OK, Fmu, Plant, plant, refused
 
 # --- saved states --------------------------------------------------------------------------------------------------
 
@@ -66,7 +66,7 @@ def test_a_state_restored_in_another_process_has_the_same_future(fmu: Fmu, tmp_p
         whole = p.serialized()
     script = f"""
 from pathlib import Path
-from tests.fmu_build.plants import Fmu, plant
+from tests.support.fmu_plants import Fmu, plant
 with plant(Fmu(Path({str(fmu.path)!r}))) as p:
     p.restore(Path("state").read_bytes())
     p.step(0.2, 0.3)

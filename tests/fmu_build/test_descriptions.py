@@ -14,8 +14,8 @@ from gough_stewart.fmu_build.units import BY_NAME, UNITS
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
-from tests.fmu_build.plants import Fmu
-from tests.random_platforms import random_inputs, random_platform, random_state
+from tests.support.fmu_plants import Fmu
+from tests.support.random_platforms import random_inputs, random_platform, random_state
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema"
 DOCUMENTS = {

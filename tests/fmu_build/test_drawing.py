@@ -13,7 +13,7 @@ from PIL import Image
 from gough_stewart.fmu_build.drawing import DRAWING_SIZE, ICON_SIZE, drawing_svg, icon_png, icon_svg
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, preset_names
-from tests.random_platforms import random_platform
+from tests.support.random_platforms import random_platform
 
 SVG = "{http://www.w3.org/2000/svg}"
 PRESETS = preset_names()

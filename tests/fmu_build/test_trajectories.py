@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 
 from gough_stewart.fmu_build import layout
 from gough_stewart.model import interface
-from gough_stewart.model.cases import OpenLoopCase, case_of, paper_case
+from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.stepping import SteppingModel
-from tests.fmu_build.plants import OK, Fmu, Plant, plant, refused
-from tests.random_platforms import REGULAR, random_platform
+from tests.support.fmu_plants import OK, Fmu, Plant, plant, refused
+from tests.support.random_platforms import REGULAR, random_platform
 
 # Pose after the case, at tolerance 1e-8 of the unit [m, rad].
 BOUND = 1e-7

@@ -10,14 +10,14 @@ from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import ROWS, Role
 from gough_stewart.fmu_build.tables import start_values
 from gough_stewart.model import interface
-from gough_stewart.model.cases import paper_case
 from gough_stewart.model.errors import InterfaceError, PlatformError
+from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.stepping import SteppingModel
-from tests.fmu_build.plants import DISCARD, ERROR, OK, Fmu, plant, refused
 from tests.fmu_build.test_trajectories import start_of
-from tests.random_platforms import random_inputs, random_platform, random_state
+from tests.support.fmu_plants import DISCARD, ERROR, OK, Fmu, plant, refused
+from tests.support.random_platforms import random_inputs, random_platform, random_state
 
 
 def test_every_variable_begins_with_the_start_value_of_its_platform(fmu: Fmu, paper: Platform) -> None:

@@ -23,7 +23,7 @@ from gough_stewart.model.rotations import (
     orientation_rate_from_angular_velocity,
 )
 from gough_stewart.model.state import Inputs, State
-from tests.random_platforms import Sample, random_inputs, random_platform, random_state, relative_difference
+from tests.support.random_platforms import Sample, random_inputs, random_platform, random_state, relative_difference
 
 seeds = st.integers(0, 2**32 - 1)
 

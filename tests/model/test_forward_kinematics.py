@@ -11,7 +11,7 @@ from gough_stewart.model.errors import InterfaceError, NoPoseError, OrientationE
 from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
-from tests.random_platforms import random_platform, random_state
+from tests.support.random_platforms import random_platform, random_state
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -14,7 +14,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
-from tests.random_platforms import random_inputs, random_platform, random_state
+from tests.support.random_platforms import random_inputs, random_platform, random_state
 
 seeds = st.integers(0, 2**32 - 1)
 KERNEL = Kernel()

@@ -8,7 +8,7 @@ from gough_stewart.model import kinematics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import angular_velocity_from_orientation_rate
 from gough_stewart.model.state import State
-from tests.random_platforms import Sample, random_platform, random_state
+from tests.support.random_platforms import Sample, random_platform, random_state
 
 seeds = st.integers(0, 2**32 - 1)
 

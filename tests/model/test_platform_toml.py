@@ -20,7 +20,7 @@ from gough_stewart.model.platform_toml import (
     preset_text,
     save_platform,
 )
-from tests.random_platforms import random_platform
+from tests.support.random_platforms import random_platform
 
 
 @given(st.integers(0, 2**32 - 1), st.text(max_size=20), st.booleans())

@@ -19,7 +19,7 @@ from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at, static_strength
 from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, default_ranges, sweep
-from tests.random_platforms import random_platform
+from tests.support.random_platforms import random_platform
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
 LEVEL = np.zeros(3)

@@ -1,0 +1,1 @@
+"""Dynamics of the Gough–Stewart platform: a plant for simulation and control."""

@@ -1,0 +1,40 @@
+"""The command `margins`: the linear side of an experiment."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from gough_stewart.harness.cli.options import ExperimentArgument, OutOption, SetOption, chosen_experiment
+from gough_stewart.harness.cli.terminal import clear_errors, progress_bar
+
+
+def margins_command(
+    experiment: ExperimentArgument,
+    out: OutOption = None,
+    settings: SetOption = None,
+) -> None:
+    """Gains, closed-loop modes and stability margins of an experiment's controller, on the linear model.
+
+    Linear at the beginning of the reference, sampled and delayed as in the experiment. Writes **margins.json**, and
+    **bode** and **step** as PNG and SVG.
+
+    Examples
+    --------
+    - `gough-stewart margins heave_step`
+
+    - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
+    """
+    with clear_errors():
+        chosen = chosen_experiment(experiment, settings)
+        from gough_stewart.harness.experiment.analysis import FILES, analyse
+        from gough_stewart.model.files import check_output_folder, write_files
+
+        folder = out or Path("results", f"{Path(experiment).stem}-margins")
+        check_output_folder(folder, FILES)
+        with progress_bar() as bar:
+            bar.add_task("linear model, margins, figures", total=None)
+            analysis = analyse(chosen)
+        write_files(folder, analysis.files)
+        console = Console()
+        console.print(analysis.tables)
+        console.print(f"Wrote {', '.join(analysis.files)} to {folder}", style="dim", highlight=False)

@@ -1,0 +1,83 @@
+"""The command `reproduce`: the paper's case, computed, compared and reported."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from gough_stewart.harness.cli.options import PlatformOption, PresetOption, ReportOption, chosen_platform
+from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.formulations import cases
+
+
+class Order(StrEnum):
+    """How to read the "±" of the paper's appendix."""
+
+    plus_first = "plus-first"
+    minus_first = "minus-first"
+
+
+def reproduce_command(
+    out: Annotated[
+        Path, typer.Option(help="Folder for table, figures and report; made if needed.", metavar="DIR")
+    ] = Path("results/reproduce"),
+    order: Annotated[
+        Order | None,
+        typer.Option(
+            help="How to read the ± of the paper's appendix: legs 1, 3, 5 are the + joints (the default), or the − "
+            "joints. Of the preset liu2000 only.",
+        ),
+    ] = None,
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    report: ReportOption = False,
+) -> None:
+    """Reproduce the paper's open-loop simulation, and prove it by independent formulations.
+
+    Runs the published 1.0 s under constant actuator forces by Kane's equations as in the paper, by the task-space
+    kernel, by the stepping model and by both FMUs, which it builds; compares them with each other, with Newton–Euler
+    and with the energy balance.
+
+    Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
+    **drift.png**, **report.md**, **report.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; with
+    `--report` also **report.html**. Exit code 1 if a comparison misses its bound.
+
+    On another platform the case is scaled to its size: time and velocities by Froude's rule, forces about its own
+    static ones.
+
+    Examples
+    --------
+    - `gough-stewart reproduce --out results`
+
+    - `gough-stewart reproduce --order minus-first`
+
+    - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
+    """
+    with clear_errors():
+        # here, not above: --help need not wait for CasADi and matplotlib
+        from gough_stewart.harness.paper.report import to_terminal
+        from gough_stewart.harness.paper.reproduce import FILES, reproduce
+        from gough_stewart.harness.view.page import PAGE
+        from gough_stewart.model.files import check_output_folder, write_files
+
+        check_output_folder(out, [*FILES, PAGE])
+        case = _chosen_case(order, preset, platform)
+        result = reproduce(case, errors, report)
+        write_files(out, result.files)
+        console = Console()
+        console.print(to_terminal(result.report))
+        console.print(f"Wrote {', '.join(result.files)} to {out}", style="dim", highlight=False)
+        if not result.agrees:
+            raise GoughStewartError("a comparison misses its bound; see the table above and report.md")
+
+
+def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> cases.OpenLoopCase:
+    chosen = chosen_platform(preset, platform)
+    if order is None:
+        return cases.case_of(chosen)
+    if platform is not None or preset not in (None, cases.PAPER_PRESET):
+        raise UsageError(f"--order is a reading of the paper's own platform; leave it out, or use {cases.PAPER_PRESET}")
+    return cases.paper_case(minus_first=order is Order.minus_first)

@@ -1,0 +1,100 @@
+"""The command `run`: an experiment, to its record and figures."""
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from gough_stewart.harness.cli.options import ExperimentArgument, OutOption, ReportOption, SetOption, chosen_experiment
+from gough_stewart.harness.cli.terminal import clear_errors, errors, progress_bar
+from gough_stewart.harness.plants.kinds import PlantKind
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.experiment.schema import Experiment
+    from gough_stewart.harness.results.record import Record
+
+# Beside 0 and 1 (an error): the run is there, but it did not come to its end.
+EXIT_NOT_COMPLETED = 3
+EXIT_INTERRUPTED = 130
+
+
+def run_command(
+    experiment: ExperimentArgument,
+    plant: Annotated[
+        PlantKind | None, typer.Option(help="What simulates the platform, instead of what the experiment says.")
+    ] = None,
+    fmu: Annotated[
+        Path | None, typer.Option(help="The FMU for the plant fmu2 or fmu3; built if none is given.", metavar="FILE")
+    ] = None,
+    out: OutOption = None,
+    settings: SetOption = None,
+    report: ReportOption = False,
+) -> None:
+    """Run an experiment: a controller around the stepping model or the FMU, sampled as on the machine.
+
+    Writes **record.csv**, **record.parquet** and **metadata.json** (all variables, references, errors, controller
+    states, flags), **metrics.json**, and **pose**, **errors**, **forces** and **legs** as PNG and SVG; with `--report`
+    also **report.html**.
+
+    Exit code 3 if the loop diverged or was stopped by a limit, 130 after Ctrl-C; what ran so far is written all the
+    same.
+
+    Examples
+    --------
+    - `gough-stewart run heave_step --plant fmu3`
+
+    - `gough-stewart run heave_step --set controller.bandwidth=4 --set loop.delay=2 --out results/faster`
+
+    - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
+    """
+    with clear_errors():
+        chosen = chosen_experiment(experiment, settings)
+        from gough_stewart.harness.experiment.files import names_of_files, result_files, warnings_of
+        from gough_stewart.model.files import check_output_folder, write_files
+
+        folder = out or Path("results", Path(experiment).stem)
+        check_output_folder(folder, names_of_files())
+        record = _run(chosen, plant, fmu)
+        with ThreadPoolExecutor(1) as aside:  # polars works outside of Python's lock
+            written = aside.submit(_write_record, record, folder)
+            more, tables = result_files(record, report)
+            files = written.result()
+        write_files(folder, more)
+        console = Console()
+        console.print(tables)
+        for warning in warnings_of(record):
+            errors.print(f"[bold yellow]warning:[/bold yellow] {warning}", soft_wrap=True, highlight=False)
+        outcome = record.metadata["outcome"]
+        console.print(f"Wrote {', '.join([*files, *more])} to {folder}", style="dim", highlight=False)
+        if outcome["status"] == "completed":
+            return
+        errors.print(f"[bold red]{outcome['status']}[/bold red] at {outcome['time']:.6g} s: ", end="", highlight=False)
+        errors.print(outcome["cause"], markup=False, highlight=False, soft_wrap=True)
+        raise typer.Exit(EXIT_INTERRUPTED if outcome["status"] == "interrupted" else EXIT_NOT_COMPLETED)
+
+
+def _write_record(record: "Record", folder: Path) -> list[str]:
+    """Write the run itself, whatever else may go wrong; names of its files."""
+    from gough_stewart.harness.experiment.files import record_files
+    from gough_stewart.model.files import write_files
+
+    files = record_files(record)
+    write_files(folder, files)
+    return list(files)
+
+
+def _run(experiment: "Experiment", plant: PlantKind | None, fmu: Path | None) -> "Record":
+    from gough_stewart.harness.experiment.run import run
+
+    # every refresh costs the run as much as a hundred of its steps
+    with progress_bar(refresh_per_second=4) as progress:
+        task = progress.add_task("preparing", total=experiment.loop.duration)
+        return run(
+            experiment,
+            plant=plant,
+            fmu=fmu,
+            progress=lambda time: progress.update(task, completed=time, description=experiment.title),
+            told=lambda what: progress.update(task, description=what),
+        )

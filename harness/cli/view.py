@@ -1,0 +1,49 @@
+"""The command that shows records in a browser: `view`."""
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors, progress_bar
+
+
+def view_command(
+    records: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders of `gough-stewart run`, or their record.parquet or record.csv.", metavar="RECORD..."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The page to write.", metavar="FILE.html")] = Path("report.html"),
+    open_it: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
+) -> None:
+    """Show runs in a browser: the platform moving in 3-D beside its curves, metrics and parameters.
+
+    Writes one page that needs nothing else: no network, no server, no other file. Several records are laid over each
+    other.
+
+    Examples
+    --------
+    - `gough-stewart view results/heave_step --open`
+
+    - `gough-stewart view results/circle results/circle_computed_torque --out compared.html`
+    """
+    with clear_errors():
+        if out.suffix not in (".html", ".htm"):
+            raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
+        from gough_stewart.harness.results.record import read_record
+        from gough_stewart.harness.view.page import names_of, view_page
+        from gough_stewart.model.files import check_output_folder, write_files
+
+        check_output_folder(out.parent, [out.name])
+        with progress_bar() as progress:
+            task = progress.add_task("reading", total=None)
+            read = [read_record(path) for path in records]
+            progress.update(task, description="making the page")
+            page = view_page(read, names_of(records))
+            write_files(out.parent, {out.name: page})
+        typer.echo(f"{out}  {len(page) / 1e6:.1f} MB")
+        if open_it and not webbrowser.open(out.absolute().as_uri()):
+            errors.print(f"no browser could be started; open {out} by hand", markup=False, highlight=False)

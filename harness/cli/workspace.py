@@ -1,0 +1,149 @@
+"""The command `workspace`: where a platform can go, how well, and how strongly."""
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform
+from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors, progress_bar
+from gough_stewart.harness.quantities import number
+
+FILES = ("workspace.csv", "workspace.png", "workspace.svg", "workspace.html")
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
+
+
+def workspace_command(
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    over: Annotated[
+        str,
+        typer.Option(
+            help="Two coordinates to sweep, or three for a volume, of x, y, z, roll, pitch, yaw; each perhaps with a "
+            "range, such as x=-1:1. Ranges that are not given are found.",
+            metavar="NAME[=LOW:HIGH],…",
+        ),
+    ] = "x,y",
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Fix another coordinate, such as z=2.9 or pitch=5deg; may be repeated. Default: as at home.",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
+    points: Annotated[
+        int | None, typer.Option(help="Points per swept coordinate. Default: 101, for a volume 31.", metavar="N")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR")] = Path(
+        "results/workspace"
+    ),
+) -> None:
+    """Where the platform can go, how well, and how strongly.
+
+    On a grid of poses: whether legs and joints reach them, and what keeps them from it; the condition number of the
+    leg Jacobian; the largest payload, and the largest force in any direction, that the actuators hold at rest.
+
+    Numbers are in m and rad unless they carry a unit: `20mm`, `5deg`. Limits that the platform does not state keep it
+    from nothing.
+
+    Writes **workspace.csv** (one row per pose), **workspace.png**, **workspace.svg**, and **workspace.html**, a page
+    to explore that needs no network.
+
+    Examples
+    --------
+    - `gough-stewart workspace --preset motion_base`
+
+    - `gough-stewart workspace --preset motion_base --over roll=-40deg:40deg,pitch=-40deg:40deg --at z=2.2`
+
+    - `gough-stewart workspace --preset desktop_hexapod --over x,y,z --points 41 --out results/volume`
+    """
+    with clear_errors():
+        ranges, fixed = _swept(over), _fixed(at or [])
+        chosen = chosen_platform(preset, platform)
+        # here, not above: --help need not wait for matplotlib
+        from gough_stewart.harness.output.tables import to_terminal
+        from gough_stewart.harness.workspace.figures import workspace_figures
+        from gough_stewart.harness.workspace.page import workspace_page
+        from gough_stewart.harness.workspace.tables import sheets_of, size_text, workspace_csv
+        from gough_stewart.model.files import check_output_folder, write_files
+        from gough_stewart.model.workspace_grid import POINTS, sweep
+
+        check_output_folder(out, FILES)
+        with progress_bar() as progress:
+            count = points or POINTS.get(len(ranges), 1)
+            task = progress.add_task("poses", total=count ** len(ranges))
+            workspace = sweep(chosen, ranges, fixed, points, lambda done: progress.update(task, completed=done))
+            progress.update(task, description="files")
+            files = {
+                "workspace.csv": workspace_csv(workspace),
+                **workspace_figures(workspace),
+                "workspace.html": workspace_page(workspace),
+            }
+        write_files(out, files)
+        console = Console()
+        for sheet in sheets_of(workspace):
+            if sheet.rows:
+                console.print(to_terminal(sheet))
+        console.print(size_text(workspace), highlight=False)
+        if not workspace.qualities.reachable.any():
+            errors.print(
+                "[bold yellow]warning:[/bold yellow] no pose of this grid can be reached; sweep a wider range, or fix "
+                "the other coordinates nearer to home",
+                soft_wrap=True,
+                highlight=False,
+            )
+        console.print(f"Wrote {', '.join(files)} to {out}", style="dim", highlight=False)
+
+
+def _swept(given: str) -> dict[str, tuple[float, float] | None]:
+    """Coordinates and their ranges in SI units, from `x,y=-1:1`."""
+    ranges: dict[str, tuple[float, float] | None] = {}
+    for part in given.split(","):
+        name, equals, text = (piece.strip() for piece in part.partition("="))
+        if name in ranges:
+            raise UsageError(f"--over {given}: {name} is there twice; expected every coordinate once")
+        _check_name("--over", given, name)
+        if not equals:
+            ranges[name] = None
+            continue
+        ends = text.split(":")
+        if len(ends) != 2:
+            raise UsageError(f"--over {given}: found the range '{text}' for {name}; expected LOW:HIGH, such as -1:1")
+        low, high = (_quantity("--over", given, name, end) for end in ends)
+        ranges[name] = (low, high)
+    return ranges
+
+
+def _fixed(given: list[str]) -> dict[str, float]:
+    """Coordinates and their values in SI units, from `z=2.9`, `pitch=5deg`."""
+    values: dict[str, float] = {}
+    for each in given:
+        name, equals, text = (piece.strip() for piece in each.partition("="))
+        _check_name("--at", each, name)
+        if not equals:
+            raise UsageError(f"--at {each}: found no value; expected NAME=VALUE, such as {name}=0.1")
+        if name in values:
+            raise UsageError(f"--at {each}: {name} is fixed twice; expected one value")
+        values[name] = _quantity("--at", each, name, text)
+    return values
+
+
+def _check_name(option: str, given: str, name: str) -> None:
+    from gough_stewart.model.workspace_grid import COORDINATES
+
+    if name not in COORDINATES:
+        raise UsageError(f"{option} {given}: unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
+
+
+def _quantity(option: str, given: str, name: str, text: str) -> float:
+    from gough_stewart.model.workspace_grid import COORDINATES
+
+    unit = COORDINATES[name]
+    found = _QUANTITY.fullmatch(text)
+    digits, suffix = found.groups() if found else (text, "")
+    try:
+        return number(f"{digits} {suffix or unit}", unit)
+    except ValueError as error:
+        raise UsageError(f"{option} {given}: {name} is '{text}'; {error}, such as 20mm or 5deg") from None

@@ -1,0 +1,1 @@
+"""Controllers, feedforward, and the linear analysis of the loop."""

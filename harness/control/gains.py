@@ -1,0 +1,66 @@
+"""Gains of PD and PID from a wanted bandwidth and damping, by the linear model of the platform."""
+
+import math
+
+import numpy as np
+
+from gough_stewart.harness.control.laws import Space
+from gough_stewart.harness.control.linear import leg_space_mass
+from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.model.dynamics import mass_matrix
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+DAMPING_RATIO = 0.7
+
+
+def gains_from_bandwidth(
+    platform: Platform,
+    bandwidth: float,
+    damping_ratio: float = DAMPING_RATIO,
+    space: Space = "leg",
+    integral_time: float | None = None,
+    derivative_filter: float | None = None,
+    anti_windup_time: float | None = None,
+) -> Gains:
+    """Equal behaviour in all channels: kp = m ωn², kd = 2 ζ m ωn, and ki = kp / Ti if there is an integral time.
+
+    ωn = 2π · bandwidth. In leg space m is the largest eigenvalue of J⁻ᵀ M J⁻¹, the mass that legs feel in the heaviest
+    mode at home. Mode k then has ωn √(m/m_k) and ζ √(m/m_k): lighter modes are better damped, and where that exceeds 1
+    their slow pole tends to ωn/(2 ζ). In task space each axis has its own m, the diagonal of M, and all behave alike.
+
+    Parameters
+    ----------
+    bandwidth
+        Undamped natural frequency of the heaviest mode [Hz].
+    damping_ratio
+        ζ of that mode.
+    integral_time
+        Ti [s]; the loop stays stable for Ti > 1 / (2 ζ ωn).
+
+    Raises
+    ------
+    ControllerError
+        Not positive, or an integral time that makes the loop unstable.
+    """
+    for name, value in (("bandwidth", bandwidth), ("damping_ratio", damping_ratio)):
+        if not (math.isfinite(value) and value > 0):
+            raise ControllerError(f"{name} is {value!r}; expected a number > 0")
+    omega = 2 * math.pi * bandwidth
+    shortest = 1 / (2 * damping_ratio * omega)
+    if integral_time is not None and not integral_time > shortest:
+        raise ControllerError(
+            f"integral_time is {integral_time:g} s; expected more than {shortest:.3g} s = 1/(2 ζ ωn), below which the "
+            f"loop is unstable, say {10 * shortest:.2g} s"
+        )
+    m = _mass_of_channels(platform, space)
+    kp = m * omega**2
+    ki = 0.0 * kp if integral_time is None else kp / integral_time
+    return Gains(kp, 2 * damping_ratio * m * omega, ki, derivative_filter, anti_windup_time)
+
+
+def _mass_of_channels(platform: Platform, space: Space) -> FloatArray:
+    if space == "task":
+        return np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation)).copy()
+    return np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())

@@ -1,0 +1,272 @@
+"""Controllers at work: from what is wanted and measured at a sample to six forces."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.plants import signals
+from gough_stewart.model import interface
+from gough_stewart.model.vectors import FloatArray
+
+N_LEGS = 6
+Space = Literal["leg", "task"]
+
+
+class Sample(NamedTuple):
+    """What a controller knows at a sample; signals by name: position, orientation, …, leg_velocity."""
+
+    time: float  # [s]
+    reference: Mapping[str, FloatArray]  # and acceleration, angular_acceleration
+    measured: Mapping[str, FloatArray]
+
+
+_ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
+ControlFunction = Callable[[Sample], Any]
+
+
+@dataclass(frozen=True)
+class LinearController:
+    """A discrete python-control system as controller.
+
+    In leg space its inputs are, for n the size of the signals together: the errors reference − measured (n), or
+    references and measurements (2 n), or these and the excess of the limits at the last sample (2 n + 6; force after
+    the limits minus force before them, for anti-windup). Its outputs are the six actuator forces.
+
+    In task space references and measurements are poses as far as legs tell, J⁻¹ (L − L_0) from the lengths L_0 at the
+    start, [m] and [rad] about the world's axes, so that errors are J⁻¹ (L_reference − L); the outputs are a wrench w
+    [N, N m], from which F = J⁻ᵀ w. J is the leg Jacobian in the reference pose.
+
+    Raises
+    ------
+    ControllerError
+        Not a linear python-control system, not of these sizes, or not discrete.
+    """
+
+    system: Any
+    signals: tuple[str, ...] = ("leg_length",)
+    space: Space = "leg"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.system, control.StateSpace | control.TransferFunction):
+            raise ControllerError(
+                f"controller is {type(self.system).__name__}; expected a control.StateSpace or TransferFunction in "
+                "discrete time, or a function of a Sample"
+            )
+        object.__setattr__(self, "system", _state_space(self.system))
+        object.__setattr__(self, "signals", tuple([self.signals] if isinstance(self.signals, str) else self.signals))
+        if self.space not in ("leg", "task"):
+            raise ControllerError(f"space is {self.space!r}; expected 'leg' or 'task'")
+        if self.space == "task" and self.signals != ("leg_length",):
+            raise ControllerError("a controller in task space takes the signal leg_length, from which it has the pose")
+        n = len(signals.positions(self.signals))
+        sizes = (n, 2 * n, 2 * n + N_LEGS)
+        if self.system.ninputs not in sizes or self.system.noutputs != N_LEGS:
+            raise ControllerError(
+                f"controller has {self.system.ninputs} inputs and {self.system.noutputs} outputs; expected for the "
+                f"signals {', '.join(self.signals)} {sizes[0]} inputs (errors), {sizes[1]} (references, measurements) "
+                f"or {sizes[2]} (and what the limits cut off), and {N_LEGS} outputs (forces)"
+            )
+        if self.system.nstates and not self.system.isdtime(strict=True):
+            raise ControllerError(
+                "controller is in continuous time; expected discrete time: sample it, for instance by "
+                "control.sample_system(controller, 1e-3, method='tustin')"
+            )
+
+    @property
+    def sample_time(self) -> float | None:
+        """Of the system [s]; None where it names none (a static gain)."""
+        return None if self.system.dt in (None, True, 0) else float(self.system.dt)
+
+    def check_sample_time(self, sample_time: float) -> None:
+        """Refuse a loop of another sample time [s] than the controller was made for.
+
+        Raises
+        ------
+        ControllerError
+            Names both.
+        """
+        own = self.sample_time
+        if own is not None and abs(own - sample_time) > 1e-9 * sample_time:
+            raise ControllerError(
+                f"the controller's sample time is {own:g} s, the loop's {sample_time:g} s; sample the controller anew, "
+                "or set the loop's sample_time"
+            )
+
+
+Controller = LinearController | ControlFunction
+
+
+class Law(Protocol):
+    """A controller in a run, with its memory."""
+
+    @property
+    def used(self) -> tuple[str, ...]:
+        """The signals it looks at."""
+
+    @property
+    def state(self) -> FloatArray:
+        """Its memory (n_states,)."""
+
+    def force(self, k: int, time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+        """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N].
+
+        References are all signals and then the accelerations [m/s², rad/s²]; the excess is what limits cut off.
+        """
+
+
+def controller_of(given: Any) -> Controller:
+    """A controller from what a user has: itself, a function, or a python-control system fed with leg lengths.
+
+    Raises
+    ------
+    ControllerError
+        As `LinearController`.
+    """
+    if isinstance(given, LinearController):
+        return given
+    # python-control's systems can be called, too: with a frequency
+    if callable(given) and not isinstance(given, control.InputOutputSystem):
+        return given  # type: ignore[no-any-return]
+    return LinearController(given)
+
+
+def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, measured: FloatArray) -> Law:
+    """A controller made ready for a run.
+
+    Parameters
+    ----------
+    sample_time
+        Of the run [s].
+    jacobians
+        Leg Jacobians (n, 6, 6) in the reference poses of all samples.
+    measured
+        All signals at the first sample (24,): the controller's memory starts at rest there.
+
+    Raises
+    ------
+    ControllerError
+        The controller was made for another sample time.
+    """
+    if not isinstance(controller, LinearController):
+        return _FunctionLaw(controller)
+    controller.check_sample_time(sample_time)
+    return (_TaskLaw if controller.space == "task" else _LegLaw)(controller, jacobians, measured)
+
+
+class _LinearLaw:
+    """x⁺ = A x + B u, w = C x + D u; both at once, as one product with (x, u)."""
+
+    def __init__(self, controller: LinearController, measured: FloatArray) -> None:
+        system = controller.system
+        n = system.nstates
+        self._matrix = np.ascontiguousarray(np.block([[system.A, system.B], [system.C, system.D]]))
+        self._xu = np.zeros(n + system.ninputs)
+        self._x, self._u = self._xu[:n], self._xu[n:]  # views
+        self.used = controller.signals
+        self._at = _as_slice(signals.positions(controller.signals))
+        self._form = system.ninputs
+        if controller.space == "leg":
+            # at rest where the reference is what is measured: no derivative, no integral
+            self._feed(measured[self._at], measured[self._at], np.zeros(N_LEGS))
+        self._x[:] = np.linalg.lstsq(np.eye(n) - system.A, system.B @ self._u, rcond=None)[0]
+
+    @property
+    def state(self) -> FloatArray:
+        return self._x.copy()
+
+    def _feed(self, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
+        n = len(wanted)
+        if self._form == n:
+            np.subtract(wanted, measured, out=self._u)
+            return
+        self._u[:n], self._u[n : 2 * n] = wanted, measured
+        if self._form > 2 * n:
+            self._u[2 * n :] = excess
+
+    def _advance(self) -> FloatArray:
+        n = len(self._x)
+        both: FloatArray = self._matrix @ self._xu
+        self._x[:] = both[:n]
+        return both[n:]
+
+
+class _LegLaw(_LinearLaw):
+    def __init__(self, controller: LinearController, _jacobians: FloatArray, measured: FloatArray) -> None:
+        super().__init__(controller, measured)
+
+    def force(self, _k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+        self._feed(wanted[self._at], measured[self._at], excess)
+        return self._advance()
+
+
+class _TaskLaw(_LinearLaw):
+    def __init__(self, controller: LinearController, jacobians: FloatArray, measured: FloatArray) -> None:
+        super().__init__(controller, measured)
+        self._J = jacobians
+        self._J_inverse = np.linalg.inv(jacobians)
+        self._start = measured[self._at].copy()
+
+    def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+        # poses as far as legs tell, from where the run began
+        r, y = (self._J_inverse[k] @ (lengths[self._at] - self._start) for lengths in (wanted, measured))
+        # w = Jᵀ F also for what the limits cut off
+        self._feed(r, y, self._J[k].T @ excess)
+        return np.asarray(self._J_inverse[k].T @ self._advance())
+
+
+class _FunctionLaw:
+    def __init__(self, function: ControlFunction) -> None:
+        self._function = function
+        self.used = signals.NAMES
+
+    @property
+    def state(self) -> FloatArray:
+        return np.zeros(0)
+
+    def force(self, _k: int, time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
+        reference = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), wanted.copy())
+        try:
+            given = self._function(Sample(time, reference, interface.unpack(signals.VARIABLES, measured.copy())))
+        except (Exception, SystemExit) as error:  # a user's code may fail in any way
+            raise ControllerError(
+                f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
+            ) from error
+        try:
+            force = np.array(given)
+        except ValueError:  # ragged
+            force = np.zeros(0)
+        if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
+            raise ControllerError(f"the control function gave {given!r} at time {time:g} s; expected {N_LEGS} forces")
+        return force.astype(float)
+
+
+def _state_space(system: Any) -> Any:
+    """A state space of a system; of a matrix of transfer functions element by element.
+
+    python-control converts such a matrix only with slycot, which would find fewer states.
+    """
+    if not isinstance(system, control.TransferFunction) or system.issiso():
+        return control.ss(system)
+    m, n = system.noutputs, system.ninputs
+    elements = [
+        [control.ss(control.tf(system.num[i][j], system.den[i][j], system.dt)) for j in range(n)] for i in range(m)
+    ]
+    # state (i, j) is driven by input j and seen at output i
+    flat = [(i, j, elements[i][j]) for i in range(m) for j in range(n)]
+    A = block_diag(*(each.A for _, _, each in flat))
+    B = np.vstack([np.outer(each.B[:, 0], np.eye(n)[j]) for _, j, each in flat])
+    C = np.hstack([np.outer(np.eye(m)[i], each.C[0]) for i, _, each in flat])
+    D = np.array([[elements[i][j].D[0, 0] for j in range(n)] for i in range(m)])
+    return control.ss(A, B, C, D, system.dt)
+
+
+def _as_slice(positions: NDArray[np.intp]) -> slice | NDArray[np.intp]:
+    """A slice where positions follow each other, which NumPy takes out faster."""
+    first, last = int(positions[0]), int(positions[-1])
+    return slice(first, last + 1) if positions.tolist() == list(range(first, last + 1)) else positions

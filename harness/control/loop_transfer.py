@@ -1,0 +1,75 @@
+"""The loop of an experiment as a linear system: what goes around from the actuators back to them."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.linear import linearise
+from gough_stewart.harness.plants import signals
+from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import Array
+
+
+def loop_transfer(
+    platform: Platform,
+    controller: LinearController,
+    sample_time: float,
+    *,
+    delay: int = 0,
+    lag: float = 0.0,
+    position: Array | None = None,
+    orientation: Array | None = None,
+) -> control.StateSpace:
+    """Loop transfer L(z) (6×6) at the actuators, u = −L u, as the sampled loop has it at a pose (default: home).
+
+    L = C(z) · z⁻ᵈ · ZOH{P(s) / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
+    computational delay, and the controller from measurement to force with its sign turned. Without Coulomb friction: at
+    rest its smoothed slope would pass for a huge damper, and hide the loop that the platform in motion has.
+
+    Parameters
+    ----------
+    sample_time
+        [s]
+    delay
+        [samples]
+    lag
+        τ [s]
+
+    Raises
+    ------
+    ControllerError
+        The controller has another sample time.
+    """
+    controller.check_sample_time(sample_time)
+    moving = replace(platform, leg_coulomb_friction=0.0)
+    linear = linearise(moving, position, orientation, controller.signals)
+    plant = control.ss(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
+    if lag > 0:
+        plant = plant * control.append(*[control.ss([[-1 / lag]], [[1 / lag]], [[1]], [[0]])] * 6)
+    plant = control.sample_system(plant, sample_time)
+    for _ in range(delay):
+        plant = plant * control.ss(np.zeros((6, 6)), np.eye(6), np.eye(6), np.zeros((6, 6)), sample_time)
+    return feedback_part(platform, controller, position, orientation) * plant
+
+
+def feedback_part(
+    platform: Platform,
+    controller: LinearController,
+    position: Array | None = None,
+    orientation: Array | None = None,
+) -> control.StateSpace:
+    """C with F = −C y: the controller from measurements to forces at a pose, in whichever space it works."""
+    K = controller.system
+    n = len(signals.positions(controller.signals))
+    # errors are references − measurements; of separate inputs the second n are the measurements
+    B, D = (K.B, K.D) if K.ninputs == n else (-K.B[:, n : 2 * n], -K.D[:, n : 2 * n])
+    C = control.ss(K.A, B, K.C, D, K.dt)
+    if controller.space == "leg":
+        return C
+    p = platform.home_position if position is None else position
+    o = platform.home_orientation if orientation is None else orientation
+    J_inverse = np.linalg.inv(leg_jacobian(platform, p, o))
+    return control.ss(C.A, C.B @ J_inverse, J_inverse.T @ C.C, J_inverse.T @ C.D @ J_inverse, K.dt)

@@ -1,0 +1,1 @@
+"""Experiments: their schema and files, and the way from a file to a record."""

@@ -1,0 +1,74 @@
+"""Run an experiment: prepare it, open its plant, simulate the loop, keep the record."""
+
+from pathlib import Path
+from typing import Any
+
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.recording import record_of
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.loop import simulate
+from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants.open import open_plant
+from gough_stewart.harness.results.record import Record
+from gough_stewart.model.progress import StepProgress, TimeProgress
+
+
+def run(
+    experiment: Experiment,
+    *,
+    plant: PlantKind | None = None,
+    fmu: Path | str | None = None,
+    controller: Any = None,
+    progress: TimeProgress | None = None,
+    told: StepProgress | None = None,
+) -> Record:
+    """Run an experiment; a loop that diverges or is interrupted leaves a record that says so in its outcome.
+
+    Parameters
+    ----------
+    plant, fmu
+        In the place of the experiment's: "model", "fmu2" or "fmu3", and the file of an FMU.
+    controller
+        In the place of the experiment's: a discrete python-control system, a `LinearController`, or a function of a
+        `Sample` that gives six forces. Feedforward stays as it is.
+    progress
+        Called with the time [s] of the run.
+    told
+        Called with what is being done before, while an FMU is built.
+
+    Raises
+    ------
+    ExperimentError, ReachError
+        The experiment cannot be run; see `prepare`.
+    PlantError, BuildError
+        The plant cannot be had.
+    """
+    return run_prepared(experiment, prepare(experiment, controller), plant=plant, fmu=fmu, progress=progress, told=told)
+
+
+def run_prepared(
+    experiment: Experiment,
+    prepared: Prepared,
+    *,
+    plant: PlantKind | None = None,
+    fmu: Path | str | None = None,
+    progress: TimeProgress | None = None,
+    told: StepProgress | None = None,
+) -> Record:
+    """`run` of an experiment that is prepared already."""
+    choice = experiment.plant
+    kind = plant or choice.kind
+    if fmu is None and choice.fmu is not None and plant in (None, choice.kind):
+        fmu = experiment.folder / choice.fmu
+    with open_plant(
+        kind,
+        prepared.platform,
+        prepared.start,
+        tolerance=choice.tolerance,
+        fixed_step_size=choice.fixed_step_size,
+        fmu=fmu,
+        progress=told,
+    ) as opened:
+        done = simulate(opened, None if prepared.controller is None else prepared.law, prepared.loop, progress)
+    circumstances = {"title": experiment.title, "plant": kind, "experiment": experiment.model_dump(mode="json")}
+    return record_of(done, prepared, circumstances)

@@ -1,0 +1,192 @@
+"""What an experiment is: the schema of its TOML file, and of the same in Python."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from gough_stewart.harness.control.choice import ControllerChoice
+from gough_stewart.harness.motion.reference_choice import ReferenceChoice
+from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants.signals import NAMES, VARIABLES
+from gough_stewart.harness.quantities import (
+    AngularVelocity,
+    Force,
+    Number,
+    Orientation,
+    Position,
+    PositiveForceRate,
+    PositiveLength,
+    PositiveTime,
+    Time,
+    Torque,
+    Velocity,
+    number,
+)
+from gough_stewart.harness.section import Section
+from gough_stewart.model.formulations.cases import PAPER_PRESET
+
+_REST = (0.0, 0.0, 0.0)
+# Noise and steps below are rounding, and their inverse overflows.
+_FINEST = 1e-15
+_SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
+
+
+class PlatformChoice(Section):
+    """`[platform]`: a preset, or a file of one's own; single parameters may be changed."""
+
+    preset: str | None = None
+    file: str | None = None
+    parameters: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "PlatformChoice":
+        if self.preset is not None and self.file is not None:
+            raise ValueError("expected preset or file, not both")
+        return self
+
+    @property
+    def preset_name(self) -> str:
+        """The preset, the paper's platform by default."""
+        return self.preset or PAPER_PRESET
+
+
+class PlantChoice(Section):
+    """`[plant]`: what simulates the platform."""
+
+    kind: PlantKind = "model"
+    fmu: str | None = None
+    tolerance: Annotated[Number, Field(ge=1e-13, le=1e-2)] = 1e-8
+    fixed_step_size: Time = 0.0
+
+
+class Start(Section):
+    """`[start]`: the state at time 0; where a key is left out, the reference's."""
+
+    position: Position | None = None
+    orientation: Orientation | None = None
+    velocity: Velocity | None = None
+    angular_velocity: AngularVelocity | None = None
+
+
+class LoopChoice(Section):
+    """`[loop]`: clocks, and the delay of the forces in samples."""
+
+    duration: PositiveTime
+    sample_time: PositiveTime = 1e-3
+    plant_step: PositiveTime | None = None
+    delay: Annotated[int, Field(ge=0, le=1000)] = 0
+
+
+def _by_signal(value: Any) -> dict[str, float]:
+    if not isinstance(value, dict):
+        raise ValueError(f"expected a table of signals ({', '.join(NAMES)})")  # noqa: TRY004 - pydantic wants this one
+    found = {}
+    for name, size in value.items():
+        if name not in NAMES:
+            raise ValueError(f"no signal '{name}'; expected {', '.join(NAMES)}")
+        try:
+            found[name] = number(size, _SIGNAL_UNITS[name])
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+        if found[name] and not found[name] >= _FINEST:
+            raise ValueError(f"{name} is {size!r}; expected 0, or at least {_FINEST:g} {_SIGNAL_UNITS[name]}")
+    return found
+
+
+PerSignal = Annotated[dict[str, float], BeforeValidator(_by_signal)]
+
+
+class SensorChoice(Section):
+    """`[sensors]`: standard deviation of noise and step of quantisation by signal."""
+
+    noise: PerSignal = Field(default_factory=dict)
+    quantisation: PerSignal = Field(default_factory=dict)
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+def _force_limit(value: Any) -> float | str:
+    if value in ("platform", "none"):
+        return str(value)
+    try:
+        limit = number(value, "N")
+    except ValueError as error:
+        raise ValueError(f"{error}; or 'platform', or 'none'") from None
+    if not limit > 0:
+        raise ValueError("expected > 0 N, or 'platform', or 'none'")
+    return limit
+
+
+class ActuatorChoice(Section):
+    """`[actuators]`: limits, and the time constant of a lag; the platform's force limit by default."""
+
+    force_limit: Annotated[float | str, BeforeValidator(_force_limit)] = "platform"
+    rate_limit: PositiveForceRate | None = None
+    lag: Time = 0.0
+
+
+class LimitChoice(Section):
+    """`[limits]`: what refuses a reference, and what ends a run."""
+
+    stroke: Literal["ignore", "warn", "stop"] = "warn"
+    position_error: PositiveLength | None = None
+    condition_number: Annotated[Number, Field(gt=1)] = 100.0
+
+
+class ChangeChoice(Section):
+    """`[[change]]`: other tunable parameters from a time on, as values or as factors of the present ones."""
+
+    at: Time
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    factors: dict[str, Number] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _something(self) -> "ChangeChoice":
+        if not self.parameters and not self.factors:
+            raise ValueError("changes nothing; expected parameters or factors")
+        return self
+
+
+class DisturbanceChoice(Section):
+    """`[[disturbance]]`: an external wrench at Op over a time, in world components."""
+
+    at: Time
+    duration: PositiveTime
+    force: Force = _REST
+    torque: Torque = _REST
+
+
+class Experiment(Section):
+    """A whole experiment."""
+
+    title: str
+    description: str = ""
+    platform: PlatformChoice = PlatformChoice()
+    plant: PlantChoice = PlantChoice()
+    start: Start = Start()
+    reference: ReferenceChoice | None = None
+    controller: ControllerChoice
+    loop: LoopChoice
+    sensors: SensorChoice = SensorChoice()
+    actuators: ActuatorChoice = ActuatorChoice()
+    limits: LimitChoice = LimitChoice()
+    change: list[ChangeChoice] = Field(default_factory=list)
+    disturbance: list[DisturbanceChoice] = Field(default_factory=list)
+    _where: str = "experiment"
+    _folder: Path = Path()
+
+    @property
+    def where(self) -> str:
+        """The file or name it comes from, for messages."""
+        return self._where
+
+    @property
+    def folder(self) -> Path:
+        """Where the files that it names are looked for."""
+        return self._folder
+
+    def from_file(self, where: str, folder: Path) -> "Experiment":
+        """The same, with its origin."""
+        made = self.model_copy()
+        made._where, made._folder = where, folder
+        return made

@@ -1,0 +1,1 @@
+"""The sampled loop around a plant: timing, sensors, actuators."""

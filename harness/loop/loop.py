@@ -1,0 +1,298 @@
+"""The sampled loop: a controller in discrete time around the plant, as it would run on the machine."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.control.laws import Law
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.loop.actuators import Actuators, Drives
+from gough_stewart.harness.loop.sensors import Readings, Sensors
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.kernel import N_INPUTS, N_RESULTS
+from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.vectors import FloatArray
+
+Status = Literal["completed", "diverged", "stopped", "interrupted"]
+OnStroke = Literal["ignore", "warn", "stop"]
+_LENGTHS = slice(12, 18)  # of the legs, in the vector of all signals
+_ROWS_A_REPORT = 64
+# A row takes some 150 numbers, and they are there twice while the record is made.
+MOST_STEPS = 1_000_000
+_NO_ACCELERATION = np.zeros(6)
+# Times are multiples of the plant step to this share of it.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Change:
+    """From `time` [s] on, other tunable parameters of the plant, or another external wrench (6,) [N, N m]."""
+
+    time: float
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    external_wrench: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Clocks of a run: the plant is stepped and recorded every `plant_step`, the controller runs every `sample_time`.
+
+    Raises
+    ------
+    ControllerError
+        The plant step does not divide the sample time or the duration, or there would be more than `MOST_STEPS`.
+    """
+
+    duration: float  # [s]
+    sample_time: float  # [s]
+    plant_step: float  # [s]
+
+    def __post_init__(self) -> None:
+        for name in ("duration", "sample_time", "plant_step"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
+        for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
+            long, short = getattr(self, whole), getattr(self, part)
+            if not long / short <= MOST_STEPS:
+                raise ControllerError(
+                    f"{whole} {long:g} s has {long / short:.3g} plant steps of {short:g} s; expected at most "
+                    f"{MOST_STEPS}, which fill about 3 GB of memory; make it shorter, or the plant_step longer"
+                )
+            if round(long / short) < 1 or abs(long / short - round(long / short)) > _ROUNDING:
+                raise ControllerError(
+                    f"{part} {short:g} s does not divide {whole} {long:g} s ({long / short:g} times); expected a whole "
+                    f"number, for instance a {part} of {long / max(1, round(long / short)):g} s"
+                )
+
+    @property
+    def steps(self) -> int:
+        """Of the plant in the whole run."""
+        return round(self.duration / self.plant_step)
+
+    @property
+    def steps_a_sample(self) -> int:
+        """Of the plant from one sample to the next."""
+        return round(self.sample_time / self.plant_step)
+
+    @property
+    def times(self) -> FloatArray:
+        """Of the rows (steps + 1,) [s]."""
+        return np.arange(self.steps + 1, dtype=float) * self.plant_step
+
+    @property
+    def samples(self) -> FloatArray:
+        """Times of the controller's samples [s]; none at the end, where nothing follows."""
+        return self.times[: self.steps : self.steps_a_sample]
+
+    def row(self, time: float, what: str) -> int:
+        """The row of a time [s] that has to be one of the plant steps."""
+        k = round(time / self.plant_step)
+        if abs(time / self.plant_step - k) > _ROUNDING or not 0 <= k <= self.steps:
+            raise ControllerError(
+                f"{what} at {time:g} s; expected a time from 0 to {self.duration:g} s that is a multiple of the "
+                f"plant_step of {self.plant_step:g} s"
+            )
+        return k
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What ends a run."""
+
+    stroke: tuple[float, float] = (0.0, np.inf)  # leg lengths [m]
+    on_stroke: OnStroke = "warn"
+    largest_position_error: float = np.inf  # [m]
+
+    def beyond_stroke(self, lengths: FloatArray) -> NDArray[np.bool_]:
+        """Which leg lengths (..., 6) [m] are outside of the stroke."""
+        return np.asarray((lengths < self.stroke[0]) | (lengths > self.stroke[1]))
+
+
+class Outcome(NamedTuple):
+    """How a run ended."""
+
+    status: Status
+    time: float  # [s]
+    cause: str | None
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Everything of a run but plant and controller."""
+
+    timing: Timing
+    wanted: FloatArray | None  # signals and accelerations on the reference at every row (n, 30); None without one
+    feedforward: FloatArray  # at every sample (m, 6) [N]
+    start_force: FloatArray  # of the actuators before the first command (6,) [N]
+    sensors: Sensors = field(default_factory=Sensors)
+    actuators: Actuators = field(default_factory=Actuators)
+    limits: Limits = field(default_factory=Limits)
+    changes: tuple[Change, ...] = ()
+
+
+@dataclass(frozen=True)
+class Run:
+    """What happened, row by row as far as the run came; per sample what the controller did."""
+
+    time: FloatArray  # (n,)
+    results: FloatArray  # (n, N_RESULTS)
+    inputs: FloatArray  # (n, 12)
+    rate_limited: NDArray[np.bool_]  # (n, 6)
+    stroke_exceeded: NDArray[np.bool_]  # (n, 6)
+    sample_of_row: NDArray[np.intp]  # (n,), the last sample at or before each row
+    measured: FloatArray  # (m, 24)
+    command: FloatArray  # (m, 6), before any limit
+    controller_state: FloatArray  # (m, n_states), with which the command was made
+    force_limited: NDArray[np.bool_]  # (m, 6)
+    outcome: Outcome
+
+
+def simulate(
+    plant: Plant, law_from: Callable[[FloatArray], Law] | None, loop: Loop, progress: TimeProgress | None = None
+) -> Run:
+    """Run the loop to its end, or to where it cannot go on; that is an outcome, not an error.
+
+    At each sample: measure, compute, and from then on (`actuators.delay` samples later) hold the forces. At each
+    plant step: changes come into effect, the drives act, everything is recorded, the plant goes on.
+
+    Parameters
+    ----------
+    law_from
+        Makes the controller from the signals (24,) of the first sample; None for feedforward alone.
+    progress
+        Called with the time [s] now and then.
+
+    Raises
+    ------
+    ControllerError
+        The controller gave no forces at its first sample.
+    PlantError
+        The plant refuses what it is asked for.
+    """
+    n, times = loop.timing.steps, loop.timing.times
+    drives = Drives(loop.actuators, loop.start_force, loop.timing.sample_time, loop.timing.plant_step)
+    sampler, changes = _Sampler(loop, law_from, drives), _by_row(loop)
+    results, inputs = np.zeros((n + 1, N_RESULTS)), np.zeros((n + 1, N_INPUTS))
+    rate_limited = np.zeros((n + 1, 6), dtype=bool)
+    acting = np.append(loop.start_force, np.zeros(N_INPUTS - 6))
+    outcome: Outcome | None = None
+    rows = 0
+    try:
+        for k, time in enumerate(times.tolist()):
+            for change in changes.get(k, ()):
+                _apply(change, plant, acting)
+            now = plant.results()[: signals.SIZE]
+            if k < n:
+                outcome = sampler.at_row(k, time, now)
+                if outcome is None:
+                    acting[:6], rate_limited[k] = drives.step()
+            plant.set_inputs(acting)
+            # once more: accelerations and joint forces under the forces that act from here on
+            results[k], inputs[k] = plant.results(), acting
+            rows = k + 1
+            outcome = outcome or _end_of(loop, k, time, now)
+            if outcome is not None:
+                break
+            if k < n:
+                plant.do_step(time, loop.timing.plant_step)
+            if progress is not None and k % _ROWS_A_REPORT == 0:
+                progress(time)
+    except (StepError, ControllerError) as error:
+        if not rows:
+            raise
+        outcome = Outcome("diverged" if isinstance(error, StepError) else "stopped", float(times[rows - 1]), str(error))
+    except KeyboardInterrupt:
+        if not rows:
+            raise
+        outcome = Outcome("interrupted", float(times[rows - 1]), "interrupted by the user")
+    return Run(
+        times[:rows],
+        results[:rows],
+        inputs[:rows],
+        rate_limited[:rows],
+        loop.limits.beyond_stroke(results[:rows, _LENGTHS]),
+        sampler.sample_of_row[:rows],
+        sampler.measured,
+        sampler.command,
+        sampler.state,
+        sampler.force_limited,
+        outcome or Outcome("completed", float(times[-1]), None),
+    )
+
+
+class _Sampler:
+    """The controller's side of the loop: it wakes up at the samples, and keeps what it did."""
+
+    def __init__(self, loop: Loop, law_from: Callable[[FloatArray], Law] | None, drives: Drives) -> None:
+        timing = loop.timing
+        m = len(timing.samples)
+        self._loop, self._law_from, self._drives = loop, law_from, drives
+        self._readings = Readings(loop.sensors, m)
+        self._every = timing.steps_a_sample
+        self._law: Law | None = None
+        self._excess = np.zeros(6)
+        self.measured, self.command = np.zeros((m, signals.SIZE)), np.zeros((m, 6))
+        self.force_limited = np.zeros((m, 6), dtype=bool)
+        self.state: FloatArray = np.zeros((m, 0))
+        # none at the end, where nothing would follow
+        self.sample_of_row = np.minimum(np.arange(timing.steps + 1) // self._every, m - 1)
+
+    def at_row(self, k: int, time: float, now: FloatArray) -> Outcome | None:
+        """Measure, compute and command, if there is a sample at this row; an outcome if that cannot be done."""
+        j, rest = divmod(k, self._every)
+        if rest:
+            return None
+        self.measured[j] = self._readings(j, now)
+        if self._law_from is not None and self._law is None:
+            self._law = self._law_from(self.measured[0])
+            self.state = np.zeros((len(self.measured), len(self._law.state)))
+        command = self._loop.feedforward[j]
+        if self._law is not None:
+            self.state[j] = self._law.state
+            wanted = np.append(now, _NO_ACCELERATION) if self._loop.wanted is None else self._loop.wanted[k]
+            command = command + self._law.force(j, time, wanted, self.measured[j], self._excess)
+        self.command[j] = command
+        # a sum is finite if its parts are, unless it overflows, which is as bad; np.isfinite takes twice as long
+        if not math.isfinite(command.sum()):
+            return Outcome("diverged", time, f"the controller's forces are {command.tolist()} N")
+        self.force_limited[j], self._excess = self._drives.command(command)
+        return None
+
+
+def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
+    """Parameters to the plant, the wrench into the inputs (12,)."""
+    if change.parameters:
+        plant.set_parameters(change.parameters)
+    if change.external_wrench is not None:
+        acting[6:] = change.external_wrench
+
+
+def _end_of(loop: Loop, k: int, time: float, now: FloatArray) -> Outcome | None:
+    """The reason to end the run at a row, if there is one."""
+    limits = loop.limits
+    if limits.on_stroke == "stop" and limits.beyond_stroke(now[_LENGTHS]).any():
+        leg = int(limits.beyond_stroke(now[_LENGTHS]).argmax())
+        low, high = limits.stroke
+        cause = f"leg {leg + 1} is {now[_LENGTHS][leg]:.6g} m long; its stroke is {low:g} to {high:g} m"
+        return Outcome("stopped", time, cause)
+    if loop.wanted is not None:
+        gap = loop.wanted[k, :3] - now[:3]
+        error, bound = math.sqrt(gap @ gap), limits.largest_position_error
+        if not error <= bound:  # true of NaN, too
+            cause = f"the platform is {error:.3g} m from its reference; the bound is {bound:g} m"
+            return Outcome("diverged", time, cause)
+    return None
+
+
+def _by_row(loop: Loop) -> dict[int, list[Change]]:
+    rows: dict[int, list[Change]] = {}
+    for change in loop.changes:
+        rows.setdefault(loop.timing.row(change.time, "a change"), []).append(change)
+    return rows

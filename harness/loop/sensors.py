@@ -1,0 +1,51 @@
+"""Sensors: what is measured of the signals, with noise and quantisation; the same seed, the same numbers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gough_stewart.harness.plants import signals
+from gough_stewart.model.vectors import FloatArray
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Per signal: standard deviation of white noise, and the step of quantisation, in the signal's unit.
+
+    measured = q · round((true + σ N(0, 1)) / q), each sample and element anew.
+    """
+
+    noise: Mapping[str, float] = field(default_factory=dict)
+    quantisation: Mapping[str, float] = field(default_factory=dict)
+    seed: int = 0
+
+
+class Readings:
+    """The sensors in a run of n samples."""
+
+    def __init__(self, sensors: Sensors, n: int) -> None:
+        self._noise = np.zeros((n, signals.SIZE))
+        for index, (variable, part) in enumerate(zip(signals.VARIABLES, _parts(), strict=True)):
+            deviation = sensors.noise.get(variable.name, 0.0)
+            if deviation > 0:
+                # a stream for each signal: noise on one leaves the noise on the others as it was
+                stream = np.random.default_rng([sensors.seed, index])
+                self._noise[:, part] = deviation * stream.standard_normal((n, variable.size))
+        self._steps = [
+            (part, sensors.quantisation[variable.name])
+            for variable, part in zip(signals.VARIABLES, _parts(), strict=True)
+            if sensors.quantisation.get(variable.name)
+        ]
+
+    def __call__(self, k: int, true: FloatArray) -> FloatArray:
+        """All signals as measured at sample k (24,)."""
+        measured: FloatArray = true + self._noise[k]
+        for part, step in self._steps:
+            measured[part] = step * np.rint(measured[part] / step)
+        return measured
+
+
+def _parts() -> list[slice]:
+    ends = np.cumsum([v.size for v in signals.VARIABLES])
+    return [slice(int(end) - v.size, int(end)) for v, end in zip(signals.VARIABLES, ends, strict=True)]

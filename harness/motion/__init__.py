@@ -1,0 +1,1 @@
+"""Reference motions, and whether a platform can follow them."""

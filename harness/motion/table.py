@@ -1,0 +1,103 @@
+"""Reference motions from tables of poses, such as CSV files."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars
+from scipy.interpolate import BSpline, make_interp_spline
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.motion import Motion, motion_of
+from gough_stewart.harness.motion.references import ROUNDING
+from gough_stewart.model.real import real_array
+from gough_stewart.model.vectors import FloatArray
+
+_SPLINE_DEGREE = 5
+
+
+@dataclass(frozen=True, eq=False)
+class FromTable:
+    """Poses at given times with quintic splines between them, and the splines' own derivatives.
+
+    Raises
+    ------
+    MotionError
+        Fewer than six rows, times that do not increase, or numbers that are not finite.
+    """
+
+    time: FloatArray  # (n,) [s]
+    position: FloatArray  # (n, 3) [m]
+    orientation: FloatArray  # (n, 3) [rad]
+
+    def __post_init__(self) -> None:
+        n = np.size(self.time)
+        if n <= _SPLINE_DEGREE:
+            raise MotionError(f"a table of {n} rows; expected at least {_SPLINE_DEGREE + 1} for quintic splines")
+        for name, shape in (("time", (n,)), ("position", (n, 3)), ("orientation", (n, 3))):
+            try:
+                array = real_array(getattr(self, name), shape)
+            except ValueError as error:
+                raise MotionError(f"{name} {error}") from None
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        back = np.flatnonzero(np.diff(self.time) <= 0)
+        if back.size:
+            k = int(back[0])
+            raise MotionError(
+                f"time goes from {self.time[k]:g} to {self.time[k + 1]:g} s in row {k + 2}; expected increasing times"
+            )
+        pose = np.hstack([self.position, self.orientation])
+        object.__setattr__(self, "_spline", make_interp_spline(self.time, pose, k=_SPLINE_DEGREE))
+
+    def __call__(self, time: FloatArray) -> Motion:
+        """The motion at times (n,) [s].
+
+        Raises
+        ------
+        MotionError
+            A time before the first row or after the last.
+        """
+        first, last = float(self.time[0]), float(self.time[-1])
+        outside = time[~((time >= first - ROUNDING) & (time <= last + ROUNDING))]  # NaN is outside
+        if outside.size:
+            raise MotionError(
+                f"time {outside[0]:g} s is outside of the table, which goes from {first:g} to {last:g} s; make the run "
+                "shorter or the table longer"
+            )
+        spline: BSpline = getattr(self, "_spline")  # noqa: B009 - set in __post_init__ on a frozen instance
+        inside = np.clip(time, first, last)
+        return motion_of(*(spline(inside, k) for k in range(3)))
+
+
+def read_reference(path: Path | str) -> FromTable:
+    """A motion from a CSV file with the columns time, position[1..3] and orientation[1..3], in SI units.
+
+    Raises
+    ------
+    MotionError
+        The file cannot be read, a column is missing or holds no numbers, or as `FromTable`; names file, column and row.
+    """
+    names = ["time", *(f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3))]
+    try:
+        # as texts, so that true is no number; without patterns, so that * and [1] are parts of a name
+        table = polars.read_csv(path, infer_schema=False, glob=False)
+    except OSError as error:
+        raise MotionError(f"{path}: cannot read this reference: {error.strerror or error}") from error
+    except polars.exceptions.PolarsError as error:
+        raise MotionError(f"{path}: is not CSV: {error}") from error
+    missing = [name for name in names if name not in table.columns]
+    if missing:
+        raise MotionError(f"{path}: has no column {', '.join(missing)}; expected {', '.join(names)}")
+    for name in names:
+        column = table[name]
+        numbers = column.cast(polars.Float64, strict=False)
+        bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
+        if bad:
+            raise MotionError(f"{path}: {name} in row {bad[0] + 1} is {column[bad[0]]!r}; expected a finite number")
+    values = table.select(polars.col(names).cast(polars.Float64)).to_numpy()
+    try:
+        return FromTable(values[:, 0], values[:, 1:4], values[:, 4:7])
+    except MotionError as error:
+        raise MotionError(f"{path}: {error}") from error

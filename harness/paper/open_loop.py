@@ -1,0 +1,100 @@
+"""An open-loop case by three roads: Kane's DAE, the task-space kernel, the stepping model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from gough_stewart.model import energy, interface
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.formulations import kane_simulation
+from gough_stewart.model.formulations.cases import OpenLoopCase
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.state import State
+from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.vectors import Array, FloatArray
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States and results of a task-space run at the case's times."""
+
+    time: FloatArray  # (n,) [s]
+    states: FloatArray  # (n, 12)
+    results: FloatArray  # (n, N_RESULTS), columns of `interface.RESULT_COLUMNS`
+    friction_work: FloatArray  # (n,) [J], lost since the start
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Column group of a result variable, (n, *shape)."""
+        return interface.unpack(interface.RESULTS, self.results)[name]
+
+
+def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress | None = None) -> Trajectory:
+    """Integrate the kernel by DOP853; the reference of all comparisons.
+
+    Raises
+    ------
+    StepError
+        The integration cannot be continued.
+    """
+    kernel, platform = Kernel(), case.platform
+    p, u, time = parameter_vector(platform), case.inputs.to_vector(), case.time
+
+    def derivative(t: float, x: Array) -> Array:
+        if progress is not None:
+            progress(t)
+        lost = energy.friction_power(platform, State.from_vector(x[:12]))
+        return np.append(kernel.derivatives(x[:12], u, p), lost)
+
+    solution = solve_ivp(
+        derivative,
+        (time[0], time[-1]),
+        np.append(case.start.to_vector(), 0.0),
+        method="DOP853",
+        t_eval=time,
+        rtol=rtol,
+        atol=rtol,
+        # dense output between steps is of lower order than the steps: keep them short
+        max_step=float(np.diff(time).max()),
+    )
+    if not solution.success:
+        raise StepError("task-space kernel", float("nan"), float(solution.t[-1]), solution.message)
+    states = solution.y[:12].T
+    results = np.array([kernel.outputs(x, u, p).copy() for x in states])
+    return Trajectory(solution.t, states, results, solution.y[12])
+
+
+def run_stepping(
+    case: OpenLoopCase, tolerance: float = 1e-8, rows: bool = True, progress: TimeProgress | None = None
+) -> FloatArray:
+    """States (n, 12) of the stepping model, one communication step per row, or one over the whole case.
+
+    Raises
+    ------
+    StepError
+        A pose that the plant cannot pass.
+    """
+    model = SteppingModel(case.platform, tolerance)
+    model.set_many({**case.start._asdict(), "actuator_force": case.actuator_force})
+    states = [model.state]
+    times = case.time if rows else case.time[[0, -1]]
+    for t, step in zip(times[:-1], np.diff(times), strict=True):
+        model.do_step(float(t), float(step))
+        states.append(model.state)
+        if progress is not None:
+            progress(model.time)
+    return np.array(states)
+
+
+def run_kane(
+    case: OpenLoopCase,
+    baumgarte: tuple[float, float] = (10.0, 10.0),
+    rtol: float = 1e-10,
+    own_steps: bool = False,
+    progress: TimeProgress | None = None,
+) -> kane_simulation.KaneTrajectory:
+    """The paper's DAE with the ode45 pair; see `kane_simulation.simulate`."""
+    return kane_simulation.simulate(
+        case.platform, case.start, case.inputs, case.time, baumgarte, rtol, own_steps, progress
+    )

@@ -1,0 +1,232 @@
+"""The reproduction's report: one plain record, written as JSON, as Markdown, and as tables on the terminal."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.paper.agreement import Row
+from gough_stewart.harness.paper.open_loop import Trajectory
+from gough_stewart.harness.paper.readings import Reading
+from gough_stewart.model.formulations.cases import OpenLoopCase
+from gough_stewart.model.formulations.kane_simulation import KaneTrajectory
+from gough_stewart.model.kinematics import conditioning
+from gough_stewart.model.state import State
+
+
+def record(
+    case: OpenLoopCase,
+    run: Trajectory,
+    agreement: list[Row],
+    readings: list[Reading],
+    weight: dict[str, float] | None,
+    drift: dict[str, KaneTrajectory],
+) -> dict[str, Any]:
+    """Everything the report says, in plain types. `readings` and `weight` are of the paper's own platform only."""
+    first, last = (State.from_vector(run.states[k]) for k in (0, -1))
+    states = State.from_vector(run.states)
+    return {
+        "case": {
+            "title": case.title,
+            "platform": case.platform.name,
+            "source": case.platform.source,
+            "duration": case.duration,
+            "actuator_force": case.actuator_force.tolist(),
+            "start": {name: value.tolist() for name, value in first._asdict().items()},
+        },
+        "result": {
+            "end": {name: value.tolist() for name, value in last._asdict().items()},
+            "leg_length_end": run["leg_length"][-1].tolist(),
+            "largest_condition_number": float(
+                conditioning(case.platform, states.position, states.orientation).condition_number.max()
+            ),
+            "friction_work": float(run.friction_work[-1]),
+            "actuator_work": float((run["leg_length"][-1] - run["leg_length"][0]) @ case.actuator_force),
+        },
+        "agreement": [{**asdict(row), "holds": row.holds} for row in agreement],
+        "drift": {
+            label: {
+                "steps": len(kane.time) - 1,
+                "closure_gap_end": float(kane.position_violation[-1]),
+                "slip_end": float(kane.velocity_violation[-1]),
+            }
+            for label, kane in drift.items()
+        },
+        "readings": [asdict(reading) for reading in readings],
+        "published_forces": weight,
+        "versions": versions(),
+    }
+
+
+def to_json(report: dict[str, Any]) -> bytes:
+    """Readable JSON."""
+    return (json.dumps(report, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def to_markdown(report: dict[str, Any]) -> bytes:
+    """The report as a page."""
+    case, result = report["case"], report["result"]
+    parts = [
+        f"# {_capital(case['title'])}",
+        f"Platform `{case['platform']}` ({case['source']}).",
+        f"Constant actuator forces {_numbers(case['actuator_force'], 6)} N over {case['duration']:.6g} s.",
+        _markdown_table(
+            ["", "start", "end"],
+            [
+                [f"{name} [{unit}]", _numbers(case["start"][name]), _numbers(result["end"][name])]
+                for name, unit in _STATE_UNITS.items()
+            ],
+        ),
+        f"Leg lengths at the end: {_numbers(result['leg_length_end'])} m. Largest condition number of the leg "
+        f"Jacobian on the way: {result['largest_condition_number']:.3g}. Work of the actuators: "
+        f"{result['actuator_work']:.6g} J, lost in friction: {result['friction_work']:.6g} J.",
+        "## Agreement of the formulations",
+        "Formulations that share nothing but parameters and vector algebra: task space (traced kernel and NumPy), "
+        "Kane's equations as in the paper, Newton–Euler from free bodies. The paper: “This example has been verified "
+        "by the Newton–Euler approach.”",
+        _markdown_table(
+            ["comparison", "measured", "bound", "unit", ""],
+            [
+                [r["what"], f"{r['measured']:.2e}", f"{r['bound']:.0e}", r["unit"], _verdict(r["holds"])]
+                for r in report["agreement"]
+            ],
+        ),
+        "## Drift of the constraints",
+        "Kane's DAE at the integrator's own steps, with and without Baumgarte's terms (`drift.png`). Absolute "
+        "tolerances equal the relative ones; 1e-3 is ode45's default.",
+        _markdown_table(
+            ["run", "steps", "closure gap at the end [m]", "slip at the end [m/s, rad/s]"],
+            [
+                [label, d["steps"], f"{d['closure_gap_end']:.2e}", f"{d['slip_end']:.2e}"]
+                for label, d in report["drift"].items()
+            ],
+        ),
+        *_markdown_readings(report),
+        "## Versions",
+        ", ".join(f"{name} {number}" for name, number in report["versions"].items()),
+        "## Files",
+        "`open_loop.csv` holds `time` and every output and local of the interface; `figure-4.png` to `figure-7.png` "
+        "are laid out as the paper's figures of these numbers; `report.json` holds this page as data. The `.fmu` files "
+        "are the plant for other simulators, built for this machine with the platform of this case.",
+    ]
+    return ("\n\n".join(parts) + "\n").encode()
+
+
+def agreement_sheet(report: dict[str, Any]) -> Sheet:
+    """The comparisons, for a page."""
+    sheet = Sheet("Agreement of the formulations", ("comparison", "measured", "bound", ""))
+    for r in report["agreement"]:
+        sheet.add(Named(r["what"], r["unit"]), f"{r['measured']:.1e}", f"{r['bound']:.0e}", _verdict(r["holds"]))
+    return sheet
+
+
+def to_terminal(report: dict[str, Any]) -> RenderableType:
+    """Tables for the terminal."""
+    case, result = report["case"], report["result"]
+    motion = Table(title=escape(_capital(case["title"])), title_justify="left", title_style="bold")
+    motion.add_column("")
+    motion.add_column("start", justify="right")
+    motion.add_column(f"after {case['duration']:.4g} s", justify="right")
+    for name, unit in _STATE_UNITS.items():
+        motion.add_row(f"{name} [dim]{unit}[/dim]", _numbers(case["start"][name], 5), _numbers(result["end"][name], 5))
+    agreement = Table(title="Agreement of the formulations", title_justify="left", title_style="bold")
+    agreement.add_column("comparison")
+    agreement.add_column("measured", justify="right", no_wrap=True)
+    agreement.add_column("bound", justify="right", no_wrap=True)
+    agreement.add_column("")
+    for r in report["agreement"]:
+        style = "green" if r["holds"] else "bold red"
+        agreement.add_row(
+            f"{r['what']} [dim]{r['unit']}[/dim]",
+            f"{r['measured']:.1e}",
+            f"{r['bound']:.0e}",
+            Text(_verdict(r["holds"]), style),
+        )
+    drift = Table(title="Drift of Kane's DAE without and with Baumgarte", title_justify="left", title_style="bold")
+    drift.add_column("run")
+    drift.add_column("closure gap m", justify="right")
+    drift.add_column("slip m/s, rad/s", justify="right")
+    for label, d in report["drift"].items():
+        drift.add_row(label, f"{d['closure_gap_end']:.1e}", f"{d['slip_end']:.1e}")
+    tables: list[RenderableType] = [motion, agreement, drift]
+    if report["readings"]:
+        readings = Table(
+            title="What the scan left open, and what another reading changes after 1 s",
+            title_justify="left",
+            title_style="bold",
+        )
+        readings.add_column("decided")
+        readings.add_column("other reading")
+        readings.add_column("position m", justify="right")
+        readings.add_column("angles rad", justify="right")
+        for r in report["readings"]:
+            readings.add_row(
+                f"{r['point']}: [dim]{r['decided']}[/dim]",
+                r["other"],
+                _change(r["position_change"]),
+                _change(r["orientation_change"]),
+            )
+        tables += [readings, Text(_weight_sentence(report["published_forces"]))]
+    return Group(*tables)
+
+
+_STATE_UNITS = {"position": "m", "orientation": "rad", "velocity": "m/s", "angular_velocity": "rad/s"}
+
+
+def _markdown_readings(report: dict[str, Any]) -> list[str]:
+    if not report["readings"]:
+        return []
+    rows = [
+        [
+            r["point"],
+            r["decided"],
+            r["other"],
+            _change(r["position_change"]),
+            _change(r["orientation_change"]),
+            r["remark"],
+        ]
+        for r in report["readings"]
+    ]
+    return [
+        "## What the scan of the paper leaves open",
+        "Largest change of a component of the final pose when one point is read otherwise (the whole case run again):",
+        _markdown_table(["point", "decided", "other reading", "position [m]", "angles [rad]", "remark"], rows),
+        _weight_sentence(report["published_forces"]),
+    ]
+
+
+def _weight_sentence(weight: dict[str, float]) -> str:
+    return (
+        f"The published forces are not near balance. At zero yaw each actuator holds {weight['static_leg_force']:.2f} N"
+        " (the base joints carry most of the lower parts), while the even legs' 49.5 N is the axial share of the "
+        f"weight of all bodies, {weight['share_of_total_weight']:.2f} N. So the platform rises throughout the second, "
+        "under every reading above."
+    )
+
+
+def _markdown_table(head: list[str], rows: list[list[Any]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def _numbers(values: list[float], digits: int = 9) -> str:
+    return "(" + ", ".join(f"{value:.{digits}g}" for value in np.asarray(values) + 0.0) + ")"
+
+
+def _change(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
+
+
+def _verdict(holds: bool) -> str:
+    return "ok" if holds else "MISSED"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

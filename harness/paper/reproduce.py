@@ -1,0 +1,123 @@
+"""The reproduction: run everything of an open-loop case, then write all files; progress on the way."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
+from gough_stewart.harness.paper import figures, readings, report
+from gough_stewart.harness.paper.agreement import agreement, of_fmus
+from gough_stewart.harness.paper.fmu_runs import FmiType, run_fmu
+from gough_stewart.harness.paper.open_loop import run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper.record import csv_of, record_of_case
+from gough_stewart.harness.view.page import PAGE, view_page
+from gough_stewart.model.formulations.cases import OpenLoopCase
+from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.vectors import FloatArray
+
+# Tolerance and (α, β) of the runs that show the drift; 1e-3 is ode45's default.
+_DRIFT_RUNS = {
+    "without Baumgarte, rtol 1e-3": (1e-3, (0.0, 0.0)),
+    "Baumgarte α = β = 10/s, rtol 1e-3": (1e-3, (10.0, 10.0)),
+    "without Baumgarte, rtol 1e-6": (1e-6, (0.0, 0.0)),
+    "Baumgarte α = β = 10/s, rtol 1e-6": (1e-6, (10.0, 10.0)),
+}
+_FMI_TYPES: dict[FmiType, str] = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange under CVode"}
+FILES = (
+    "open_loop.csv",
+    "figure-4.png",
+    "figure-5.png",
+    "figure-6.png",
+    "figure-7.png",
+    "drift.png",
+    "report.md",
+    "report.json",
+    "gough_stewart_fmi2.fmu",
+    "gough_stewart_fmi3.fmu",
+)
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What `reproduce` makes, before it is written."""
+
+    report: dict[str, Any]
+    files: dict[str, bytes]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every comparison is within its bound."""
+        return all(row["holds"] for row in self.report["agreement"])
+
+
+def reproduce(case: OpenLoopCase, console: Console, page: bool = False) -> Reproduction:
+    """Run the case by all formulations and make report, table and figures, and the page if wanted; writes nothing.
+
+    Raises
+    ------
+    StepError
+        The plant cannot go through the case.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+
+        def over_time(description: str) -> TimeProgress:
+            task = progress.add_task(description, total=case.duration)
+            return lambda time: progress.update(task, completed=time)
+
+        def each(description: str, total: int) -> Callable[[], None]:
+            task = progress.add_task(description, total=total)
+            return lambda: progress.advance(task)
+
+        # first the one that knows the poses a plant cannot pass
+        stepping = run_stepping(case, progress=over_time("stepping model"))
+        leap = run_stepping(case, rows=False)
+        kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
+        kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
+        fmus, fmu_runs = _fmus(
+            case, each("FMUs", number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS))
+        )
+        drawn = each("drift", len(_DRIFT_RUNS))
+        drift = {}
+        for label, (rtol, baumgarte) in _DRIFT_RUNS.items():
+            drift[label] = run_kane(case, baumgarte, rtol, own_steps=True)
+            drawn()
+        others, weight = [], None
+        if case.is_published:
+            task = each("other readings of the paper", readings.NUMBER_OF_RUNS)
+            others = readings.other_readings(case.minus_first, task)
+            weight = readings.weight_of_the_published_forces()
+        draw = each("figures", 2)
+        pictures = figures.open_loop_figures(case, kernel)
+        draw()
+        pictures["drift.png"] = figures.drift_figure(drift)
+        draw()
+
+    rows = [*agreement(case, kernel, kane, stepping, leap), *of_fmus(case, kernel, fmu_runs)]
+    said = report.record(case, kernel, rows, others, weight, drift)
+    files = {
+        "open_loop.csv": csv_of(kernel),
+        **pictures,
+        "report.md": report.to_markdown(said),
+        "report.json": report.to_json(said),
+        **fmus,
+    }
+    if page:
+        files[PAGE] = view_page([record_of_case(case, kernel)], [case.title], [report.agreement_sheet(said)])
+    return Reproduction(said, files)
+
+
+def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
+    """The native FMUs of the case's platform as files, and what they make of the case."""
+    runs = {}
+    with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
+        paths = build(folder, platform=case.platform, progress=lambda _what: done())
+        for version, path in zip(VERSIONS, paths, strict=True):
+            for fmi_type, how in _FMI_TYPES.items():
+                runs[f"FMU, FMI {version} {how}"] = run_fmu(path, case, fmi_type)
+                done()
+        return {path.name: path.read_bytes() for path in paths}, runs

@@ -1,0 +1,1 @@
+"""The plant behind one protocol: the stepping model, or an FMU."""

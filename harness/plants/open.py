@@ -1,0 +1,51 @@
+"""The plant of a run by its kind: in process, or as FMU, which is built where none is given."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
+from gough_stewart.harness.plants.plant import TOLERANCE, ModelPlant, Plant
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.state import State
+
+
+@contextmanager
+def open_plant(
+    kind: PlantKind,
+    platform: Platform,
+    start: State | None = None,
+    *,
+    tolerance: float = TOLERANCE,
+    fixed_step_size: float = 0.0,
+    fmu: Path | str | None = None,
+    progress: StepProgress | None = None,
+) -> Iterator[Plant]:
+    """A plant that is closed in the end; an FMU without a file is built for this machine, or taken from the cache.
+
+    Raises
+    ------
+    PlantError
+        An unknown kind, a file for the model, an FMU of the other version, or as `FmuPlant`.
+    BuildError
+        The FMU cannot be built.
+    """
+    if kind == "model":
+        if fmu is not None or fixed_step_size:
+            what = f"the file {fmu}" if fmu is not None else f"fixed_step_size {fixed_step_size:g} s"
+            raise PlantError(f"plant 'model' has no use for {what}; choose the plant fmu2 or fmu3")
+        with ModelPlant(platform, start, tolerance) as plant:
+            yield plant
+        return
+    if kind not in FMI_VERSIONS:
+        raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
+    version = FMI_VERSIONS[kind]
+    file = cached_build(version, progress) if fmu is None else fmu
+    with FmuPlant(file, platform, start, tolerance, fixed_step_size) as unit:
+        if unit.fmi_version != version:
+            raise PlantError(f"{file}: is FMI {unit.fmi_version}; expected FMI {version} for the plant {kind}")
+        yield unit

@@ -1,0 +1,41 @@
+"""What can be measured: the signals between plant and controller, joined to one vector."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.model import interface
+
+# In the order of the results, so that the vector of all signals is the head of `Plant.results()`.
+NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
+VARIABLES = tuple(interface.BY_NAME[name] for name in NAMES)
+SIZE = interface.size_of(VARIABLES)
+if interface.RESULTS[: len(NAMES)] != VARIABLES:
+    raise AssertionError("signals have to be the first results of the interface")
+
+
+def positions(names: Iterable[str]) -> NDArray[np.intp]:
+    """Where the elements of some signals lie in the vector of all.
+
+    Raises
+    ------
+    ControllerError
+        A name that is no signal, or none at all.
+    """
+    names = [names] if isinstance(names, str) else list(names)
+    if not names:
+        raise ControllerError(f"no signals; expected some of {', '.join(NAMES)}")
+    found = []
+    everything = interface.unpack(VARIABLES, np.arange(SIZE))
+    for name in names:
+        if name not in everything:
+            raise ControllerError(f"no signal '{name}'{interface.nearest(name, NAMES)}")
+        found.append(everything[name])
+    return np.concatenate(found)
+
+
+def column_names(names: Iterable[str]) -> list[str]:
+    """Scalar names of some signals, 1-based."""
+    return [scalar for name in names for scalar in interface.BY_NAME[name].scalar_names]

@@ -1,0 +1,299 @@
+"""Pictures of a run for screen and print: pose, errors, forces, leg lengths."""
+
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from gough_stewart.harness.output.decimation import decimated
+from gough_stewart.harness.output.plotting import COLOURS, entitle, pictures
+from gough_stewart.harness.results.record import Record, outcome_text
+from gough_stewart.model.vectors import FloatArray
+
+WIDTH = 8.0  # [inch]
+# Of a line and of a strip, in a panel of some 400 pixels; six panels of two such lines make an SVG of 200 kB.
+_POINTS, _SPANS = 800, 200
+# Beyond this, the arithmetic of axes overflows.
+_LARGEST = 1e100
+# Less than this share of the whole, or of a unit (a micrometre, a millionth of a degree), is no motion to look at.
+_LEAST = 1e-6
+# Layout engines, and what moves titles, measure everything anew for every file: half of the time.
+_PLACED_BY_HAND: dict[Any, Any] = {"figure.constrained_layout.use": False, "axes.titley": 1.0}
+_LEFT, _RIGHT, _TITLE_LINE, _PANEL_TITLE, _PAD, _DIGIT = 0.15, 0.15, 0.19, 0.34, 0.07, 0.083  # [inch]
+_FOOT = 0.72  # for times and legend [inch]
+# Six lines that differ without colours.
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), "-.", (0, (1, 1)), (0, (8, 1.5, 1, 1.5, 1, 1.5)), (0, (2.5, 1)))
+_ACTUAL: dict[str, Any] = {"color": COLOURS[0], "linewidth": 1.8}
+_REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3))}
+_GRID: dict[str, Any] = {"color": "#DDDDDD", "linewidth": 0.6, "zorder": 0.5}
+_LIMIT: dict[str, Any] = {"color": COLOURS[1], "linewidth": 1.2, "linestyle": (0, (1, 1.5))}
+# Strips at the top of a panel: colour and lower edge.
+_STRIPS = {"force_limited": ("black", 0.955), "rate_limited": ("#999999", 0.90)}
+_STRIP_HEIGHT = 0.045
+_LEGS = tuple(f"leg {i}" for i in range(1, 7))
+
+
+FIGURES = ("pose", "errors", "forces", "legs")
+
+
+def run_figures(record: Record) -> dict[str, bytes]:
+    """File name to PNG and SVG of `pose`, `errors`, `forces` and `legs`; without reference there are no errors.
+
+    The same bytes for the same record. Lines are `decimated`. Where a run ended early, the title says when and why.
+    """
+    draws: dict[str, tuple[Callable[[Figure, Record], None], float]] = {
+        "pose": (_pose, 4.6),
+        "forces": (_forces, 4.6),
+        "legs": (_legs, 4.6),
+    }
+    if "error.position" in record and "error.orientation" in record:
+        draws["errors"] = (_errors, 6.2)
+    files = {}
+    for name, (draw, height) in draws.items():
+
+        def placed(figure: Figure, draw: Callable[[Figure, Record], None] = draw) -> None:
+            # asked for again at every file; whoever calls this puts the settings back
+            mpl.rcParams.update(_PLACED_BY_HAND)
+            figure.set_layout_engine(None)
+            draw(figure, record)
+
+        files.update(pictures(name, placed, WIDTH, height))
+    return files
+
+
+class _View(NamedTuple):
+    """Limits of an axis."""
+
+    low: float
+    high: float
+
+    def holds(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+
+def _pose(figure: Figure, record: Record) -> None:
+    parts = (("position", 1.0, "m", ("x", "y", "z")), ("orientation", 180 / np.pi, "deg", ("roll", "pitch", "yaw")))
+    lines, panels = [], []
+    for name, scale, unit, names in parts:
+        curves = [_shown(record[column], scale) for column in (name, f"reference.{name}") if column in record]
+        each = [np.stack([curve[:, k] for curve in curves]) for k in range(3)]
+        # an axis that hardly moves beside the others is drawn as such
+        views = [_view(values, _LEAST) for values in each]
+        least = max(_LEAST, *((view.high - view.low) / 50 for view in views))
+        lines += each
+        panels += [(f"{names[k]} [{unit}]", _view(each[k], least)) for k in range(3)]
+    for axes, both in zip(_panels(figure, record, "pose", panels, columns=3), lines, strict=True):
+        _actual_and_reference(axes, record, list(both))
+    _legend(figure, _names(len(lines[0])))
+
+
+def _errors(figure: Figure, record: Record) -> None:
+    parts = [
+        ("position", "position [mm]", ("x", "y", "z")),
+        ("orientation", "orientation [mrad]", ("roll", "pitch", "yaw")),
+        ("leg_length", "leg length [mm]", _LEGS),
+    ]
+    parts = [part for part in parts if f"error.{part[0]}" in record]
+    values = [_shown(record[f"error.{name}"], 1e3) for name, _, _ in parts]
+    panels = [(title, _view(each, _LEAST)) for (_, title, _), each in zip(parts, values, strict=True)]
+    all_axes = _panels(figure, record, "errors, reference − actual", panels, columns=1, right=1.0, foot=0.5)
+    for axes, each, (_, _, names) in zip(all_axes, values, parts, strict=True):
+        for k, name in enumerate(names):
+            style = {"color": COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.3, "label": name}
+            _line(axes, record, each[:, k], **style)
+        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0, handlelength=3.2)
+
+
+def _forces(figure: Figure, record: Record) -> None:
+    limit = record.metadata.get("force_limit")
+    bounds = () if limit is None else (-float(limit), float(limit))
+    flags = {name: record[f"flag.{name}"].astype(bool) for name in _STRIPS if f"flag.{name}" in record}
+    flags = {name: each for name, each in flags.items() if each.any()}
+    force = _shown(record["actuator_force"])
+    view = _view(force, _LEAST, bounds, top=0.16 if flags else 0.06)
+    title = "actuator forces" + _unseen(bounds, view, f"limit ±{limit:g} N" if bounds else "")
+    for k, axes in enumerate(_panels(figure, record, title, [(f"{leg} [N]", view) for leg in _LEGS], columns=3)):
+        # held from row to row
+        _line(axes, record, force[:, k], drawstyle="steps-post", **_ACTUAL)
+        _bounds(axes, bounds, view)
+        for name, each in flags.items():
+            _strip(axes, record, name, each[:, k])
+    styles = {"force": _ACTUAL} | ({"limit": _LIMIT} if any(map(view.holds, bounds)) else {})
+    _legend(figure, styles, [Patch(color=_STRIPS[name][0], label=name.replace("_", " ")) for name in flags])
+
+
+def _legs(figure: Figure, record: Record) -> None:
+    platform = record.metadata["platform"]
+    limits = [platform.get(f"leg_length_{end}") for end in ("min", "max")]
+    bounds = [float(limit) for limit in limits if limit is not None]
+    curves = [_shown(record[name]) for name in ("leg_length", "reference.leg_length") if name in record]
+    view = _view(np.stack(curves), _LEAST, bounds)
+    stroke = " to ".join("…" if limit is None else f"{limit:g}" for limit in limits)
+    title = "leg lengths" + _unseen(bounds, view, f"stroke {stroke} m")
+    for k, axes in enumerate(_panels(figure, record, title, [(f"{leg} [m]", view) for leg in _LEGS], columns=3)):
+        _actual_and_reference(axes, record, [curve[:, k] for curve in curves])
+        _bounds(axes, bounds, view)
+    _legend(figure, _names(len(curves)) | ({"stroke limit": _LIMIT} if any(map(view.holds, bounds)) else {}))
+
+
+def _panels(
+    figure: Figure,
+    record: Record,
+    what: str,
+    panels: Sequence[tuple[str, _View]],
+    columns: int,
+    right: float = _RIGHT,
+    foot: float = _FOOT,
+) -> list[Axes]:
+    """Axes row by row, each with a title and a view, over the time of the record; room is made for their numbers.
+
+    A view that is the same all along needs its numbers but once in a row.
+    """
+    lines = _title(record, what)
+    entitle(figure, "\n".join(lines))
+    rows = len(panels) // columns
+    ticks = [_ticks(*view) for _, view in panels]
+    time = record["time"]
+    start, end = float(time[0]), float(time[-1])
+    span = _View(start, end) if end > start else _View(start - 0.5, start + 0.5)
+    instants, times = _ticks(*span)
+    numbers = _LEFT + _PAD + _room(text for _, texts in ticks for text in texts)
+    once = columns > 1 and len({view for _, view in panels}) == 1
+    # the last time of a panel stands beside the first of the next
+    gap = _PAD + _room(times) if once else numbers
+    width = (figure.get_figwidth() - right - numbers + gap) / columns - gap
+    top = _TITLE_LINE * len(lines) + 0.1 + _PANEL_TITLE
+    height = (figure.get_figheight() - top - foot + _PANEL_TITLE) / rows - _PANEL_TITLE
+    all_axes = []
+    for k, ((title, view), (values, texts)) in enumerate(zip(panels, ticks, strict=True)):
+        row, column = divmod(k, columns)
+        left = numbers + column * (gap + width)
+        bottom = figure.get_figheight() - top - height - row * (height + _PANEL_TITLE)
+        box = np.array([left, bottom, width, height]) / np.tile(figure.get_size_inches(), 2)
+        axes = figure.add_axes(tuple(box), xlim=span, ylim=view)
+        axes.set_title(title)
+        _grid(axes, (instants, times if row == rows - 1 else []), (values, [] if once and column > 0 else texts))
+        all_axes.append(axes)
+    middle = (numbers + figure.get_figwidth() - right) / 2 / figure.get_figwidth()
+    figure.text(middle, (foot - 0.42) / figure.get_figheight(), "time [s]", ha="center")
+    return all_axes
+
+
+def _grid(axes: Axes, across: tuple[list[float], list[str]], up: tuple[list[float], list[str]]) -> None:
+    """Lines at round values of both axes, and their numbers; ticks proper would take a quarter more time for all."""
+    across_axes, up_axes = axes.get_xaxis_transform(), axes.get_yaxis_transform()
+    for axis, ends, along in (
+        (axes.xaxis, [((value, 0), (value, 1)) for value in across[0]], across_axes),
+        (axes.yaxis, [((0, value), (1, value)) for value in up[0]], up_axes),
+    ):
+        axis.set_visible(False)
+        axes.add_collection(LineCollection(ends, transform=along, **_GRID), autolim=False)
+    pixels = _PAD * axes.figure.dpi
+    width, height = pixels / axes.bbox.width, pixels / axes.bbox.height
+    for value, text in zip(*across, strict=False):
+        axes.text(value, -height, text, transform=across_axes, ha="center", va="top")
+    for value, text in zip(*up, strict=False):
+        axes.text(-width, value, text, transform=up_axes, ha="right", va="center_baseline")
+
+
+def _room(texts: Iterable[str]) -> float:
+    """Width of the longest of these numbers [inch]."""
+    return _DIGIT * max(map(len, texts), default=0)
+
+
+def _title(record: Record, what: str) -> list[str]:
+    outcome = record.metadata["outcome"]
+    lines = textwrap.wrap(f"{record.metadata['title']} — {what}", 85, max_lines=2, placeholder=" …")
+    if outcome["status"] != "completed":
+        lines += textwrap.wrap(outcome_text(outcome), 85, max_lines=2, placeholder=" …")
+    return lines
+
+
+def _ticks(low: float, high: float) -> tuple[list[float], list[str]]:
+    """Round values from low to high, and their texts with as few digits as tell them apart."""
+    found = MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    values = [float(value) + 0.0 for value in found if low <= value <= high]
+    step = float(found[1] - found[0])
+    texts = min((_texts(values, step, form) for form in "fe"), key=_room)
+    return values, [text.replace("-", "−") for text in texts]
+
+
+def _texts(values: Sequence[float], step: float, form: str) -> list[str]:
+    texts: list[str] = []
+    for digits in range(17):
+        texts = [f"{value:.{digits}{form}}" for value in values]
+        if all(abs(float(text) - value) < 1e-3 * step for text, value in zip(texts, values, strict=True)):
+            break
+    return texts
+
+
+def _actual_and_reference(axes: Axes, record: Record, curves: Sequence[FloatArray]) -> None:
+    for values, style in zip(curves, (_ACTUAL, _REFERENCE), strict=False):
+        _line(axes, record, values, **style)
+
+
+def _line(axes: Axes, record: Record, values: FloatArray, **style: Any) -> None:
+    time = record["time"]
+    marker = "o" if len(time) == 1 else None
+    axes.plot(*decimated(time, values, _POINTS), marker=marker, markersize=4, **style)
+
+
+def _strip(axes: Axes, record: Record, name: str, flags: NDArray[np.bool_]) -> None:
+    """Mark the times at which a flag is up, each bucket of rows that has one."""
+    time, (colour, low) = record["time"], _STRIPS[name]
+    n = len(time)
+    if n == 1:
+        return
+    buckets = np.unique(np.linspace(0, n - 1, _SPANS + 1).astype(int))
+    marked = np.logical_or.reduceat(flags[:-1], buckets[:-1]).astype(int)
+    edges = time[buckets[np.flatnonzero(np.diff(marked, prepend=0, append=0))]]
+    spans = list(zip(edges[::2], edges[1::2] - edges[::2], strict=True))
+    axes.broken_barh(spans, (low, _STRIP_HEIGHT), transform=axes.get_xaxis_transform(), color=colour, linewidth=0.5)
+
+
+def _bounds(axes: Axes, bounds: Sequence[float], view: _View) -> None:
+    for bound in filter(view.holds, bounds):
+        axes.axhline(bound, **_LIMIT)
+
+
+def _unseen(bounds: Sequence[float], view: _View, text: str) -> str:
+    """What to say of limits that are too far off to be drawn."""
+    return f" ({text})" if bounds and not any(map(view.holds, bounds)) else ""
+
+
+def _view(values: FloatArray, least: float, bounds: Sequence[float] = (), top: float = 0.06) -> _View:
+    """Limits of an axis for values and for bounds near them, no closer together than `least`, with some air."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    span = max(high - low, least, _LEAST * abs(low), _LEAST * abs(high))
+    low, high = (low + high - span) / 2, (low + high + span) / 2
+    # those far off would press the lines flat
+    near = [bound for bound in bounds if low - 2 * span <= bound <= high + 2 * span]
+    low, high = min([low, *near]), max([high, *near])
+    return _View(low - 0.06 * (high - low), high + top * (high - low))
+
+
+def _shown(values: FloatArray, scale: float = 1.0) -> FloatArray:
+    """Values that axes can show, in other units; the others are gaps."""
+    shown: FloatArray = scale * np.where(np.abs(values) <= _LARGEST, values, np.nan)
+    return shown
+
+
+def _names(curves: int) -> dict[str, dict[str, Any]]:
+    return dict(list({"actual": _ACTUAL, "reference": _REFERENCE}.items())[:curves])
+
+
+def _legend(figure: Figure, styles: dict[str, dict[str, Any]], patches: Sequence[Artist] = ()) -> None:
+    handles: list[Artist] = [Line2D([], [], label=name, **style) for name, style in styles.items()]
+    handles += patches
+    figure.legend(handles=handles, loc="lower center", ncols=len(handles), handlelength=3.2, borderaxespad=0.2)

@@ -1,0 +1,209 @@
+"""Figures of merit of a run: tracking, step responses, forces, power and energy, saturation, stroke."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.results.record import Record
+from gough_stewart.model.vectors import FloatArray
+
+AXES = (
+    ("x", "position", 0),
+    ("y", "position", 1),
+    ("z", "position", 2),
+    ("roll", "orientation", 0),
+    ("pitch", "orientation", 1),
+    ("yaw", "orientation", 2),
+)
+# Wanted values closer than this [m, rad], or this share of the largest, are the same.
+_ROUNDING = 1e-9
+# A step's reference has to rest over this share of the rows at the end.
+_REST = 0.1
+_USED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
+_ERRORS = ("position", "orientation", "leg_length")
+
+
+def metrics(record: Record) -> dict[str, Any]:
+    """Figures of merit in SI units, as plain numbers, lists and None for what is undefined; never NaN or infinite.
+
+    From the first row on at which the plant's values are not finite, rows are left out.
+
+    - `outcome` of the metadata; `rows` and `duration` [s] that everything below is of.
+    - `tracking`: of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] the `rms` and `peak` by axis
+      or leg, and of the pose the same of the Euclidean `norm`.
+    - `step_response`: for every axis whose reference goes from one value to another and rests there. The response
+      (y − from)/(to − from) counts from the last row `at` [s] which the reference is at its first value:
+      `overshoot_percent`, `rise_time` from 10 to 90 % [s], `settling_time` to 2 % [s], `final_error` [m, rad];
+      None if it did not rise or settle within the record. Times are of rows, not between them.
+    - `force`: by leg `peak` and `rms` of F [N]. `power`: by leg `peak` of |F·L̇| with L̇ at both ends of each row, and
+      `mean` [W].
+    - `energy`: by leg and in total `net` = ∑ F_k (L_{k+1} − L_k), which is ∫ F·L̇ dt, and `absolute` =
+      ∑ |F_k (L_{k+1} − L_k)|, which is ∫ |F·L̇| dt unless a leg turns around within a row [J].
+    - `saturation`: shares of the rows with `force_limited` and `rate_limited`, by leg and for `any` of them. The last
+      row does not count here or in the RMS of the force: nothing follows it.
+    - `stroke`: by leg the `shortest` and `longest` length [m]; `margin` to the nearest limit of the platform [m],
+      negative beyond it; `exceeded`, shares of the rows.
+
+    Parts are None where the record lacks their columns.
+    """
+    kept = finite_part(record)
+    n = kept.table.height
+    time = kept["time"]
+    # what overflows becomes None
+    with np.errstate(all="ignore"):
+        return {
+            "outcome": dict(record.metadata["outcome"]),
+            "rows": n,
+            "duration": float(time[-1] - time[0]) if n else None,
+            "tracking": _tracking(kept) if n else None,
+            "step_response": _step_responses(kept) if n else None,
+            "force": _force(kept) if n else None,
+            "power": _power(kept) if n else None,
+            "energy": _energy(kept) if n else None,
+            "saturation": _saturation(kept) if n else None,
+            "stroke": _stroke(kept) if n else None,
+        }
+
+
+def metrics_json(metrics: dict[str, Any]) -> bytes:
+    """Readable JSON."""
+    return (json.dumps(metrics, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def finite_part(record: Record) -> Record:
+    """The rows before the first at which the plant's values are not finite."""
+    fine: NDArray[np.bool_] = np.ones(record.table.height, dtype=bool)
+    for name in (*_USED, *(f"error.{e}" for e in _ERRORS), "reference.position", "reference.orientation"):
+        if name in record:
+            fine &= np.isfinite(record[name]).all(axis=1)
+    rows = len(fine) if fine.all() else int(fine.argmin())
+    return Record(record.table.head(rows), record.metadata)
+
+
+def _tracking(record: Record) -> dict[str, Any] | None:
+    found: dict[str, Any] = {}
+    for name in _ERRORS:
+        if f"error.{name}" not in record:
+            continue
+        error = record[f"error.{name}"]
+        found[name] = {"rms": _list(_rms(error)), "peak": _list(np.abs(error).max(axis=0))}
+        if name != "leg_length":
+            norm = np.linalg.norm(error, axis=1)
+            found[name] |= {"norm_rms": _number(_rms(norm)), "norm_peak": _number(norm.max())}
+    return found or None
+
+
+def _step_responses(record: Record) -> list[dict[str, Any]] | None:
+    if "reference.position" not in record or "reference.orientation" not in record:
+        return None
+    responses = (
+        _step_response(axis, record["time"], record[f"reference.{name}"][:, k], record[name][:, k])
+        for axis, name, k in AXES
+    )
+    return [response for response in responses if response is not None]
+
+
+def _step_response(axis: str, time: FloatArray, wanted: FloatArray, actual: FloatArray) -> dict[str, Any] | None:
+    first, last = wanted[0], wanted[-1]
+    rounding = _ROUNDING * max(1.0, float(np.abs(wanted).max()))
+    rest = max(2, math.ceil(_REST * len(time)))
+    if not abs(last - first) > rounding or np.abs(wanted[-rest:] - last).max() > rounding:
+        return None
+    start = int(np.flatnonzero(np.abs(wanted - first) <= rounding)[-1])
+    response = (actual[start:] - first) / (last - first)
+    return {
+        "axis": axis,
+        "from": _number(first),
+        "to": _number(last),
+        "at": _number(time[start]),
+        **_step_numbers(time[start:] - time[start], response),
+        "final_error": _number(last - actual[-1]),
+    }
+
+
+def _step_numbers(time: FloatArray, response: FloatArray) -> dict[str, float | None]:
+    # step_info has no answer for a response that does not rise; it tells one that does not settle by NaN
+    if not response.max() >= 0.9:
+        return {"overshoot_percent": 0.0, "rise_time": None, "settling_time": None}
+    # takes a second
+    from control import step_info
+
+    info = step_info(response, T=time, yfinal=1.0)
+    return {
+        "overshoot_percent": _number(info["Overshoot"]),
+        "rise_time": _number(info["RiseTime"]),
+        "settling_time": _number(info["SettlingTime"]),
+    }
+
+
+def _force(record: Record) -> dict[str, Any]:
+    force = record["actuator_force"]
+    return {"peak": _list(np.abs(force).max(axis=0)), "rms": _list(_rms(_held(force)))}
+
+
+def _power(record: Record) -> dict[str, Any]:
+    force, velocity, time = record["actuator_force"], record["leg_velocity"], record["time"]
+    ends = np.concatenate([force * velocity, force[:-1] * velocity[1:]])
+    duration = time[-1] - time[0]
+    mean = _list(_work(record).sum(axis=0) / duration) if duration > 0 else [None] * 6
+    return {"peak": _list(np.abs(ends).max(axis=0)), "mean": mean}
+
+
+def _energy(record: Record) -> dict[str, Any]:
+    net, absolute = _work(record).sum(axis=0), np.abs(_work(record)).sum(axis=0)
+    return {
+        "net": _list(net),
+        "absolute": _list(absolute),
+        "net_total": _number(net.sum()),
+        "absolute_total": _number(absolute.sum()),
+    }
+
+
+def _work(record: Record) -> FloatArray:
+    """F_k (L_{k+1} − L_k) over each row (n − 1, 6) [J]."""
+    work: FloatArray = record["actuator_force"][:-1] * np.diff(record["leg_length"], axis=0)
+    return work
+
+
+def _saturation(record: Record) -> dict[str, Any] | None:
+    names = [name for name in ("force_limited", "rate_limited") if f"flag.{name}" in record]
+    return {name: _shares(_held(record[f"flag.{name}"])) for name in names} or None
+
+
+def _stroke(record: Record) -> dict[str, Any]:
+    length, platform = record["leg_length"], record.metadata["platform"]
+    low, high = platform.get("leg_length_min"), platform.get("leg_length_max")
+    margins = [length.min() - low] if low is not None else []
+    margins += [high - length.max()] if high is not None else []
+    return {
+        "shortest": _list(length.min(axis=0)),
+        "longest": _list(length.max(axis=0)),
+        "margin": _number(min(margins)) if margins else None,
+        "exceeded": _shares(record["flag.stroke_exceeded"]) if "flag.stroke_exceeded" in record else None,
+    }
+
+
+def _shares(flags: NDArray[Any]) -> dict[str, Any]:
+    flags = flags.astype(bool)
+    return {"legs": _list(flags.mean(axis=0)), "any": _number(flags.any(axis=1).mean())}
+
+
+def _held(rows: NDArray[Any]) -> NDArray[Any]:
+    """The rows that last until a next one; a single row stands for itself."""
+    return rows[:-1] if len(rows) > 1 else rows
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    root: FloatArray = np.sqrt(np.mean(values**2, axis=0))
+    return root
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _list(values: FloatArray) -> list[float | None]:
+    return [_number(value) for value in values]

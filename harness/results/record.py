@@ -1,0 +1,141 @@
+"""Records of runs as tables: one row per time, SI units, interface variables under their FMI 2.0 names."""
+
+import json
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+_METADATA_KEY = "gough_stewart"
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run: what happened, row by row, and under which circumstances.
+
+    Columns are `time`, every input, output and local of the interface (`position[1]`, `actuator_force[6]`, …), and with
+    a prefix what the plant does not know of:
+
+    - `reference.` the wanted pose, its rates, and the leg lengths and velocities that belong to it;
+    - `error.` reference minus actual (`position`, `orientation`, `leg_length`);
+    - `measured.` what the controller was told at its last sample, and `controller.` what it made of it: `force` wanted
+      before any limit, `feedforward` in it, `state`;
+    - `flag.` truth values per leg: `force_limited`, `rate_limited`, `stroke_exceeded`.
+    """
+
+    table: polars.DataFrame
+    metadata: dict[str, Any]
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """A column (n,), or all columns of a variable (n, size): `record["position"]`, `record["error.leg_length"]`.
+
+        Raises
+        ------
+        RecordError
+            No such column; the nearest name is suggested.
+        """
+        if name in self.table.columns:
+            return self.table[name].to_numpy()
+        columns = self.columns_of(name)
+        if not columns:
+            names = {column.split("[")[0]: None for column in self.table.columns}
+            raise RecordError(f"the record has no '{name}'{interface.nearest(name, names)}")
+        return self.table.select(columns).to_numpy()
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is such a column or variable."""
+        return name in self.table.columns or bool(self.columns_of(name))
+
+    def columns_of(self, name: str) -> list[str]:
+        """The columns of a variable."""
+        return [column for column in self.table.columns if column.startswith(f"{name}[")]
+
+    def to_csv(self) -> bytes:
+        """CSV with the shortest digits that read back to the same numbers."""
+        return self.table.write_csv().encode()
+
+    def to_parquet(self) -> bytes:
+        """Parquet, with the metadata inside."""
+        buffer = BytesIO()
+        self.table.write_parquet(buffer, metadata={_METADATA_KEY: _json(self.metadata)})
+        return buffer.getvalue()
+
+    def to_metadata(self) -> bytes:
+        """The metadata as readable JSON."""
+        return (_json(self.metadata, indent=2) + "\n").encode()
+
+
+def read_record(path: Path | str) -> Record:
+    """A record from `record.parquet`, or from `record.csv` with `metadata.json` beside it, or from their folder.
+
+    Raises
+    ------
+    RecordError
+        The file, or the one beside it, is missing or is something else.
+    """
+    path = Path(path)
+    expected = "expected record.parquet, or record.csv with metadata.json beside it, as `gough-stewart run` writes them"
+    if path.is_dir():
+        found = [path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()]
+        if not found:
+            raise RecordError(f"{path}: a folder without a record; {expected}")
+        path = found[0]
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file; {expected}")
+    try:
+        if path.suffix == ".parquet":
+            said = polars.read_parquet_metadata(path).get(_METADATA_KEY)
+            if said is None:
+                raise RecordError(f"{path}: holds no metadata of a run; {expected}")
+            return Record(polars.read_parquet(path), json.loads(said))
+        metadata = json.loads(path.with_name("metadata.json").read_bytes())
+        # the first rows need not show that a column holds numbers with digits after the point
+        return Record(polars.read_csv(path, infer_schema_length=None), metadata)
+    except OSError as error:
+        raise RecordError(f"{error.filename or path}: {error.strerror or error}; {expected}") from error
+    except (ValueError, polars.exceptions.PolarsError) as error:
+        raise RecordError(f"{path}: cannot be read as a record ({error}); {expected}") from error
+
+
+def columns(prefix: str, size: int) -> list[str]:
+    """Names of a vector's columns, 1-based."""
+    return [f"{prefix}[{k + 1}]" for k in range(size)]
+
+
+def outcome_text(outcome: dict[str, Any]) -> str:
+    """How a run ended, in one line: status, time and, if there is one, cause."""
+    cause = f": {outcome['cause']}" if outcome.get("cause") else ""
+    return f"{outcome['status']} at {outcome['time']:.6g} s{cause}"
+
+
+def plain(platform: Platform) -> dict[str, Any]:
+    """A platform in plain types, as metadata hold it."""
+    return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}
+
+
+def platform_of(record: Record) -> Platform:
+    """The platform of a run, from its metadata.
+
+    Raises
+    ------
+    RecordError
+        They hold none.
+    """
+    try:
+        return Platform(**record.metadata["platform"])
+    except (KeyError, TypeError) as error:
+        raise RecordError(
+            f"the metadata hold no platform ({error}); expected what `gough-stewart run` writes"
+        ) from error
+
+
+def _json(data: dict[str, Any], indent: int | None = None) -> str:
+    return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,78 @@
+"""Figures of merit as tables."""
+
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from gough_stewart.harness.results.record import outcome_text
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_terminal
+
+
+def metrics_table(metrics: dict[str, Any]) -> RenderableType:
+    """Outcome and tables for the terminal, at most 100 columns wide."""
+    parts: list[RenderableType] = []
+    outcome = metrics["outcome"]
+    if outcome["status"] != "completed":
+        parts.append(Text(outcome_text(outcome), "bold red"))
+    return Group(*parts, *map(to_terminal, metrics_sheets(metrics)))
+
+
+def metrics_sheets(metrics: dict[str, Any]) -> list[Sheet]:
+    """Tracking, step response, legs; those that the record allows."""
+    parts = (("tracking", _tracking), ("step_response", _steps))
+    sheets = [make(metrics[name]) for name, make in parts if metrics[name]]
+    return [*sheets, _legs(metrics)] if metrics["force"] else sheets
+
+
+def _tracking(tracking: dict[str, Any]) -> Sheet:
+    sheet = Sheet("Tracking error", ("", "RMS", "peak", ""))
+    for name, axes, unit in (("position", "xyz", "mm"), ("orientation", ("roll", "pitch", "yaw"), "mrad")):
+        if name in tracking:
+            part = tracking[name]
+            for axis, rms, peak in zip(axes, part["rms"], part["peak"], strict=True):
+                sheet.add(axis, _milli(rms), _milli(peak), unit)
+            sheet.add(f"|{name}|", _milli(part["norm_rms"]), _milli(part["norm_peak"]), unit, ends_group=True)
+    return sheet
+
+
+def _steps(responses: list[dict[str, Any]]) -> Sheet:
+    heads = ("from", "to", "at s", "overshoot %", "rise s", "settling s", "final error")
+    sheet = Sheet("Step response", ("", *heads))
+    for r in responses:
+        unit = "m" if r["axis"] in "xyz" else "rad"
+        numbers = [number_text(r[key]) for key in ("at", "overshoot_percent", "rise_time", "settling_time")]
+        error = f"{_milli(r['final_error'])} m{unit}"
+        sheet.add(Named(r["axis"], unit), number_text(r["from"]), number_text(r["to"]), *numbers, error)
+    return sheet
+
+
+def _legs(metrics: dict[str, Any]) -> Sheet:
+    sheet = Sheet("Legs", ("", *(f"{i}" for i in range(1, 7)), "all"))
+    energy, stroke = metrics["energy"], metrics["stroke"]
+
+    def row(what: str, unit: str, values: list[float | None], total: str = "") -> None:
+        sheet.add(Named(what, unit), *(number_text(value) for value in values), total)
+
+    if "leg_length" in (metrics["tracking"] or {}):
+        error = metrics["tracking"]["leg_length"]
+        row("RMS error", "mm", [None if e is None else 1e3 * e for e in error["rms"]])
+        row("peak error", "mm", [None if e is None else 1e3 * e for e in error["peak"]])
+    row("shortest", "m", stroke["shortest"])
+    row("longest", "m", stroke["longest"])
+    row("peak force", "N", metrics["force"]["peak"])
+    row("RMS force", "N", metrics["force"]["rms"])
+    row("peak power", "W", metrics["power"]["peak"])
+    row("mean power", "W", metrics["power"]["mean"])
+    row("net work", "J", energy["net"], number_text(energy["net_total"]))
+    row("work, absolute", "J", energy["absolute"], number_text(energy["absolute_total"]))
+    shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
+    for name, share in shares.items():
+        # a row of zeros says nothing
+        if share and share["any"]:
+            row(name.replace("_", " "), "%", [100 * leg for leg in share["legs"]], number_text(100 * share["any"]))
+    return sheet
+
+
+def _milli(value: float | None) -> str:
+    return number_text(None if value is None else 1e3 * value)

@@ -1,0 +1,1 @@
+"""The page that shows records: scene, charts, tables."""

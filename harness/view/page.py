@@ -1,0 +1,174 @@
+"""One self-contained page that shows runs: 3-D animation, curves, tables; works without a network."""
+
+import html
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from string import Template
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.output.pages import asset, document, library, plotly
+from gough_stewart.harness.output.plotting import COLOURS
+from gough_stewart.harness.output.tables import Sheet, to_html
+from gough_stewart.harness.results.metrics import finite_part, metrics
+from gough_stewart.harness.results.record import Record, outcome_text, platform_of
+from gough_stewart.harness.results.tables import metrics_sheets
+from gough_stewart.harness.view.charts import DASHES, chart_of, points_of
+from gough_stewart.harness.view.scene import FRAMES, frame_rows, scene_of
+from gough_stewart.harness.view.tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
+
+PAGE = "report.html"
+MOST_RECORDS = min(len(COLOURS), len(DASHES))
+# Beyond this, nothing that could be looked at is left of a run [SI units].
+_LARGEST = 1e9
+_DRAWN = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force", "external_force")
+_SCRIPTS = ("data.js", "colours.js", "bodies.js", "scene.js", "charts.js", "player.js")
+
+
+def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
+    """The page of one record, or of several laid over each other; the same bytes for the same records.
+
+    Frames and curves are thinned out for display (`view_scene.FRAMES`, `view_charts.POINTS` for all records together),
+    which the page says; its tables are of all rows. Rows from the first on that is not finite are left out.
+
+    Parameters
+    ----------
+    records
+        From runs, or read from their files.
+    names
+        What to call each of them.
+    more
+        Tables to show besides.
+
+    Raises
+    ------
+    RecordError
+        No record, more than `MOST_RECORDS`, or one without a single finite row, without its platform, or without a
+        column that is drawn.
+    """
+    if not 1 <= len(records) <= MOST_RECORDS:
+        raise RecordError(f"{len(records)} records; expected 1 to {MOST_RECORDS} of them on a page")
+    shown = [_shown(record, name) for record, name in zip(records, names, strict=True)]
+    frames = max(FRAMES // len(records), 101)
+    data = {
+        "scenes": [scene_of(each.finite, each.platform, each.name, frames) for each in shown],
+        "chart": chart_of([each.finite for each in shown], [each.platform for each in shown], names),
+        "colours": COLOURS[: len(records)],
+    }
+    one = len(records) == 1
+    title = str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)
+    body = Template(asset("view", "view.html")).substitute(
+        title=html.escape(title),
+        lead=html.escape(_lead(records[0]) if one else "several runs laid over each other"),
+        records=_heads(shown),
+        tables=_tables(shown, more),
+        footer=html.escape(_footer(shown, frames)),
+        licences=html.escape(_licences()),
+    )
+    viewer = library("meshcat", "viewer/dist/main.min.js")
+    # the view first, so that it is there while plotly.js is still being read
+    scripts = [
+        viewer,
+        "\n".join([asset("output", "page.js"), *(asset("view", name) for name in _SCRIPTS)]),
+        plotly(),
+        "GoughStewart.charts();",
+    ]
+    return document(title, body, asset("view", "view.css"), data, scripts)
+
+
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """What to call the records of these files: their folders' names where those differ, their paths otherwise."""
+    folders = [path.absolute() if path.is_dir() else path.absolute().parent for path in paths]
+    names = [folder.name for folder in folders]
+    return names if len(set(names)) == len(names) else [str(path) for path in paths]
+
+
+class _Shown(NamedTuple):
+    """A record on the page."""
+
+    record: Record
+    finite: Record  # its rows that can be drawn
+    platform: Platform
+    name: str
+
+
+def _shown(record: Record, name: str) -> _Shown:
+    if "outcome" not in record.metadata:
+        raise RecordError(f"{name}: the metadata hold no outcome; expected what `gough-stewart run` writes")
+    try:
+        platform = platform_of(record)
+        finite = finite_part(record)
+        sizes = [np.abs(finite[column]).max(axis=1) for column in _DRAWN]
+    except GoughStewartError as error:
+        raise RecordError(f"{name}: {error}") from error
+    small = np.max(sizes, axis=0) < _LARGEST
+    rows = finite.table.height if small.all() else int(small.argmin())
+    if not rows:
+        raise RecordError(f"{name}: no row with finite values; there is nothing to show")
+    return _Shown(record, Record(finite.table.head(rows), record.metadata), platform, name)
+
+
+def _lead(record: Record) -> str:
+    said, platform = record.metadata, record.metadata["platform"]
+    description = (said.get("experiment") or {}).get("description") or platform.get("source")
+    parts = [f"platform {platform['name']}", *([f"plant {said['plant']}"] if said.get("plant") else [])]
+    return " — ".join(filter(None, [description, ", ".join(parts)]))
+
+
+def _heads(shown: Sequence[_Shown]) -> str:
+    """A line for each record, with a box to hide it if there are several; and how it ended, if not as wanted."""
+    heads = []
+    for k, each in enumerate(shown):
+        outcome, ended = each.record.metadata["outcome"], ""
+        if outcome["status"] != "completed":
+            ended = f' <span class="ended">{html.escape(outcome_text(outcome))}</span>'
+        if len(shown) > 1:
+            box = f'<input type="checkbox" data-record="{k}" checked> '
+            swatch = f'<span class="swatch" style="background:{COLOURS[k]}"></span>'
+            dashes = "none" if DASHES[k] == "solid" else DASHES[k].replace("px", "")
+            path = f'<path d="M0 4H44" stroke="#555" stroke-width="2" stroke-dasharray="{dashes}"/>'
+            line = f'<svg width="44" height="8">{path}</svg>'
+            heads.append(f'<label class="record">{box}{swatch}{line}{html.escape(each.name)}{ended}</label>')
+        elif ended:
+            heads.append(f'<p class="record">{ended}</p>')
+    return "".join(heads)
+
+
+def _tables(shown: Sequence[_Shown], more: Sequence[Sheet]) -> str:
+    parts = ["<h2>Results</h2>", _sheets(more)] if more else []
+    for record, finite, platform, name in shown:
+        limits = limits_sheet(finite, platform)
+        parts += [
+            f"<h2>{html.escape(name) if len(shown) > 1 else 'Metrics'}</h2>",
+            _sheets([*metrics_sheets(metrics(record)), *([limits] if limits else [])]),
+            "<details><summary>Run, parameters, versions</summary>",
+            _sheets([run_sheet(record), parameters_sheet(platform), versions_sheet(record)], "sheets wide"),
+            "</details>",
+        ]
+    return "".join(parts)
+
+
+def _sheets(sheets: Sequence[Sheet], kind: str = "sheets") -> str:
+    return f'<div class="{kind}">' + "".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets) + "</div>"
+
+
+def _footer(shown: Sequence[_Shown], frames: int) -> str:
+    rows = [(len(frame_rows(each.finite.table.height, frames)), each.record.table.height) for each in shown]
+    said = ", ".join(f"{few} of {all_of_them} rows" for few, all_of_them in rows)
+    return (
+        f"The animation shows {said} and straight lines between them; curves keep the smallest and the largest value "
+        f"of each of {points_of(len(shown)) // 2} stretches of time, so no peak is lost. "
+        "Tables are of all rows. Made by gough-stewart with three.js (MeshCat) and plotly.js inside."
+    )
+
+
+def _licences() -> str:
+    """What the licences of MeshCat and of what is built into it want to go along; plotly.js carries its own."""
+    built_in = json.loads(library("meshcat", "viewer/dist/main.min.js.THIRD_PARTY_LICENSES.json"))
+    texts = [f"{each['name']} {each['version']}\n\n{each['licenseText']}" for each in built_in]
+    return "\n\n".join(["MeshCat\n\n" + library("meshcat", "viewer/LICENSE"), *texts])

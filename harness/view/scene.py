@@ -1,0 +1,106 @@
+"""What the 3-D view of a page needs of a record: bodies, and their motion frame by frame."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gough_stewart.harness.output.pages import packed
+from gough_stewart.harness.results.record import Record
+from gough_stewart.model.kinematics import joint_angles
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.vectors import FloatArray
+
+# What a page shows of all its records together; at 1 kHz, 10 s come to 200 frames a second.
+FRAMES = 2001
+FLAGS = ("force_limited", "rate_limited", "stroke_exceeded")
+# By how much the two parts of a leg overlap when it is longest, and reach beyond each other's joint, as shares.
+_OVERLAP, _SHORTEST = 0.06, 0.97
+
+
+def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
+    """Which rows become frames: every s-th and the last, s the smallest with which there are at most so many."""
+    stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
+    kept = np.arange(0, rows, stride)
+    return kept if kept[-1] == rows - 1 else np.append(kept, rows - 1)
+
+
+def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES) -> dict[str, Any]:
+    """Geometry and frames of a record whose rows are finite.
+
+    Frames hold what the rows hold: time, pose, leg lengths, forces, reference; nothing is interpolated or rounded.
+    `flags` are of the time from each frame to the next, and up if they are up in any row of it.
+    """
+    rows = frame_rows(record.table.height, frames)
+    few = Record(record.table[rows], record.metadata)
+    lower, upper = leg_parts(record["leg_length"], platform)
+    return {
+        "name": name,
+        "base": platform.base_points.tolist(),
+        "platform": platform.platform_points.tolist(),
+        "lower": lower,
+        "upper": upper,
+        "rows": record.table.height,
+        "time": packed(few["time"]),
+        "pose": packed(_pose(few, "")),
+        "reference": packed(_pose(few, "reference.")) if "reference.position" in few else None,
+        "orientation": packed(few["orientation"]),
+        "length": packed(few["leg_length"]),
+        "force": packed(few["actuator_force"]),
+        "nearness": _nearness(few, platform),
+        "external_force": packed(few["external_force"]) if few["external_force"].any() else None,
+        "flags": {name: _any_until_next(record, rows, name) for name in FLAGS if f"flag.{name}" in record},
+    }
+
+
+def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
+    """Lengths at which lower and upper part are drawn [m]: they overlap at any leg length that occurs, or may.
+
+    What the parts look like is nobody's parameter; their centres of mass are.
+    """
+    low = min(float(length.min()), platform.leg_length_min or math.inf)
+    high = max(float(length.max()), platform.leg_length_max or 0.0)
+    longest = _SHORTEST * low
+    lower = min(longest, (0.5 + _OVERLAP / 2) * high)
+    return lower, min(longest, high - lower + _OVERLAP * high)
+
+
+def nearness_to_limits(record: Record, platform: Platform) -> dict[str, FloatArray]:
+    """By limit that the platform or its actuators have, how near each leg is to it (n, 6) [1]: 1 is at the limit.
+
+    - `stroke`: |L − middle| over half the stroke;
+    - `force`: |F| over the limit of the actuators in the loop;
+    - `joint angle`: the larger angle of the leg's two joints from home over the largest allowed.
+    """
+    found: dict[str, FloatArray] = {}
+    low, high = platform.leg_length_min, platform.leg_length_max
+    if low is not None and high is not None:
+        found["stroke"] = np.abs(record["leg_length"] - (low + high) / 2) / ((high - low) / 2)
+    if record.metadata.get("force_limit"):
+        found["force"] = np.abs(record["actuator_force"]) / record.metadata["force_limit"]
+    if platform.joint_angle_max is not None:
+        pose = (record["position"], record["orientation"])
+        angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
+        found["joint angle"] = np.maximum(*angles) / platform.joint_angle_max
+    return found
+
+
+def _nearness(record: Record, platform: Platform) -> dict[str, Any] | None:
+    each = nearness_to_limits(record, platform)
+    return {"of": list(each), "values": packed(np.max(list(each.values()), axis=0))} if each else None
+
+
+def _pose(record: Record, prefix: str) -> FloatArray:
+    """Position and quaternion (x, y, z, w) of the platform (n, 7)."""
+    rotation = matrix_from_orientation(record[f"{prefix}orientation"])
+    return np.concatenate([record[f"{prefix}position"], Rotation.from_matrix(rotation).as_quat()], axis=1)
+
+
+def _any_until_next(record: Record, rows: NDArray[np.int64], name: str) -> str:
+    """A character for each frame but the last: what a row says holds until the next one."""
+    up = np.asarray(record[f"flag.{name}"].astype(bool).any(axis=1))
+    return "".join("01"[int(up[a:b].any())] for a, b in pairwise(rows))

@@ -1,0 +1,101 @@
+"""What a page says of a record besides curves: circumstances, flags, parameters, versions."""
+
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.harness.results.record import Record, outcome_text
+from gough_stewart.harness.view.scene import FLAGS, nearness_to_limits
+from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
+
+_UNITS = {variable.name: variable.unit for variable in interface.VARIABLES} | {
+    "home_position": "m",
+    "home_orientation": "rad",
+    "leg_length_min": "m",
+    "leg_length_max": "m",
+    "actuator_force_max": "N",
+    "joint_angle_max": "rad",
+}
+
+
+def run_sheet(record: Record) -> Sheet:
+    """How the run was made, and how it ended."""
+    said, sheet = record.metadata, Sheet("Run", ("", ""))
+    sheet.add("outcome", outcome_text(said["outcome"]))
+    sheet.add("plant", str(said.get("plant", "–")))
+    sheet.add("platform", said["platform"]["name"])
+    sheet.add("rows", str(record.table.height))
+    for name in ("duration", "sample_time", "plant_step"):
+        if said.get(name) is not None:
+            sheet.add(Named(name.replace("_", " "), "s"), number_text(said[name], 6))
+    if said.get("force_limit"):
+        sheet.add(Named("force limit", "N"), number_text(said["force_limit"], 6))
+    for name, values in settings_of(said.get("experiment") or {}):
+        sheet.add(name, values)
+    return sheet
+
+
+def settings_of(experiment: dict[str, Any]) -> list[tuple[str, str]]:
+    """What an experiment sets, section by section, without what is empty."""
+    sections = ("reference", "controller", "loop", "sensors", "actuators", "limits", "start", "change", "disturbance")
+    found = []
+    for name in sections:
+        for part in _as_list(experiment.get(name)):
+            text = ", ".join(f"{key} {_plain(value)}" for key, value in part.items() if value not in (None, {}, []))
+            if text:
+                found.append((name, text))
+    return found
+
+
+def limits_sheet(record: Record, platform: Platform) -> Sheet | None:
+    """How near each leg came to its limits, and when flags first went up; their shares are among the metrics."""
+    sheet = Sheet("Limits and flags", ("", *(f"{i}" for i in range(1, 7))))
+    for name, values in nearness_to_limits(record, platform).items():
+        sheet.add(Named(f"{name}, most of its limit", "%"), *map(number_text, 100 * values.max(axis=0)))
+    for name in FLAGS:
+        if f"flag.{name}" in record:
+            flags = record[f"flag.{name}"].astype(bool)
+            firsts = [record["time"][leg.argmax()] if leg.any() else None for leg in flags.T]
+            times = ("never" if first is None else number_text(first, 6) for first in firsts)
+            sheet.add(Named(f"{name.replace('_', ' ')}, first at", "s"), *times)
+    return sheet if sheet.rows else None
+
+
+def parameters_sheet(platform: Platform) -> Sheet:
+    """Every parameter of the platform."""
+    sheet = Sheet(f"Platform: {platform.name}", ("", ""))
+    for name, value in platform.as_dict().items():
+        if value is None or name == "name":
+            continue
+        unit = _UNITS.get(name, "")
+        sheet.add(Named(name, unit) if unit not in ("", "1") else name, _plain(value))
+    return sheet
+
+
+def versions_sheet(record: Record) -> Sheet:
+    """What the record was made with."""
+    sheet = Sheet("Versions", ("", ""))
+    for name, number in record.metadata.get("versions", {}).items():
+        sheet.add(name, str(number))
+    return sheet
+
+
+def _as_list(section: Any) -> list[dict[str, Any]]:
+    if not section:
+        return []
+    return section if isinstance(section, list) else [section]
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        rows = [_plain(each) for each in value]
+        return "; ".join(rows) if value and isinstance(value[0], list) else ", ".join(rows)
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_plain(each)}" for key, each in value.items())
+    return str(value)

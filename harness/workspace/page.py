@@ -1,0 +1,157 @@
+"""A page to explore a workspace in the browser: maps that tell everything, a volume in 3-D; without a network."""
+
+import html
+from string import Template
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.colors import to_hex
+from numpy.typing import NDArray
+
+from gough_stewart.harness.output.pages import asset, document, packed, plotly
+from gough_stewart.harness.output.tables import to_html
+from gough_stewart.harness.workspace.display import (
+    Result,
+    clearance,
+    fixed_text,
+    is_through_home,
+    limits_met,
+    results_of,
+    shown_coordinate,
+    swept_text,
+)
+from gough_stewart.harness.workspace.isosurface import isosurface
+from gough_stewart.harness.workspace.maps import LARGEST_SHOWN, LIMIT_COLOURS, MAPS, limits_behind, norm_of
+from gough_stewart.harness.workspace.tables import sheets_of, size_text
+from gough_stewart.model.workspace import Limit
+from gough_stewart.model.workspace_grid import Workspace, home_of
+
+# Of results that the pictures for print leave out.
+_OTHER_MAP = "viridis"
+_STOPS = 17
+
+
+def workspace_page(workspace: Workspace) -> bytes:
+    """The page: maps with everything at the pointer; for three swept coordinates a volume, and slices of it.
+
+    Nothing is loaded from anywhere, and the page's own policy forbids it. Numbers are float32, seven digits.
+
+    Raises
+    ------
+    GoughStewartError
+        plotly is not installed.
+    """
+    platform = workspace.platform
+    lead = f"{swept_text(workspace)}; at {fixed_text(workspace)}"
+    hint = "Point at a map for everything that is known there. Drag to zoom, all maps follow; double click for all."
+    if len(workspace.shape) == 3:
+        hint += " The slider moves the slice; drag the volume to turn it."
+    title = f"Workspace of {platform.name}"
+    body = Template(asset("workspace", "workspace.html")).substitute(
+        title=html.escape(title),
+        lead=html.escape(lead),
+        size=html.escape(size_text(workspace)),
+        legend=_legend(workspace),
+        hint=hint,
+        tables="".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets_of(workspace) if sheet.rows),
+        footer=html.escape(
+            f"{platform.source}. Largest payload: a point mass at the platform frame's origin, held at rest. Force "
+            "margin: the largest force there, in whatever direction, held at rest. Made by gough-stewart, with "
+            "plotly.js inside.".lstrip(". ")
+        ),
+    )
+    scripts = [plotly(), asset("output", "page.js") + asset("workspace", "workspace.js")]
+    return document(title, body, asset("workspace", "workspace.css"), _data(workspace), scripts)
+
+
+def _data(workspace: Workspace) -> dict[str, Any]:
+    swept = []
+    for name, values in workspace.swept.items():
+        shown = shown_coordinate(workspace, name)
+        swept.append({"name": name, "unit": shown.unit, "values": packed(values * shown.factor, "f4")})
+    return {
+        "swept": swept,
+        "limits": [{"text": limit.text, "colour": LIMIT_COLOURS[limit]} for limit in Limit],
+        "limit": packed(workspace.qualities.limit, "i1"),
+        "behind": packed(_behind(workspace), "i1"),
+        "clearance": packed(clearance(workspace), "f4"),
+        "results": [_result(workspace, result) for result in results_of(workspace)],
+        "home": _home(workspace),
+        "level": _level(workspace),
+        "surface": _surface(workspace),
+    }
+
+
+def _result(workspace: Workspace, result: Result) -> dict[str, Any]:
+    norm = norm_of(workspace, result)
+    return {
+        "title": result.title,
+        "unit": result.shown.unit,
+        "logarithmic": result.logarithmic,
+        "low": norm.vmin,
+        "high": norm.vmax,
+        "colours": _colour_scale(MAPS.get(result.name, _OTHER_MAP)),
+        "values": packed(result.values * result.shown.factor, "f4"),
+    }
+
+
+def _behind(workspace: Workspace) -> NDArray[np.int8]:
+    """What to colour below the reachable region, map by map."""
+    code = workspace.qualities.limit
+    if code.ndim == 2:
+        return limits_behind(code)
+    return np.stack([limits_behind(code[..., k]) for k in range(code.shape[2])], axis=-1)
+
+
+def _home(workspace: Workspace) -> dict[str, Any] | None:
+    """Where home is on the maps, in shown units, and on which slice of a volume; None if nowhere."""
+    if not is_through_home(workspace, workspace.fixed):
+        return None
+    home = home_of(workspace.platform)
+    slices = [] if len(workspace.shape) == 2 else list(workspace.swept.items())[2:]
+    level = 0
+    for name, values in slices:
+        level = _level(workspace)
+        if not is_through_home(workspace, {name: float(values[level])}):
+            return None
+    place = [home[name] * shown_coordinate(workspace, name).factor for name in list(workspace.swept)[:2]]
+    return {"place": place, "level": level}
+
+
+def _level(workspace: Workspace) -> int:
+    """Of the third coordinate's values, the one to begin with: nearest to home."""
+    if len(workspace.shape) == 2:
+        return 0
+    name, values = list(workspace.swept.items())[2]
+    return int(np.abs(values - home_of(workspace.platform)[name]).argmin())
+
+
+def _surface(workspace: Workspace) -> dict[str, Any] | None:
+    """Of the reachable volume, coloured by the logarithm of the condition number."""
+    # poses exactly at a limit are reachable, and have no surface about them
+    if len(workspace.shape) == 2 or not (clearance(workspace) > 0).any():
+        return None
+    axes = [values * shown_coordinate(workspace, name).factor for name, values in workspace.swept.items()]
+    number = np.log10(np.minimum(workspace.qualities.condition_number, LARGEST_SHOWN))
+    surface = isosurface(axes, clearance(workspace), number)
+    return {
+        "vertices": packed(surface.vertices, "f4"),
+        "triangles": packed(surface.triangles, "i4"),
+        "colour": packed(surface.colour, "f4"),
+    }
+
+
+def _colour_scale(name: str) -> list[list[Any]]:
+    colours = mpl.colormaps[name]
+    return [[float(share), to_hex(colours(float(share)))] for share in np.linspace(0, 1, _STOPS)]
+
+
+def _legend(workspace: Workspace) -> str:
+    limits = [Limit.NONE] if workspace.qualities.reachable.any() else []
+    parts = []
+    for limit in [*limits, *limits_met(workspace)]:
+        edge = "border-color:#222" if limit == Limit.NONE else ""
+        swatch = f'<i style="background:{LIMIT_COLOURS[limit]};{edge}"></i>'
+        parts.append(f"<span>{swatch}{html.escape(limit.text)}</span>")
+    return "".join(parts)

@@ -1,0 +1,187 @@
+"""The commands of the closed loop as a user meets them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from typer.testing import CliRunner, Result
+
+from gough_stewart.harness.cli import app as cli
+from gough_stewart.harness.experiment.file import shipped_names, shipped_text
+from gough_stewart.harness.results.record import read_record
+from tests.support.fmu_plants import Fmu
+
+COMMAND = [sys.executable, "-c", "from gough_stewart.harness.cli.app import main; main()"]
+FIGURES = {f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")}
+FILES = {"record.csv", "record.parquet", "metadata.json", "metrics.json"} | FIGURES
+
+
+def invoke(*arguments: str) -> Result:
+    """In this process, on a wide terminal without colours."""
+    return CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}).invoke(cli.app, list(arguments))
+
+
+@pytest.fixture(scope="module")
+def heave(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Fmu]) -> tuple[Result, Path]:
+    """The heave step on the FMU."""
+    out = tmp_path_factory.mktemp("heave") / "new" / "folder"
+    fmu = str(fmus["3.0"].path)
+    return invoke("run", "heave_step", "--plant", "fmu3", "--fmu", fmu, "--out", str(out)), out
+
+
+def test_run_writes_its_files_and_prints_the_metrics(heave: tuple[Result, Path]) -> None:
+    done, out = heave
+    assert done.exit_code == 0, done.output
+    assert {p.name for p in out.iterdir()} == FILES
+    for title in ("Tracking error", "Step response", "Legs"):
+        assert title in done.output
+
+
+def test_figures_are_pictures_with_something_on_them(heave: tuple[Result, Path]) -> None:
+    """Expected: PNG of some size with many colours, SVG with paths."""
+    for name in FIGURES:
+        content = (heave[1] / name).read_bytes()
+        if name.endswith("png"):
+            picture = Image.open(BytesIO(content)).convert("RGB")
+            assert min(picture.size) > 500
+            colours = picture.getcolors(1 << 24)
+            assert colours is not None
+            assert len(colours) > 50
+        else:
+            assert content.count(b"<path") > 20
+
+
+def test_metrics_and_record_agree(heave: tuple[Result, Path]) -> None:
+    """Expected: the peak error of z is the step itself, and both files hold the same run."""
+    metrics = json.loads((heave[1] / "metrics.json").read_text())
+    record = read_record(heave[1] / "record.parquet")
+    assert metrics["tracking"]["position"]["peak"][2] == pytest.approx(0.05, rel=1e-3)
+    assert metrics["outcome"] == record.metadata["outcome"]
+    assert record.metadata["plant"] == "fmu3"
+    assert read_record(heave[1] / "record.csv").table.equals(record.table)
+    (z,) = metrics["step_response"]
+    assert z["axis"] == "z"
+    assert z["settling_time"] < 1.0
+
+
+def test_an_experiment_that_diverges_exits_with_3_and_keeps_its_record(tmp_path: Path) -> None:
+    done = invoke("run", "too_slow", "--out", str(tmp_path), "--set", "loop.plant_step=0.02")
+    assert done.exit_code == 3
+    assert "diverged at" in done.output
+    assert "has left its stroke at" in done.output
+    assert {p.name for p in tmp_path.iterdir()} == FILES
+    assert json.loads((tmp_path / "metadata.json").read_text())["outcome"]["status"] == "diverged"
+
+
+def test_a_stroke_that_stops_exits_with_3(tmp_path: Path) -> None:
+    settings = [
+        "limits.stroke=stop",
+        "platform.parameters.leg_length_max=3.2",
+        "loop.duration=1",
+        "actuators.force_limit=none",
+    ]
+    arguments = [word for setting in settings for word in ("--set", setting)]
+    done = invoke("run", "saturation", "--out", str(tmp_path), *arguments)
+    assert done.exit_code == 1  # the reference itself leaves the stroke
+    assert "the length of leg 1 is" in done.output
+    more = ["--set", "reference.position_change=[0, 0, 0.06]", "--set", "controller.damping_ratio=0.3"]
+    done = invoke("run", "saturation", "--out", str(tmp_path), *arguments, *more)
+    assert done.exit_code == 3
+    assert "stopped at" in done.output
+    assert "its stroke is 2.6 to 3.2 m" in done.output
+
+
+def test_ctrl_c_keeps_what_ran_so_far(tmp_path: Path) -> None:
+    """Expected: exit code 130, all files, marked as interrupted."""
+    lines = ["import os, signal", "def controller(sample):", "    if sample.time > 0.0195:"]
+    lines += ["        os.kill(os.getpid(), signal.SIGINT)", "    return [4078.57] * 6"]
+    (tmp_path / "stopping.py").write_text("\n".join(lines))
+    (tmp_path / "mine.toml").write_text(
+        """
+        title = "a law that holds still, and presses Ctrl-C"
+        platform.preset = "motion_base"
+        reference.type = "hold"
+        controller = { type = "python", file = "stopping.py" }
+        loop.duration = "100 s"
+        """
+    )
+    done = subprocess.run(
+        [*COMMAND, "run", "mine.toml", "--out", "out"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "TERM": "dumb"},
+        # a test run in the background may have been told to ignore it
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
+    )
+    assert done.returncode == 130, done.stderr
+    assert "interrupted at" in done.stderr
+    assert "Traceback" not in done.stderr
+    record = read_record(tmp_path / "out" / "record.parquet")
+    assert record.metadata["outcome"]["status"] == "interrupted"
+    assert record.table.height in (20, 21)
+
+
+def test_experiments_are_listed_and_printed() -> None:
+    listed = invoke("experiments").output
+    assert [name for name in shipped_names() if name not in listed] == []
+    assert invoke("experiments", "impulse").output == shipped_text("impulse")
+
+
+def test_margins_prints_and_writes(tmp_path: Path) -> None:
+    done = invoke("margins", "heave_step", "--out", str(tmp_path))
+    assert done.exit_code == 0, done.output
+    for title in ("gains", "closed-loop modes", "one leg at a time", "all legs at once"):
+        assert title in done.output
+    assert {p.name for p in tmp_path.iterdir()} == {"margins.json", "bode.png", "bode.svg", "step.png", "step.svg"}
+    said = json.loads((tmp_path / "margins.json").read_text())
+    assert len(said["margins"]["legs"]) == 6
+    assert said["margins"]["disk"]["alpha"] > 0.5
+
+
+WRONG = {
+    "no such file": (["run", "nothing.toml"], "nothing.toml: cannot read this experiment: No such file"),
+    "no such experiment": (["experiments", "heave_stp"], "did you mean 'heave_step'"),
+    "a wrong key": (["run", "heave_step", "--set", "loop.latency=1"], "loop.latency: unknown key"),
+    "a negative mass": (
+        ["run", "heave_step", "--set", "platform.parameters.platform_mass=-1"],
+        "platform: platform_mass: is -1",
+    ),
+    "a missing FMU": (["run", "heave_step", "--plant", "fmu3", "--fmu", "no.fmu"], "no.fmu: no such file"),
+    "an FMU for the model": (["run", "heave_step", "--fmu", "no.fmu"], "plant 'model' has no use for the file no.fmu"),
+    "margins of an open loop": (["margins", "paper_open_loop"], "an open loop has no margins"),
+    "margins of an unstable loop": (["margins", "too_slow"], "the closed loop is unstable (worst eigenvalue"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_wrong_input_gets_one_clear_line(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments, expected = WRONG[what]
+    done = invoke(*arguments)
+    assert done.exit_code == 1
+    assert expected in done.output
+    assert "Traceback" not in done.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_folder_that_is_a_file_is_refused_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = invoke("run", "heave_step", "--out", str(tmp_path / "file"))
+    assert done.exit_code == 1
+    assert "is a file; expected a folder" in done.output
+
+
+def test_a_folder_without_permission_is_refused_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    done = invoke("run", "heave_step", "--out", str(tmp_path / "out"))
+    assert done.exit_code == 1
+    assert "no permission to write" in done.output

@@ -1,0 +1,118 @@
+"""The command `view`, and --report, as a user meets them."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from gough_stewart.harness.cli import app as cli
+from gough_stewart.model.files import write_files
+from gough_stewart.model.platform_toml import load_preset
+from tests.support.fmu_plants import Fmu
+from tests.support.records import waving_record
+
+
+def invoke(*arguments: str) -> Result:
+    """In this process, on a wide terminal without colours."""
+    return CliRunner(env={"COLUMNS": "300", "NO_COLOR": "1", "TERM": "dumb"}).invoke(cli.app, list(arguments))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A record in both forms, as `run` leaves it."""
+    folder = tmp_path_factory.mktemp("waves")
+    record = waving_record(load_preset("desktop_hexapod"), rows=50)
+    files = {"record.csv": record.to_csv(), "record.parquet": record.to_parquet()}
+    write_files(folder, {**files, "metadata.json": record.to_metadata()})
+    return folder
+
+
+def test_a_folder_and_its_files_make_the_same_page(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the same bytes from Parquet, from CSV, and from the folder; report.html where the user is."""
+    monkeypatch.chdir(tmp_path)
+    for name, record in (("a", folder), ("b", folder / "record.parquet"), ("c", folder / "record.csv")):
+        done = invoke("view", str(record), "--out", f"{name}.html")
+        assert done.exit_code == 0, done.output
+        assert f"{name}.html" in done.output
+    pages = [(tmp_path / f"{name}.html").read_bytes() for name in "abc"]
+    assert pages[0] == pages[1] == pages[2]
+    assert invoke("view", str(folder)).exit_code == 0
+    assert (tmp_path / "report.html").read_bytes() == pages[0]
+
+
+def test_open_opens_the_page_and_says_so_if_it_cannot(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+
+    def opens_once(address: str) -> bool:
+        opened.append(address)
+        return len(opened) == 1
+
+    monkeypatch.setattr("webbrowser.open", opens_once)
+    page = tmp_path / "new folder" / "page.html"
+    assert "by hand" not in invoke("view", str(folder), "--out", str(page), "--open").output
+    assert "by hand" in invoke("view", str(folder), "--out", str(page), "--open").output
+    assert opened == [page.as_uri()] * 2
+
+
+def test_what_is_no_record_is_refused_with_a_remedy(folder: Path, tmp_path: Path) -> None:
+    """Expected: the name, what was expected, exit code 1, and no page."""
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "text.csv").write_text("a,b\n1,2\n")
+    (tmp_path / "text.parquet").write_text("a,b\n1,2\n")
+    out = tmp_path / "page.html"
+    for name, said in (
+        ("nowhere", "no such file"),
+        ("empty", "a folder without a record"),
+        ("text.csv", "metadata.json"),
+        ("text.parquet", "cannot be read as a record"),
+    ):
+        done = invoke("view", str(folder), str(tmp_path / name), "--out", str(out))
+        assert done.exit_code == 1
+        assert said in done.output
+        assert "expected record.parquet" in done.output
+        assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("out", "said"), [("results/somewhere", "somewhere.html"), ("file/page.html", "is a file; expected a folder")]
+)
+def test_a_place_that_cannot_be_written_is_refused(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, out: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    done = invoke("view", str(folder), "--out", out)
+    assert done.exit_code == 1
+    assert said in done.output
+
+
+def test_too_many_records_are_refused(folder: Path, tmp_path: Path) -> None:
+    done = invoke("view", *[str(folder)] * 7, "--out", str(tmp_path / "page.html"))
+    assert done.exit_code == 1
+    assert "7 records; expected 1 to 6" in done.output
+
+
+def test_no_record_is_an_error_of_use() -> None:
+    assert invoke("view").exit_code == 2
+
+
+def test_run_writes_the_page_if_asked(fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    """Expected: the bytes that `view` makes of the record beside it, but for the name."""
+    fmu = ("--plant", "fmu3", "--fmu", str(fmus["3.0"].path))
+    done = invoke("run", "impulse", *fmu, "--set", "loop.duration=0.6", "--report", "--out", str(tmp_path))
+    assert done.exit_code == 0, done.output
+    assert "report.html" in done.output
+    assert invoke("view", str(tmp_path), "--out", str(tmp_path / "again.html")).exit_code == 0
+    pages = [(tmp_path / f"{name}.html").read_bytes() for name in ("report", "again")]
+    name = str(tmp_path.name).encode()
+    assert pages[0].replace(b'"name":"impulse of 100 N s"', b'"name":"' + name + b'"') == pages[1]
+
+
+def test_a_loop_that_diverged_has_a_page_that_says_so(fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    fmu = ("--plant", "fmu3", "--fmu", str(fmus["3.0"].path))
+    assert invoke("run", "too_slow", *fmu, "--report", "--out", str(tmp_path)).exit_code == 3
+    assert b'<span class="ended">diverged at' in (tmp_path / "report.html").read_bytes()

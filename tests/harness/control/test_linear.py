@@ -1,0 +1,210 @@
+"""The platform as a python-control object: exact, named, and usable by python-control's own functions."""
+
+from collections.abc import Callable
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gough_stewart.harness.control.linear import leg_space_mass, linearise, modes, plant_system, trim
+from gough_stewart.model.dynamics import forward_dynamics
+from gough_stewart.model.errors import InterfaceError, SingularPoseError
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
+from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.vectors import FloatArray
+from tests.support.random_platforms import random_platform
+
+PRESETS = ("liu2000", "desktop_hexapod", "motion_base")
+
+
+def relative(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+def assert_linearisations_agree(platform: Platform, bound: float) -> None:
+    """By blocks; python-control's differences are one-sided; all is affine in the inputs, where long steps are best."""
+    exact = linearise(platform)
+    for blocks, eps in (("AC", 1e-7), ("BD", 1e-2)):
+        differences = control.linearize(plant_system(platform), *trim(platform), eps=eps)
+        for block in blocks:
+            assert relative(getattr(differences, block), getattr(exact, block)) < bound
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_exact_linearisation_is_that_of_python_controls_differences(name: str) -> None:
+    """Expected: control.linearize, within 1e-5 of the largest element of each block."""
+    assert_linearisations_agree(load_preset(name), 1e-5)
+
+
+@settings(max_examples=8)
+@given(seed=st.integers(0, 10_000))
+def test_so_it_is_on_any_platform(seed: int) -> None:
+    """Expected: as above, with friction smoothed over at least a centimetre a second."""
+    assert_linearisations_agree(random_platform(np.random.default_rng(seed)), 1e-5)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_trim_is_at_rest(name: str) -> None:
+    """Expected: no derivative of the state, also under an external wrench and away from home."""
+    platform = load_preset(name)
+    size = platform.characteristic_length
+    at = (platform.home_position + 0.05 * size, platform.home_orientation + np.array([0.02, -0.03, 0.05]))
+    weight = 9.81 * platform.platform_mass
+    for point in (
+        trim(platform),
+        trim(platform, *at, external_wrench=weight * np.array([0.3, 0, 0, 0, 0, 0.1 * size])),
+    ):
+        rate = Kernel().derivatives(*point, parameter_vector(platform))
+        assert np.abs(rate).max() < 1e-9
+        assert point.state[6:] == pytest.approx(0)
+
+
+def test_away_from_home_it_is_the_slope_of_the_equations_in_numpy() -> None:
+    """Expected: central differences, extrapolated, of the dynamics evaluated by NumPy, without kernel and CasADi."""
+    platform = random_platform(np.random.default_rng(5))
+    pose = (platform.home_position * 1.1, platform.home_orientation + np.array([0.1, -0.05, 0.2]))
+    exact, point = linearise(platform, *pose), trim(platform, *pose)
+    z = np.concatenate(point)
+
+    def rates(z: FloatArray) -> FloatArray:
+        state = State.from_vector(z[:12])
+        a = forward_dynamics(platform, state, Inputs.from_vector(z[12:]))
+        rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+        return np.concatenate([state.velocity, rate, *a])
+
+    def slope(h: float) -> FloatArray:
+        return np.stack([(rates(z + h * e) - rates(z - h * e)) / (2 * h) for e in np.eye(24)], axis=1)
+
+    expected = (4 * slope(5e-5) - slope(1e-4)) / 3
+    assert relative(expected[:, :12], exact.A) < 1e-7
+    assert relative(expected[:, 12:], exact.B) < 1e-7
+
+
+def test_python_controls_simulation_moves_as_the_stepping_model(paper: Platform) -> None:
+    """Expected: the stepping model under the same forces; both hold their tolerances."""
+    plant, point = plant_system(paper, ("position", "leg_length")), trim(paper)
+    force = point.inputs + np.append([3.0, 1.0, 0.0, 0.0, -1.0, 2.0], np.zeros(6))
+    time = np.linspace(0, 0.2, 3)
+    found = control.input_output_response(
+        plant, time, np.tile(force[:, None], 3), point.state, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
+    )
+    model = SteppingModel(paper, tolerance=1e-11)
+    model.set("actuator_force", force[:6])
+    model.do_step(0.0, 0.2)
+    expected = np.append(model.get("position"), model.get("leg_length"))
+    assert found.outputs[:, -1] == pytest.approx(expected, abs=1e-9)
+    assert np.abs(found.outputs[:, -1] - found.outputs[:, 0]).max() > 1e-3
+
+
+def test_python_controls_own_trim_agrees(paper: Platform) -> None:
+    """Expected: find_operating_point with the pose held and the forces free."""
+    plant = plant_system(paper)
+    point = trim(paper)
+    state = point.state + 0.0
+    found = control.find_operating_point(
+        plant, state, np.append(np.full(6, 20.0), np.zeros(6)), state[:6], iy=range(6), iu=range(6, 12), idx=range(12),
+        dx0=np.zeros(12),
+    )  # fmt: skip
+    assert np.abs(found.inputs[:6] - point.inputs[:6]).max() < 1e-6
+
+
+def test_signals_have_the_interfaces_names(paper: Platform) -> None:
+    plant, linear = plant_system(paper, ("leg_length", "kinetic_energy")), linearise(paper, outputs="leg_length")
+    assert plant.state_labels[3] == "orientation[1]"
+    assert plant.input_labels[6] == "external_force[1]"
+    assert plant.output_labels[-2:] == ["leg_length[6]", "kinetic_energy"]
+    assert linear.output_labels == [f"leg_length[{k}]" for k in range(1, 7)]
+    with pytest.raises(InterfaceError, match=r"leg_lenght: is no result.*did you mean 'leg_length'"):
+        plant_system(paper, ("leg_lenght",))
+    with pytest.raises(InterfaceError, match="outputs: is empty"):
+        plant_system(paper, ())
+    with pytest.raises(InterfaceError, match="leg_length: is named twice"):
+        plant_system(paper, ("leg_length", "position", "leg_length"))
+
+
+@pytest.mark.parametrize("function", [trim, linearise, leg_space_mass])
+def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Callable[..., object]) -> None:
+    for position, orientation, name in (
+        ([0.0, 0.0], None, "position"),
+        ([0.0, 0.0, np.nan], None, "position"),
+        (None, [0.0, "much", 0.0], "orientation"),
+        (None, [0.0, np.pi / 2, 0.0], r"orientation: has a pitch of 1\.5708 rad; expected less than 1\.5698"),
+    ):
+        with pytest.raises(InterfaceError, match=name):
+            function(paper, position, orientation)
+    with pytest.raises(SingularPoseError):
+        function(paper, np.zeros(3))  # all legs in a plane
+    with pytest.raises(InterfaceError, match=r"external_wrench: has shape \(3,\)"):
+        trim(paper, external_wrench=np.ones(3))
+
+
+def test_interconnect_joins_whole_signals_by_name(paper: Platform) -> None:
+    """Expected: u = k (r − L), so that ẋ of the interconnection is the kernel's under these forces."""
+    plant = plant_system(paper, ("leg_length",))
+    gain = control.ss([], [], [], 50 * np.eye(6), inputs=6, outputs=6, name="gain")
+    closed = control.interconnect(
+        [plant, gain],
+        connections=[["gain.u", "-plant.leg_length"], ["plant.actuator_force", "gain.y"]],
+        inplist=["gain.u"],
+        outlist=["plant.leg_length"],
+        inputs=6,
+        outputs=6,
+        check_unused=False,
+    )
+    x, r = trim(paper).state, np.full(6, 3.5)
+    lengths = plant.output(0, x, np.zeros(12))
+    expected = plant.dynamics(0, x, np.append(50 * (r - lengths), np.zeros(6)))
+    assert closed.dynamics(0, x, r) == pytest.approx(expected)
+
+
+def test_ranges_and_elements_are_joined_by_name(paper: Platform) -> None:
+    """Expected: as the docstring says; a name of two indices is known to python-control as an element only."""
+    plant = plant_system(paper, ("joint_force", "leg_length"))
+
+    def picked(outputs: str) -> list[float]:
+        found = control.interconnect([plant], inplist=["plant.actuator_force"], outlist=[outputs], check_unused=False)
+        point = trim(paper, position=np.array([0.1, 0.0, 3.0]))
+        return list(found.output(0, point.state, point.inputs[:6]))
+
+    point = trim(paper, position=np.array([0.1, 0.0, 3.0]))
+    everything = plant.output(0, *point)
+    assert picked("plant.leg_length[2:4]") == pytest.approx(everything[[19, 20]])
+    assert picked("plant.joint_force[2,1]") == pytest.approx(everything[[3]])
+    with pytest.raises(ValueError, match=r"couldn't find .*plant\.joint_force"):
+        picked("plant.joint_force")
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_leg_space_mass_is_what_a_newton_meets(name: str) -> None:
+    """Expected: at rest, without gravity and friction, L̈ = J [v̇; ω̇] = M_leg⁻¹ F for the kernel's accelerations."""
+    platform = load_preset(name)
+    p = parameter_vector(type(platform)(**(platform.as_dict() | {"gravity": np.zeros(3), "leg_coulomb_friction": 0.0})))
+    J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
+    x = trim(platform).state
+    for k in range(6):
+        a = Kernel().derivatives(x, np.eye(12)[k], p)[6:].copy()
+        assert pytest.approx(np.linalg.inv(leg_space_mass(platform))[:, k], rel=1e-9, abs=1e-15) == J @ a
+
+
+def test_modes_of_an_oscillator() -> None:
+    """Expected: s² + 2 ζ ω s + ω², and the same sampled; an overdamped one has two."""
+    omega, zeta = 2 * np.pi * 3, 0.2
+    system = control.ss(control.tf([1], [1, 2 * zeta * omega, omega**2]))
+    for each in (system, control.sample_system(system, 1e-3)):
+        (mode,) = modes(each)
+        assert mode.frequency == pytest.approx(3.0)
+        assert mode.damping_ratio == pytest.approx(0.2)
+        assert mode.eigenvalue.imag == pytest.approx(omega * np.sqrt(1 - zeta**2))
+    slow, fast = modes(control.ss(control.tf([1], np.poly([-1.0, -9.0]))))
+    assert (slow.eigenvalue.real, fast.eigenvalue.real) == pytest.approx((-1, -9))
+
+
+def test_a_delay_is_no_mode() -> None:
+    assert len(modes(control.ss(control.tf([1], [1, -0.5, 0, 0], 0.1)))) == 1

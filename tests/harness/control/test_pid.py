@@ -1,0 +1,211 @@
+"""Controllers as python-control systems: their formulas, their sampling, what is refused."""
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gough_stewart.harness.control.laws import LinearController, controller_of, law_of
+from gough_stewart.harness.control.pid import Gains, pid, sampled
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.plants.signals import SIZE
+
+positive = st.floats(1e-3, 1e5)
+PD = Gains(100.0, 20.0)
+PID = Gains(100.0, 20.0, 50.0)
+
+
+def response(system: Any, s: complex) -> Any:
+    """Transfer matrix at s (or z)."""
+    return np.asarray(system(s)).reshape(system.noutputs, system.ninputs)
+
+
+@given(kp=positive, kd=positive, ki=positive, filter_time=st.floats(1e-4, 1.0), omega=st.floats(0.1, 1e3))
+def test_pid_is_its_formula(kp: float, kd: float, ki: float, filter_time: float, omega: float) -> None:
+    """Expected: kp + kd s/(Tf s + 1) + ki/s from r, its negative from y, 1/(Tt s) from the excess."""
+    s = 1j * omega
+    H = response(pid(Gains(kp, kd, ki, filter_time, 2.0)), s)
+    expected = kp + kd * s / (filter_time * s + 1) + ki / s
+    assert H[:, :6] == pytest.approx(expected * np.eye(6), rel=1e-9)
+    assert H[:, 6:12] == pytest.approx(-expected * np.eye(6), rel=1e-9)
+    assert H[:, 12:] == pytest.approx(np.eye(6) / (2.0 * s), rel=1e-9)
+
+
+def test_the_derivative_of_the_measurement_leaves_the_reference_alone() -> None:
+    """Expected: kp from the reference, −(kp + kd s/(Tf s + 1)) from the measurement."""
+    s = 3j
+    H = response(pid(Gains(100.0, 20.0, derivative_filter=0.01), "measurement"), s)
+    assert H[:, :6] == pytest.approx(100.0 * np.eye(6))
+    assert H[:, 6:] == pytest.approx(-(100.0 + 20 * s / (0.01 * s + 1)) * np.eye(6))
+
+
+def test_channels_may_differ() -> None:
+    """Expected: each channel has its own gain, without crosstalk."""
+    kp = np.arange(1.0, 7.0)
+    H = response(pid(Gains(kp, 0.0)), 1j)
+    assert pytest.approx(np.hstack([np.diag(kp), -np.diag(kp)])) == H
+    mixed = response(pid(Gains(kp, 0.0, [0, 0, 3.0, 0, 0, 0])), 1j)
+    assert mixed[:, :6] == pytest.approx(np.diag(kp + np.array([0, 0, 3.0, 0, 0, 0]) / 1j))
+
+
+def test_names_fit_the_plants() -> None:
+    """Expected: the interface's names, so that python-control's interconnect joins them by name."""
+    system = pid(PID)
+    assert system.output_labels == [f"actuator_force[{k}]" for k in range(1, 7)]
+    assert system.input_labels[6] == "leg_length[1]"
+    assert sampled(system, 1e-2).input_labels == system.input_labels
+
+
+def test_defaults_follow_from_the_gains() -> None:
+    """Expected: Tf = Td/20 with Td = kd/kp = 0.2 s; Tt = √(Ti Td) with Ti = kp/ki = 2 s."""
+    assert PID.filter_time == pytest.approx(0.01)
+    assert PID.tracking_time == pytest.approx(np.full(6, np.sqrt(0.4)))
+    assert Gains(1.0, 0.0, 2.0).tracking_time == pytest.approx(np.full(6, 0.5))
+
+
+@given(omega=st.floats(0.01, 100.0))
+def test_sampling_is_tustins_rule(omega: float) -> None:
+    """Expected: H(z) = G(s) at s = (2/T)(z − 1)/(z + 1)."""
+    T = 0.01
+    continuous = pid(PID)
+    z = np.exp(1j * omega * T)
+    s = 2 / T * (z - 1) / (z + 1)
+    assert response(sampled(continuous, T), z) == pytest.approx(response(continuous, s), rel=1e-8)
+
+
+def test_backward_differences_take_any_filter() -> None:
+    """Expected: H(z) = G(s) at s = (1 − z⁻¹)/T; Tustin's rule would ring."""
+    fast = pid(Gains(100.0, 20.0, derivative_filter=1e-4))
+    z = np.exp(0.3j)
+    discrete = sampled(fast, 0.01, "backward_diff")
+    assert response(discrete, z) == pytest.approx(response(fast, (1 - 1 / z) / 0.01), rel=1e-8)
+    with pytest.raises(ControllerError, match=r"time constant of 0.0001 s.*derivative_filter of at least 0.005 s"):
+        sampled(fast, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("build", "match"),
+    [
+        (lambda: Gains(-1.0, 0.0), "proportional gain is -1.0; expected finite numbers > 0"),
+        (lambda: Gains(1.0, float("nan")), "derivative gain is nan"),
+        (lambda: Gains([1.0, 2.0], 0.0), r"proportional gain has shape \(2,\)"),
+        (lambda: Gains("stiff", 0.0), "proportional gain is 'stiff'"),
+        (lambda: Gains(1.0, 0.0, -2.0), "integral gain is -2.0"),
+        (lambda: Gains(1.0, 1.0, derivative_filter=0.0), "derivative_filter is 0.0; expected a time > 0 s"),
+        (lambda: Gains(1.0, 1.0, 1.0, anti_windup_time=-1.0), "anti_windup_time is -1.0"),
+        (lambda: pid(PD, "nothing"), "derivative_on is 'nothing'"),  # type: ignore[arg-type]
+        (lambda: sampled(pid(PD), 0.0), "sample_time is 0.0"),
+        (lambda: sampled(pid(PD), 0.01, "euler"), "discretisation is 'euler'; expected one of tustin"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_cannot_be_is_refused(build: Any, match: str) -> None:
+    with pytest.raises(ControllerError, match=match):
+        build()
+
+
+T = 0.01
+
+
+def static(rows: int, columns: int) -> Any:
+    return control.ss([], [], [], np.ones((rows, columns)), T)
+
+
+@pytest.mark.parametrize("columns", [6, 12, 18])
+def test_systems_of_three_sizes_drop_in(columns: int) -> None:
+    """Expected: errors; references and measurements; and the excess. With ones for gains, their sums."""
+    law = law_of(controller_of(static(6, columns)), T, np.zeros((0, 6, 6)), np.zeros(SIZE))
+    wanted, measured, excess = np.zeros(SIZE), np.zeros(SIZE), np.full(6, 100.0)
+    wanted[12:18], measured[12:18] = 3.0, 1.0
+    expected = {6: 12.0, 12: 24.0, 18: 624.0}[columns]
+    assert law.force(0, 0.0, wanted, measured, excess) == pytest.approx(np.full(6, expected))
+
+
+def test_a_matrix_of_transfer_functions_drops_in() -> None:
+    """Expected: the same response as its elements, with zeros beside the diagonal and one element that is not."""
+    one = control.sample_system(control.tf([3.0, 1.0], [0.1, 1]), T, "tustin")
+    num = [
+        [one.num_array[0, 0] if i == j else [2.0] if (i, j) == (0, 5) else [0.0] for j in range(6)] for i in range(6)
+    ]
+    den = [[one.den_array[0, 0] if i == j else [1.0] for j in range(6)] for i in range(6)]
+    made = controller_of(control.tf(num, den, T))
+    assert isinstance(made, LinearController)
+    z = np.exp(0.4j)
+    expected = np.asarray(one(z)) * np.eye(6)
+    expected[0, 5] = 2.0
+    assert response(made.system, z) == pytest.approx(expected)
+
+
+def test_a_state_feedback_takes_twelve_errors() -> None:
+    """Expected: signals in the order in which they are named."""
+    names = ("position", "orientation", "velocity", "angular_velocity")
+    gain = np.arange(72.0).reshape(6, 12)
+    controller = LinearController(control.ss([], [], [], gain, T), names)
+    law = law_of(controller, T, np.zeros((0, 6, 6)), np.zeros(SIZE))
+    wanted = np.arange(SIZE, dtype=float)
+    assert law.force(0, 0.0, wanted, np.zeros(SIZE), np.zeros(6)) == pytest.approx(gain @ wanted[:12])
+
+
+def test_a_controller_in_task_space_goes_through_the_jacobian() -> None:
+    """Expected: F = J⁻ᵀ K J⁻¹ (L_r − L)."""
+    rng = np.random.default_rng(1)
+    J, K = rng.normal(size=(2, 6, 6)), rng.normal(size=(6, 6))
+    law = law_of(LinearController(control.ss([], [], [], K, T), space="task"), T, J, np.zeros(SIZE))
+    wanted = np.zeros(SIZE)
+    wanted[12:18] = error = rng.normal(size=6)
+    expected = np.linalg.solve(J[1].T, K @ np.linalg.solve(J[1], error))
+    assert law.force(1, 0.0, wanted, np.zeros(SIZE), np.zeros(6)) == pytest.approx(expected)
+
+
+def test_task_space_tells_references_from_measurements() -> None:
+    """Expected: F = J⁻ᵀ (K_r J⁻¹ (L_r − L_0) + K_y J⁻¹ (L − L_0)); a derivative on the measurement needs its own."""
+    rng = np.random.default_rng(2)
+    J, K = rng.normal(size=(1, 6, 6)), rng.normal(size=(6, 12))
+    start, wanted, measured = (rng.normal(size=SIZE) for _ in range(3))
+    law = law_of(LinearController(control.ss([], [], [], K, T), space="task"), T, J, start)
+    r, y = (np.linalg.solve(J[0], (each - start)[12:18]) for each in (wanted, measured))
+    expected = np.linalg.solve(J[0].T, K @ np.concatenate([r, y]))
+    assert law.force(0, 0.0, wanted, measured, np.zeros(6)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("derivative_on", ["error", "measurement"])
+def test_a_controller_starts_at_rest(derivative_on: Any) -> None:
+    """Expected: no force while the legs stay where they are and where they are wanted, whatever their length."""
+    start = np.zeros(SIZE)
+    start[12:18] = np.linspace(2, 3, 6)
+    law = law_of(LinearController(sampled(pid(PID, derivative_on), T)), T, np.zeros((0, 6, 6)), start)
+    for k in range(3):
+        assert np.abs(law.force(k, k * T, start, start, np.zeros(6))).max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("given_one", "match"),
+    [
+        (static(6, 7), r"7 inputs and 6 outputs; expected for the signals leg_length 6 inputs.*12.*18"),
+        (static(3, 6), "3 outputs"),
+        (pid(PD), "continuous time; expected discrete time: sample it"),
+        (np.eye(6), "controller is ndarray; expected a control.StateSpace"),
+        (None, "NoneType"),
+    ],
+)
+def test_controllers_of_the_wrong_kind_are_refused(given_one: Any, match: str) -> None:
+    with pytest.raises(ControllerError, match=match):
+        controller_of(given_one)
+
+
+def test_signals_and_spaces_are_checked() -> None:
+    with pytest.raises(ControllerError, match=r"no signal 'leg_lenght'; did you mean 'leg_length'"):
+        LinearController(static(6, 6), ("leg_lenght",))
+    with pytest.raises(ControllerError, match="no signals"):
+        LinearController(static(6, 6), ())
+    with pytest.raises(ControllerError, match="space is 'joint'"):
+        LinearController(static(6, 6), space="joint")  # type: ignore[arg-type]
+    with pytest.raises(ControllerError, match="takes the signal leg_length"):
+        LinearController(static(6, 6), ("position", "orientation"), "task")
+
+
+def test_another_sample_time_is_refused() -> None:
+    with pytest.raises(ControllerError, match=r"sample time is 0.01 s, the loop's 0.001 s"):
+        law_of(controller_of(static(6, 6)), 0.001, np.zeros((0, 6, 6)), np.zeros(SIZE))

@@ -1,0 +1,223 @@
+"""The paper's open-loop case: formulations agree, other platforms get a scaled case."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.paper import agreement, readings
+from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper.record import record_of_case, table_of
+from gough_stewart.harness.results.record import platform_of
+from gough_stewart.model import interface
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform_toml import load_preset
+
+
+@pytest.fixture(scope="module")
+def case() -> OpenLoopCase:
+    return paper_case()
+
+
+@pytest.fixture(scope="module")
+def kernel_run(case: OpenLoopCase) -> Trajectory:
+    return run_kernel(case)
+
+
+def test_case_is_the_published_one(case: OpenLoopCase) -> None:
+    """Expected: section IV of the paper."""
+    assert case.duration == 1.0
+    assert np.array_equal(case.start.to_vector(), [0, 0, 3, 0, 0, -0.1, 0, 0.2, 0, 0, 0.1, 0])
+    assert np.array_equal(case.actuator_force, [55, 49.5, 55, 49.5, 55, 49.5])
+    assert np.allclose(np.diff(case.time), 0.01, atol=1e-15)
+    assert len(case.time) == 101
+
+
+def test_the_record_of_the_case_is_complete(case: OpenLoopCase, kernel_run: Trajectory) -> None:
+    """Expected: the run's own numbers, the constant forces, a platform that is the case's."""
+    record = record_of_case(case, kernel_run)
+    assert np.array_equal(record["position"], kernel_run["position"])
+    assert np.array_equal(record["actuator_force"], np.tile(case.actuator_force, (101, 1)))
+    assert np.array_equal(record["external_force"], np.zeros((101, 3)))
+    assert platform_of(record) == case.platform
+    assert json.loads(record.to_metadata()) == record.metadata
+
+
+def test_kanes_dae_ends_in_the_pose_of_the_kernel(case: OpenLoopCase, kernel_run: Trajectory) -> None:
+    """Expected: DOP853 at 1e-12; RK45 at 1e-10, two formulations with different states."""
+    pose = run_kane(case).platform.to_vector()[-1, :6]
+    assert np.abs(pose - kernel_run.states[-1, :6]).max() <= 1e-8
+
+
+def test_stepping_model_ends_in_the_pose_of_the_kernel(case: OpenLoopCase, kernel_run: Trajectory) -> None:
+    assert np.abs(run_stepping(case)[-1, :6] - kernel_run.states[-1, :6]).max() <= 1e-7
+
+
+@pytest.mark.parametrize("preset", ["liu2000", "desktop_hexapod", "motion_base"])
+def test_every_comparison_holds_on_every_preset(preset: str) -> None:
+    case = case_of(load_preset(preset))
+    stepping, leap = run_stepping(case), run_stepping(case, rows=False)
+    rows = agreement.agreement(case, run_kernel(case), run_kane(case), stepping, leap)
+    assert len(rows) == 9
+    assert [row.what for row in rows if not row.holds] == []
+
+
+def test_a_comparison_that_is_not_a_number_does_not_hold() -> None:
+    assert not agreement.Row("nothing", float("nan"), 1.0, "m").holds
+
+
+def test_results_have_the_rows_and_columns_of_the_interface(kernel_run: Trajectory) -> None:
+    table = table_of(kernel_run)
+    assert table.columns == ["time", *interface.RESULT_COLUMNS]
+    assert table.height == 101
+    assert np.array_equal(table["leg_length[3]"].to_numpy(), kernel_run["leg_length"][:, 2])
+
+
+def test_csv_reads_back_to_the_same_numbers(kernel_run: Trajectory) -> None:
+    from io import BytesIO
+
+    import polars
+
+    from gough_stewart.harness.paper.record import csv_of
+
+    assert polars.read_csv(BytesIO(csv_of(kernel_run))).equals(table_of(kernel_run))
+
+
+def test_minus_first_is_the_same_mechanism_with_renamed_legs(case: OpenLoopCase) -> None:
+    """Expected: swapping the forces instead of the legs gives the same motion."""
+    other = run_kernel(paper_case(minus_first=True))
+    swapped = run_kernel(replace(case, actuator_force=case.actuator_force[[1, 0, 3, 2, 5, 4]]))
+    assert np.allclose(other.states, swapped.states, atol=1e-11)
+    assert with_pairs_swapped(with_pairs_swapped(case.platform)) == case.platform
+
+
+def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
+    """Expected: Froude's rule: with lengths λ, masses λ³, inertias λ⁵ a copy moves alike in time √λ, forces λ³."""
+    scale, p = 0.25, replace(load_preset("liu2000"), platform_mass=14.0)
+    large = case_of(p)
+    small = replace(
+        p,
+        name="small",
+        base_points=p.base_points * scale,
+        platform_points=p.platform_points * scale,
+        home_position=p.home_position * scale,
+        platform_mass=p.platform_mass * scale**3,
+        leg_lower_mass=p.leg_lower_mass * scale**3,
+        leg_upper_mass=p.leg_upper_mass * scale**3,
+        platform_inertia=p.platform_inertia * scale**5,
+        leg_lower_inertia=p.leg_lower_inertia * scale**5,
+        leg_upper_inertia=p.leg_upper_inertia * scale**5,
+        leg_lower_com=p.leg_lower_com * scale,
+        leg_upper_com=p.leg_upper_com * scale,
+    )
+    case = case_of(small)
+    assert not case.is_published
+    assert case.duration == pytest.approx(np.sqrt(scale))
+    assert np.allclose(case.actuator_force, large.actuator_force * scale**3, rtol=1e-12)
+    end, expected = run_kernel(case).states[-1], run_kernel(large).states[-1]
+    assert np.allclose(end[:3], expected[:3] * scale, atol=1e-9)
+    assert np.allclose(end[3:6], expected[3:6], atol=1e-9)
+
+
+def test_forces_on_another_platform_relate_to_its_static_ones_as_published() -> None:
+    """Expected: by symmetry equal static forces; odd legs 55/49.5 of the even ones."""
+    force = case_of(load_preset("motion_base")).actuator_force
+    assert np.allclose(force[::2] / force[1::2], 55 / 49.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize("preset", ["liu2000", "desktop_hexapod", "motion_base"])
+@pytest.mark.parametrize("factor", [0.2, 0.7, 1.4, 5.0])
+def test_changed_platforms_still_pass_their_case(preset: str, factor: float) -> None:
+    """A payload changed on a preset is the first thing a user tries."""
+    platform = load_preset(preset)
+    mass, inertia = platform.platform_mass * factor, platform.platform_inertia * factor
+    changed = replace(platform, platform_mass=mass, platform_inertia=inertia)
+    end = run_stepping(case_of(changed))[-1]
+    assert abs(end[2] / changed.home_position[2] - 1) < 0.5
+
+
+def test_the_papers_platform_under_another_name_is_the_papers_case() -> None:
+    case = case_of(replace(load_preset("liu2000"), name="mine", source="me"))
+    assert case.is_published
+    assert case.duration == 1.0
+    assert case.platform.name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("run", "solver"),
+    [
+        (run_kernel, "gough_stewart.harness.paper.open_loop"),
+        (run_kane, "gough_stewart.model.formulations.kane_simulation"),
+    ],
+)
+def test_an_integration_that_gives_up_is_an_error(
+    case: OpenLoopCase, run: Callable[[OpenLoopCase], object], solver: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SciPy's way of giving up: success is false, and a message."""
+    gave_up = SimpleNamespace(success=False, t=np.array([0.0, 0.25]), message="step size too small")
+    monkeypatch.setattr(f"{solver}.solve_ivp", lambda *_, **__: gave_up)
+    with pytest.raises(StepError, match=r"at time 0.25 s: step size too small"):
+        run(case)
+
+
+def test_a_case_that_the_plant_cannot_pass_says_which_quantity_when(case: OpenLoopCase) -> None:
+    with pytest.raises(StepError, match="singular pose"):
+        run_stepping(replace(case, actuator_force=np.full(6, -200.0)))
+
+
+def test_static_and_weight_figures_are_those_of_a_hand_calculation() -> None:
+    """Expected: L = √(14 − 2√3); weight share 28 g L / 18; static force as in the dynamics tests."""
+    found = readings.weight_of_the_published_forces()
+    L = np.sqrt(14 - 2 * np.sqrt(3))
+    assert found["share_of_total_weight"] == pytest.approx(28 * 9.81 * L / 18, rel=1e-12)
+    h = 2 * 0.4144 + (L - 0.4144)
+    vertical = 98.1 / 6 + 9.81 * 9 / L**2 + h / L * 9.81 * (1 - 9 / L**2)
+    assert found["static_leg_force"] == pytest.approx(vertical * L / 3, rel=1e-12)
+
+
+def test_other_readings_are_compared_and_the_impossible_one_says_why() -> None:
+    counted = []
+    rows = readings.other_readings(progress=lambda: counted.append(1))
+    assert len(counted) == readings.NUMBER_OF_RUNS == len(rows) - 1
+    impossible = [r for r in rows if r.position_change is None]
+    assert len(impossible) == 1
+    assert "singular at the home pose" in impossible[0].remark
+    assert all(r.position_change is None or r.position_change < 1 for r in rows)
+    turned = rows[-1]
+    assert turned.position_change == 0
+    assert turned.orientation_change is not None
+    assert turned.orientation_change > 0
+
+
+def test_readings_of_the_other_order_start_from_it() -> None:
+    """Expected: seen from the other order, the first order is as far away."""
+    plus, minus = readings.other_readings(), readings.other_readings(minus_first=True)
+    row, mirrored = (next(r for r in rows if r.point.startswith("order")) for rows in (plus, minus))
+    assert (mirrored.decided, mirrored.other) == (row.other, row.decided)
+    assert mirrored.position_change == pytest.approx(row.position_change, rel=1e-6)
+
+
+def test_without_gravity_the_energy_is_still_compared() -> None:
+    """Expected: no weight, no forces, no work: the kinetic energy is the scale."""
+    case = case_of(
+        replace(load_preset("motion_base"), gravity=np.zeros(3), leg_coulomb_friction=0, leg_viscous_friction=0)
+    )
+    assert np.abs(case.actuator_force).max() < 1e-9
+    assert agreement.energy_error(case, run_kernel(case)) <= 1e-9
+
+
+def test_the_uniform_rod_reading_follows_from_j2_and_m2(case: OpenLoopCase) -> None:
+    """Expected: J = m l²/12."""
+    half = readings._as_uniform_rod(case.platform).leg_upper_com
+    assert case.platform.leg_upper_mass * (2 * half) ** 2 / 12 == pytest.approx(case.platform.leg_upper_inertia)
+
+
+def test_leg_lengths_of_the_far_pairing(case: OpenLoopCase) -> None:
+    """Expected: cosine rule with 60°: L² = 4 + 1 − 2 + 9."""
+    far = readings._far_pairing(case.platform)
+    assert np.allclose(leg_geometry(far, far.home_position, far.home_orientation).length, np.sqrt(12))

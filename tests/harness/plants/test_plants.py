@@ -1,0 +1,213 @@
+"""Plants by their contract: model, FMI 2.0 and FMI 3.0 give the same, and clean up after themselves."""
+
+import tempfile
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.open import open_plant
+from gough_stewart.harness.plants.plant import ModelPlant, Plant
+from gough_stewart.model import interface
+from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+from tests.support.fmu_plants import Fmu
+from tests.support.random_platforms import random_inputs, random_platform, random_state
+
+Open = Callable[[Platform, State | None], Plant]
+KINDS = ("model", "2.0", "3.0")
+
+
+@pytest.fixture(params=KINDS)
+def open_one(request: pytest.FixtureRequest, fmus: dict[str, Fmu]) -> Open:
+    """Each kind of plant, one after the other."""
+    return opener(request.param, fmus)
+
+
+def opener(kind: str, fmus: dict[str, Fmu]) -> Open:
+    if kind == "model":
+        return ModelPlant
+
+    def open_fmu(platform: Platform, start: State | None = None) -> Plant:
+        return FmuPlant(fmus[kind].path, platform, start)
+
+    return open_fmu
+
+
+def stepped(plant: Plant, inputs: FloatArray, steps: int = 20, step: float = 0.005) -> FloatArray:
+    """Results after every step."""
+    rows = []
+    with plant:
+        for k in range(steps):
+            plant.set_inputs(inputs * np.cos(0.1 * k))
+            rows.append(plant.results())
+            plant.do_step(k * step, step)
+        rows.append(plant.results())
+    return np.array(rows)
+
+
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 10_000))
+def test_three_plants_give_the_same_on_any_platform(seed: int, fmus: dict[str, Fmu]) -> None:
+    """Expected: rule 7, poses within 1e-7 and all results in proportion, on random platforms with all inputs."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    start = random_state(platform, rng)._replace(velocity=np.zeros(3), angular_velocity=np.zeros(3))
+    inputs = 0.3 * random_inputs(platform, rng).to_vector()
+    try:
+        model = stepped(ModelPlant(platform, start), inputs)
+    except StepError:
+        return  # thrown into a singular pose; not what this test is about
+    scale = np.abs(model).max(axis=0) + 1
+    for kind in ("2.0", "3.0"):
+        unit = stepped(opener(kind, fmus)(platform, start), inputs)
+        assert np.abs(unit - model)[:, :6].max() < 1e-7
+        assert (np.abs(unit - model) / scale).max() < 1e-5
+
+
+def test_a_plant_begins_at_home_at_rest(open_one: Open) -> None:
+    """Expected: rule 1, on a platform that the FMU was not built for."""
+    platform = load_preset("motion_base")
+    with open_one(platform, None) as plant:
+        results = interface.unpack(interface.RESULTS, plant.results())
+    assert (results["position"] == platform.home_position).all()
+    assert (results["velocity"] == 0).all()
+
+
+def test_results_are_copies_and_change_nothing(open_one: Open, paper: Platform) -> None:
+    """Expected: rule 4."""
+    with open_one(paper, None) as plant:
+        one = plant.results()
+        kept = one.copy()
+        plant.set_inputs(np.arange(12.0))
+        plant.do_step(0.0, 0.01)
+        two = plant.results()
+        assert (one == kept).all()
+        assert (plant.results() == two).all()
+
+
+def test_a_failed_step_leaves_the_plant_as_it_was(open_one: Open, paper: Platform) -> None:
+    """Expected: rule 6; 1e5 N turn the paper's platform through its singular pose within a second."""
+    with open_one(paper, None) as plant:
+        plant.set_inputs(np.append(np.tile([1e4, -1e4], 3), np.zeros(6)))
+        before = plant.results()
+        with pytest.raises(StepError) as caught:
+            plant.do_step(0.0, 1.0)
+        assert (plant.results() == before).all()
+    assert "singular" in str(caught.value) or "90°" in str(caught.value) or "collapsed" in str(caught.value)
+
+
+def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platform) -> None:
+    """Expected: rule 3; without gravity and forces nothing accelerates at rest."""
+    with open_one(paper, None) as plant:
+        at_rest = interface.unpack(interface.RESULTS, plant.results())["acceleration"]
+        plant.do_step(0.0, 0.01)
+        plant.set_parameters({"gravity": np.zeros(3), "platform_mass": 20.0})
+        floating = interface.unpack(interface.RESULTS, plant.results())["acceleration"]
+        with pytest.raises(InterfaceError, match="base_points"):
+            plant.set_parameters({"platform_mass": 30.0, "base_points": np.zeros((6, 3))})
+        with pytest.raises(InterfaceError, match="platform_com"):
+            plant.set_parameters({"platform_mass": 30.0, "platform_com": [1.0, 2.0]})
+        assert (interface.unpack(interface.RESULTS, plant.results())["acceleration"] == floating).all()
+    assert at_rest[2] < -5
+    assert abs(floating[2]) < 0.1
+
+
+def test_closing_twice_is_fine_and_leaves_nothing(
+    fmus: dict[str, Fmu], paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: rule 8; the temporary folder is as empty as before."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    plant = FmuPlant(fmus["3.0"].path, paper)
+    assert len(list(tmp_path.iterdir())) == 1
+    plant.close()
+    plant.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_refused_start_leaves_nothing(
+    fmus: dict[str, Fmu], paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: an error with the unit's words (a pitch beyond 90°), and no folder."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    start = State(paper.home_position, np.array([0.0, 2.0, 0.0]), np.zeros(3), np.zeros(3))
+    with pytest.raises(PlantError, match="orientation"):
+        FmuPlant(fmus["2.0"].path, paper, start)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_fmu_says_how_to_make_one(paper: Platform) -> None:
+    with pytest.raises(PlantError, match=r"nowhere.fmu: no such file.*gough-stewart build"):
+        FmuPlant("nowhere.fmu", paper)
+
+
+def test_a_file_that_is_no_fmu_is_refused(paper: Platform, tmp_path: Path) -> None:
+    (tmp_path / "text.fmu").write_text("hello")
+    with pytest.raises(PlantError, match=r"text.fmu: is not an FMU"):
+        FmuPlant(tmp_path / "text.fmu", paper)
+
+
+def changed_copy(fmu: Fmu, target: Path, change: Callable[[str, bytes], bytes | None]) -> Path:
+    """The archive with members changed, or left out where the change is None."""
+    with zipfile.ZipFile(fmu.path) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            content = change(name, old.read(name))
+            if content is not None:
+                new.writestr(name, content)
+    return target
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_the_fmu_of_another_model_is_refused(
+    version: str, fmus: dict[str, Fmu], paper: Platform, tmp_path: Path
+) -> None:
+    """Expected: a description in which a variable of the interface has another name."""
+
+    def rename(name: str, content: bytes) -> bytes:
+        return content.replace(b"leg_upper_com", b"somewhat_else") if name == "modelDescription.xml" else content
+
+    path = changed_copy(fmus[version], tmp_path / "other.fmu", rename)
+    with pytest.raises(PlantError, match=r"other.fmu: is the FMU of another model.*leg_upper_com"):
+        FmuPlant(path, paper)
+
+
+def test_an_fmu_without_a_binary_for_this_machine_is_refused(
+    fmus: dict[str, Fmu], paper: Platform, tmp_path: Path
+) -> None:
+    path = changed_copy(fmus["3.0"], tmp_path / "bare.fmu", lambda n, c: None if n.startswith("binaries") else c)
+    with pytest.raises(PlantError, match=r"bare.fmu: does not run on this machine"):
+        FmuPlant(path, paper)
+
+
+def test_open_plant_builds_what_is_not_given_and_keeps_it(
+    paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the first time progress is told and the cache has a file, the second time neither more."""
+    monkeypatch.setattr("gough_stewart.fmu_build.cached.cache_folder", lambda: tmp_path)
+    for count in (1, 0):
+        told: list[str] = []
+        with open_plant("fmu3", paper, progress=told.append) as plant:
+            plant.do_step(0.0, 0.01)
+        assert sum("FMI 3.0: sources" in text for text in told) == count
+    assert [file.name for file in tmp_path.rglob("*") if file.is_file()] == ["gough_stewart_fmi3.fmu"]
+
+
+def test_open_plant_refuses_what_does_not_fit(fmus: dict[str, Fmu], paper: Platform) -> None:
+    with (
+        pytest.raises(PlantError, match=r"is FMI 3.0; expected FMI 2.0"),
+        open_plant("fmu2", paper, fmu=fmus["3.0"].path),
+    ):
+        pass
+    with pytest.raises(PlantError, match="'model' has no use"), open_plant("model", paper, fmu=fmus["3.0"].path):
+        pass
+    with pytest.raises(PlantError, match="expected model, fmu2 or fmu3"), open_plant("simulink", paper):  # type: ignore[arg-type]
+        pass

@@ -1,0 +1,278 @@
+"""Figures of merit against closed forms, and records that lack something."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from gough_stewart.harness.results.metrics import metrics, metrics_json
+from gough_stewart.harness.results.tables import metrics_table
+from gough_stewart.harness.results.record import Record, columns
+from gough_stewart.model.vectors import FloatArray
+
+SIZES = {"position": 3, "orientation": 3, "leg_length": 6, "leg_velocity": 6, "actuator_force": 6}
+STEP = 1e-3
+
+
+def record_of(
+    n: int, values: dict[str, Any] | None = None, status: str = "completed", **platform: float | None
+) -> Record:
+    """A record of n rows: what is given, broadcast to (n, size), and zeros for the rest of the plant's columns."""
+    table = {"time": STEP * np.arange(n)}
+    for name, value in {**dict.fromkeys(SIZES, 0.0), **(values or {})}.items():
+        size = SIZES.get(name.split(".")[-1], 6)
+        full = np.broadcast_to(np.asarray(value), (n, size))
+        table |= dict(zip(columns(name, size), full.T.copy(), strict=True))
+    cause = None if status == "completed" else "too far from the reference"
+    outcome = {"status": status, "time": STEP * (n - 1), "cause": cause}
+    return Record(polars.DataFrame(table), {"title": "test", "outcome": outcome, "platform": dict(platform)})
+
+
+def step_of(actual: FloatArray, wanted: FloatArray, axis: int = 2) -> Record:
+    """A record in which one axis of the position does this, and all else rests."""
+    n = len(actual)
+    position, reference = np.zeros((n, 3)), np.zeros((n, 3))
+    position[:, axis], reference[:, axis] = actual, wanted
+    error = reference - position
+    return record_of(
+        n,
+        {
+            "position": position,
+            "reference.position": reference,
+            "reference.orientation": 0.0,
+            "error.position": error,
+            "error.orientation": 0.0,
+        },
+    )
+
+
+def printed(found: dict[str, Any], width: int = 100) -> str:
+    console = Console(width=width, color_system=None)
+    with console.capture() as capture:
+        console.print(metrics_table(found))
+    return capture.get()
+
+
+# --- tracking ------------------------------------------------------------------------------------------------------
+
+
+def test_rms_of_a_sine_is_its_amplitude_over_root_two() -> None:
+    """Expected: the mean of sin² over whole periods, exact for equally spaced samples."""
+    phase = 2 * np.pi * 3 * np.arange(1200) / 1200
+    amplitude = np.array([0.1, 0.2, 0.0])
+    tracking = metrics(record_of(1200, {"error.position": amplitude * np.sin(phase)[:, None]}))["tracking"]
+    assert np.allclose(tracking["position"]["rms"], amplitude / math.sqrt(2), rtol=1e-12)
+    assert np.allclose(tracking["position"]["peak"], amplitude, rtol=1e-12)
+    assert tracking["position"]["norm_peak"] == pytest.approx(math.hypot(0.1, 0.2), rel=1e-12)
+    assert tracking["position"]["norm_rms"] == pytest.approx(math.hypot(0.1, 0.2) / math.sqrt(2), rel=1e-12)
+    assert set(tracking) == {"position"}
+
+
+# --- step response -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [0.2, -0.05])
+@pytest.mark.parametrize("damping", [0.3, 0.6])
+def test_step_of_a_second_order_system_has_its_known_numbers(damping: float, size: float) -> None:
+    """Expected: overshoot exp(−πζ/√(1−ζ²)); the last time outside 2 % from the closed form on a finer grid."""
+    omega, start = 30.0, 250
+    damped = omega * math.sqrt(1 - damping**2)
+
+    def response(t: FloatArray) -> FloatArray:
+        swing = np.cos(damped * t) + damping * omega / damped * np.sin(damped * t)
+        answer: FloatArray = 1 - np.exp(-damping * omega * t) * swing
+        return answer
+
+    t = STEP * np.arange(2000)
+    wanted = 1.5 + np.where(np.arange(2000) > start, size, 0.0)
+    actual = 1.5 + size * np.where(t > t[start], response(np.maximum(t - t[start], 0)), 0)
+    (found,) = metrics(step_of(actual, wanted))["step_response"]
+    fine = np.arange(0, 1.7, 1e-6)
+    settled = fine[np.abs(response(fine) - 1) >= 0.02][-1]
+    rise = fine[(response(fine) >= 0.9).argmax()] - fine[(response(fine) >= 0.1).argmax()]
+    assert found["axis"] == "z"
+    assert (found["from"], found["to"]) == (1.5, pytest.approx(1.5 + size))
+    assert found["at"] == pytest.approx(t[start])
+    overshoot = 100 * math.exp(-math.pi * damping / math.sqrt(1 - damping**2))
+    assert found["overshoot_percent"] == pytest.approx(overshoot, abs=0.1)
+    assert found["settling_time"] == pytest.approx(settled, abs=1.001 * STEP)
+    assert found["rise_time"] == pytest.approx(rise, abs=1.001 * STEP)
+    assert found["final_error"] == pytest.approx(0, abs=1e-6)
+
+
+def test_response_that_is_outside_the_band_at_the_end_has_not_settled() -> None:
+    wanted = np.r_[0.0, np.ones(999)]
+    (found,) = metrics(step_of(np.r_[0.0, 1 + 0.1 * np.cos(np.arange(999))], wanted))["step_response"]
+    assert found["settling_time"] is None
+    assert found["rise_time"] is not None
+
+
+def test_response_that_does_not_rise_has_no_times_and_no_overshoot() -> None:
+    wanted = np.r_[0.0, np.ones(99)]
+    (found,) = metrics(step_of(0.5 * wanted, wanted))["step_response"]
+    assert found["rise_time"] is found["settling_time"] is None
+    assert found["overshoot_percent"] == 0
+    assert found["final_error"] == 0.5
+
+
+def test_perfect_response_settles_where_the_reference_does() -> None:
+    wanted = np.r_[np.zeros(10), np.ones(90)]
+    (found,) = metrics(step_of(wanted, wanted))["step_response"]
+    assert found["at"] == pytest.approx(9 * STEP)
+    assert found["settling_time"] == pytest.approx(STEP)
+    assert found["overshoot_percent"] == found["rise_time"] == 0
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [np.zeros(100), np.linspace(0, 1, 100), np.sin(np.arange(100)), np.r_[np.zeros(95), np.ones(5)], np.ones(1)],
+    ids=["constant", "ramp", "sine", "rest too short", "single row"],
+)
+def test_what_is_no_step_has_no_step_response(wanted: FloatArray) -> None:
+    assert metrics(step_of(wanted, wanted))["step_response"] == []
+
+
+def test_step_counts_from_the_last_departure() -> None:
+    """Expected: there and back again is not the step; what follows is."""
+    wanted = np.r_[np.zeros(10), np.ones(10), np.zeros(10), np.ones(70)]
+    (found,) = metrics(step_of(wanted, wanted))["step_response"]
+    assert found["at"] == pytest.approx(29 * STEP)
+
+
+# --- forces, power, energy -----------------------------------------------------------------------------------------
+
+
+def test_constant_force_does_force_times_displacement() -> None:
+    """Expected: W = F·ΔL, P = W/T; out and back is no net work, but twice the absolute."""
+    force = np.array([1.0, -2, 3, -4, 5, 0])
+    there = np.linspace(0, 0.3, 501)
+    found = metrics(record_of(501, {"actuator_force": force, "leg_length": 2 + there[:, None], "leg_velocity": 0.6}))
+    assert np.allclose(found["energy"]["net"], 0.3 * force, rtol=1e-12)
+    assert found["energy"]["net_total"] == pytest.approx(0.3 * 3)
+    assert found["energy"]["absolute_total"] == pytest.approx(0.3 * 15)
+    assert np.allclose(found["power"]["mean"], 0.6 * force, rtol=1e-12)
+    assert np.allclose(found["power"]["peak"], 0.6 * np.abs(force), rtol=1e-12)
+    assert np.allclose(found["force"]["peak"], np.abs(force), rtol=1e-12)
+    assert np.allclose(found["force"]["rms"], np.abs(force), rtol=1e-12)
+    back = np.r_[there, there[-2::-1]]
+    found = metrics(record_of(len(back), {"actuator_force": force, "leg_length": 2 + back[:, None]}))
+    assert np.allclose(found["energy"]["net"], 0, atol=1e-14)
+    assert found["energy"]["absolute_total"] == pytest.approx(0.6 * 15)
+
+
+def test_peak_power_looks_at_both_ends_of_a_row() -> None:
+    """Expected: 10 N act from row 0 to row 1, where the leg has 2 m/s; after that nothing acts."""
+    force, velocity = np.zeros((4, 6)), np.zeros((4, 6))
+    force[0], velocity[1] = 10, 2
+    assert metrics(record_of(4, {"actuator_force": force, "leg_velocity": velocity}))["power"]["peak"] == [20] * 6
+
+
+@given(st.integers(2, 40), st.integers(0, 2**31), st.floats(1e-3, 1e3))
+def test_work_adds_up_and_scales_and_no_rms_is_above_its_peak(n: int, seed: int, factor: float) -> None:
+    """Expected: linearity in the force; the triangle inequality; a mean is at most the largest."""
+    rng = np.random.default_rng(seed)
+    values = {"actuator_force": rng.normal(size=(n, 6)), "leg_length": rng.uniform(1, 2, (n, 6))}
+    values |= {"leg_velocity": rng.normal(size=(n, 6)), "error.leg_length": rng.normal(size=(n, 6))}
+    found = metrics(record_of(n, values))
+    energy = found["energy"]
+    assert energy["net_total"] == pytest.approx(sum(energy["net"]))
+    assert energy["absolute_total"] == pytest.approx(sum(energy["absolute"]))
+    assert all(abs(a) <= b * (1 + 1e-12) for a, b in zip(energy["net"], energy["absolute"], strict=True))
+    for part in (found["force"], found["tracking"]["leg_length"]):
+        assert all(a <= b * (1 + 1e-12) for a, b in zip(part["rms"], part["peak"], strict=True))
+    scaled = metrics(record_of(n, {**values, "actuator_force": factor * values["actuator_force"]}))
+    for part, key in (("force", "peak"), ("force", "rms"), ("power", "peak"), ("energy", "net")):
+        assert np.allclose(scaled[part][key], factor * np.array(found[part][key]), rtol=1e-9, atol=1e-12 * factor)
+
+
+# --- saturation and stroke -----------------------------------------------------------------------------------------
+
+
+def test_saturation_counts_the_rows_that_last() -> None:
+    """Expected: 3 of 10 intervals in leg 1, 2 others in leg 4; the eleventh row is the end of the tenth."""
+    limited = np.zeros((11, 6), dtype=bool)
+    limited[:3, 0] = limited[[5, 6], 3] = limited[10] = True
+    found = metrics(record_of(11, {"flag.force_limited": limited}))["saturation"]
+    assert np.allclose(found["force_limited"]["legs"], [0.3, 0, 0, 0.2, 0, 0])
+    assert found["force_limited"]["any"] == pytest.approx(0.5)
+    assert "rate_limited" not in found
+
+
+def test_stroke_says_how_near_the_nearest_limit_came() -> None:
+    length = np.linspace(1.2, 1.7, 5)[:, None] + np.zeros(6)
+    exceeded = length > 1.65
+    record = record_of(
+        5, {"leg_length": length, "flag.stroke_exceeded": exceeded}, leg_length_min=1.0, leg_length_max=1.65
+    )
+    found = metrics(record)["stroke"]
+    assert found["shortest"] == [1.2] * 6
+    assert found["longest"] == [1.7] * 6
+    assert found["margin"] == pytest.approx(-0.05)
+    assert found["exceeded"] == {"legs": [0.2] * 6, "any": 0.2}
+    assert metrics(record_of(5, {"leg_length": length}, leg_length_min=1.0))["stroke"]["margin"] == pytest.approx(0.2)
+    assert metrics(record_of(5, leg_length_min=None))["stroke"]["margin"] is None
+
+
+# --- records that lack something -----------------------------------------------------------------------------------
+
+
+def test_open_loop_record_has_no_tracking_and_no_saturation() -> None:
+    found = metrics(record_of(20))
+    assert found["tracking"] is found["step_response"] is found["saturation"] is None
+    assert found["energy"]["net_total"] == 0
+    assert "Tracking" not in printed(found)
+
+
+def test_single_row_has_no_mean_power() -> None:
+    found = metrics(record_of(1, {"actuator_force": 3.0, "leg_velocity": 2.0, "flag.force_limited": True}))
+    assert found["duration"] == 0
+    assert found["power"] == {"peak": [6.0] * 6, "mean": [None] * 6}
+    assert found["energy"]["net_total"] == 0
+    assert found["force"]["rms"] == [3.0] * 6
+    assert found["saturation"]["force_limited"]["any"] == 1
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_rows_that_are_not_finite_do_not_count(value: float) -> None:
+    length = np.ones((10, 6))
+    length[9] = value
+    found = metrics(record_of(10, {"leg_length": length, "error.leg_length": 1 - length}, status="diverged"))
+    assert found["rows"] == 9
+    assert found["stroke"]["longest"] == [1.0] * 6
+    assert found["outcome"]["status"] == "diverged"
+    assert "diverged at 0.009 s: too far from the reference" in printed(found)
+    nothing = metrics(record_of(1, {"leg_length": value}))
+    assert nothing["rows"] == 0
+    assert nothing["force"] is None
+    metrics_json(nothing)
+
+
+def test_what_overflows_is_undefined() -> None:
+    found = metrics(record_of(10, {"actuator_force": 1e300, "leg_velocity": 1e300, "error.position": 1e200}))
+    assert found["power"]["peak"] == [None] * 6
+    assert found["tracking"]["position"]["rms"] == [None] * 3
+    assert json.loads(metrics_json(found)) == found
+    assert "–" in printed(found)
+
+
+def test_tables_fit_a_hundred_columns_and_json_reads_back() -> None:
+    wanted = np.r_[0.0, -1.234567e-3 * np.ones(99)]
+    record = step_of(1.1234567 * wanted, wanted)
+    rng = np.random.default_rng(0)
+    more = record_of(
+        100, {"actuator_force": -1e4 * rng.random((100, 6)), "flag.rate_limited": rng.random((100, 6)) > 0.5}
+    )
+    more = Record(more.table.hstack(record.table.select(c for c in record.table.columns if "." in c)), more.metadata)
+    found = metrics(more)
+    text = printed(found)
+    assert max(map(len, text.splitlines())) <= 100
+    for word in ("Tracking error", "Step response", "Legs", "rate limited", "|orientation|"):
+        assert word in text
+    assert "…" not in text
+    assert json.loads(metrics_json(found)) == found

@@ -1,0 +1,255 @@
+"""The page of a record in a real browser: it loads in silence, plays, scrubs, and shows what the record says."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.scene import leg_parts
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.rotations import matrix_from_orientation
+from tests.support.browser import Watched, open_report, until
+from tests.support.records import waving_record
+
+
+@pytest.fixture(scope="module")
+def platform() -> Platform:
+    return load_preset("motion_base")
+
+
+@pytest.fixture(scope="module")
+def record(platform: Platform) -> Record:
+    """Half a second; few enough rows that every row is a frame."""
+    return waving_record(platform)
+
+
+@pytest.fixture(scope="module")
+def report(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("view") / "report.html"
+    path.write_bytes(view_page([record], ["waves"]))
+    return path
+
+
+@pytest.fixture(scope="module")
+def still(browser: Browser, report: Path) -> Iterator[Watched]:
+    """The page at its beginning, not playing."""
+    found = open_report(browser, report, 0.0)
+    yield found
+    # whatever the tests did to it, it did in silence, and asked nobody
+    assert found.errors == []
+    assert found.requests == [report.as_uri() + "#t=0.0"] or found.requests == [report.as_uri()]
+
+
+def drawn(page: Page, record: int = 0) -> dict[str, Any]:
+    """What is in the scene, in metres and world axes."""
+    page.evaluate("new Promise(requestAnimationFrame)")
+    found: dict[str, Any] = page.evaluate("GoughStewart.player.drawn()")[record]
+    return found
+
+
+def scrub(page: Page, time: float) -> None:
+    """As a hand on the slider does it."""
+    page.evaluate(
+        "time => { const slider = document.getElementById('time'); slider.value = time;"
+        " slider.dispatchEvent(new Event('input')); }",
+        time,
+    )
+
+
+def test_the_page_plays_by_itself_in_silence(browser: Browser, report: Path) -> None:
+    """Expected: time goes on at the speed of the clock, as far as frames come; no complaint, no request."""
+    found = open_report(browser, report)
+    page = found.page
+    assert page.evaluate("GoughStewart.player.playing")
+    page.select_option("#speed", "0.05")
+    before = page.evaluate("[GoughStewart.player.time, performance.now()]")
+    until(page, f"GoughStewart.player.time !== {before[0]}")
+    page.wait_for_timeout(600)
+    after = page.evaluate("[GoughStewart.player.time, performance.now()]")
+    assert 0 < (after[0] - before[0]) % 0.5 <= 0.05 * (after[1] - before[1]) / 1000 + 0.02
+    page.click("#play")
+    stopped = page.evaluate("GoughStewart.player.time")
+    page.wait_for_timeout(200)
+    assert page.evaluate("GoughStewart.player.time") == stopped
+    assert found.errors == []
+    assert found.requests == [report.as_uri()]
+    page.close()
+
+
+@pytest.mark.parametrize("row", [0, 1, 137, 250, 499, 500])
+def test_the_pose_shown_is_the_pose_of_the_row(still: Watched, record: Record, platform: Platform, row: int) -> None:
+    """Expected: position and R of the row, joints where kinematics has them, legs from B_i to P_i and of its length."""
+    scrub(still.page, record["time"][row])
+    shown = drawn(still.page)
+    position, orientation = record["position"][row], record["orientation"][row]
+    assert shown["position"] == pytest.approx(position, abs=1e-9)
+    assert np.array(shown["rotation"]) == pytest.approx(matrix_from_orientation(orientation), abs=1e-9)
+    assert shown["reference"] == pytest.approx(record["reference.position"][row], abs=1e-9)
+    legs = leg_geometry(platform, position, orientation)
+    lower, upper = leg_parts(record["leg_length"], platform)
+    for k, leg in enumerate(shown["legs"]):
+        B, P, u = platform.base_points[k], position + legs.arm[k], legs.direction[k]
+        for end, point in (("foot", B), ("head", P), ("sleeveEnd", B + lower * u), ("rodEnd", P - upper * u)):
+            assert leg[end] == pytest.approx(point, abs=1e-6), (k, end)
+        assert np.linalg.norm(np.subtract(leg["head"], leg["foot"])) == pytest.approx(record["leg_length"][row, k])
+
+
+def test_between_two_frames_is_a_straight_line(still: Watched, record: Record) -> None:
+    """Expected: the mean of both positions at half time."""
+    still.page.evaluate("time => GoughStewart.player.seek(time)", float(record["time"][100:102].mean()))
+    assert drawn(still.page)["position"] == pytest.approx(record["position"][100:102].mean(axis=0), abs=1e-12)
+
+
+def test_the_clock_and_the_table_tell_the_moment(still: Watched, record: Record) -> None:
+    scrub(still.page, record["time"][200])
+    assert still.page.inner_text("#clock").startswith("0.2")
+    said = still.page.inner_text("#now").replace("−", "-")
+    for number in (f"{record['position'][200, 0]:.4f}", f"{record['leg_length'][200, 5]:.4f}"):
+        assert number in said
+
+
+def test_the_cursor_follows_and_a_click_on_a_curve_goes_to_its_time(still: Watched) -> None:
+    """Expected: the cursor lies at the time's share of the panel's width; a click at 70 % of 0.5 s is 0.35 s."""
+    page = still.page
+    panel = page.locator(".draglayer .nsewdrag").first
+    box = panel.bounding_box()
+    assert box is not None
+    for time in (0.0, 0.2, 0.5):
+        scrub(page, time)
+        cursor = page.locator("#cursor").evaluate("e => e.getBoundingClientRect().left")
+        assert cursor == pytest.approx(box["x"] + time / 0.5 * box["width"], abs=1.5)
+    page.mouse.click(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"])
+    until(page, "Math.abs(GoughStewart.player.time - 0.35) < 0.004")
+
+
+def test_arrows_go_frame_by_frame_and_space_plays(still: Watched, record: Record) -> None:
+    page = still.page
+    scrub(page, record["time"][300])
+    page.evaluate("document.activeElement.blur()")
+    for key, row in (("ArrowRight", 301), ("ArrowRight", 302), ("ArrowLeft", 301), ("ArrowLeft", 300)):
+        page.keyboard.press(key)
+        assert page.evaluate("GoughStewart.player.time") == record["time"][row]
+    page.keyboard.press("Space")
+    assert page.evaluate("GoughStewart.player.playing")
+    page.keyboard.press("Space")
+    assert not page.evaluate("GoughStewart.player.playing")
+
+
+def test_legs_change_colour_with_force_and_with_nearness(still: Watched, record: Record) -> None:
+    """Expected: pushing legs are more red than blue, pulling ones the other way round; plain legs are all alike."""
+    page = still.page
+    row = int(np.abs(record["actuator_force"]).min(axis=1).argmax())
+    scrub(page, record["time"][row])
+    page.select_option("#colour", "force")
+    for leg, force in zip(drawn(page)["legs"], record["actuator_force"][row], strict=True):
+        assert (leg["colour"][0] > leg["colour"][2]) == (force > 0)
+    page.select_option("#colour", "nearness")
+    # the force of some leg is at its limit at some row: there it is dark red
+    at_limit = np.argwhere(np.abs(record["actuator_force"]) > 99.9)[0]
+    scrub(page, record["time"][at_limit[0]])
+    red, green, _ = drawn(page)["legs"][at_limit[1]]["colour"]
+    assert red > 3 * green
+    page.select_option("#colour", "plain")
+    assert len({tuple(leg["colour"]) for leg in drawn(page)["legs"]}) == 1
+
+
+def test_flags_have_a_key(still: Watched) -> None:
+    """Expected: the one flag that the record raises, and not the others."""
+    assert still.page.inner_text("#flag-key") == "force limited"
+
+
+def test_no_button_offers_to_send_the_data_away(still: Watched) -> None:
+    titles = still.page.eval_on_selector_all(".modebar-btn", "buttons => buttons.map(b => b.dataset.title)")
+    # releases of plotly.js differ in the case of letters
+    assert sorted(title.lower() for title in titles) == ["download plot as a png", "pan", "reset axes", "zoom"]
+
+
+def test_dragging_turns_the_view(still: Watched) -> None:
+    """Expected: another picture of the same scene."""
+    view = still.page.locator("#view")
+    before, pose = view.screenshot(), drawn(still.page)
+    box = view.bounding_box()
+    assert box is not None
+    still.page.mouse.move(box["x"] + 200, box["y"] + 150)
+    still.page.mouse.down()
+    still.page.mouse.move(box["x"] + 330, box["y"] + 170, steps=4)
+    still.page.mouse.up()
+    assert drawn(still.page) == pose
+    still.page.wait_for_timeout(100)
+    assert view.screenshot() != before
+
+
+def test_records_lie_over_each_other_and_can_be_hidden(browser: Browser, record: Record, tmp_path: Path) -> None:
+    """Expected: each at its own pose of the moment, also where one has ended; of 33 curves and 12 wanted ones each.
+
+    Arrows go to the next row of either, and a hidden record leaves the scene, and its curves and wanted ones; legends
+    name the axes and legs all the same.
+    """
+    other = waving_record(load_preset("motion_base"), rows=251, size=0.02, step=1.7e-3)
+    path = tmp_path / "both.html"
+    path.write_bytes(view_page([record, other], ["long", "short"]))
+    found = open_report(browser, path, 0.45)
+    page = found.page
+    for k, (each, row) in enumerate(((record, 450), (other, 250))):
+        assert drawn(page, k)["position"] == pytest.approx(each["position"][row], abs=1e-9)
+    scrub(page, record["time"][200])
+    for key, time in (("ArrowRight", other["time"][118]), ("ArrowRight", record["time"][201])):
+        page.keyboard.press(key)
+        assert page.evaluate("GoughStewart.player.time") == time
+    view = page.locator("#view")
+    both = view.screenshot()
+    traces = "document.querySelectorAll('#chart .scatterlayer .trace').length"
+    entries = "[...document.querySelectorAll('#chart .legendtext')].map(e => e.textContent)"
+    all_of_them, names = page.evaluate(traces), page.evaluate(entries)
+    assert all_of_them == 2 * (4 * 3 + 3 * 6 + 1) + 2 * (2 * 3 + 6)
+    page.uncheck("input[data-record='0']")
+    until(page, f"{traces} === {all_of_them // 2}")
+    assert page.evaluate(entries) == names
+    assert view.screenshot() != both
+    page.check("input[data-record='0']")
+    page.uncheck("input[data-record='1']")
+    until(page, f"{traces} === {all_of_them // 2}")
+    assert found.errors == []
+    page.close()
+
+
+def test_the_policy_stops_other_scripts_and_forms(browser: Browser, report: Path) -> None:
+    """Expected: a script that is not the page's own does not run, a form does not leave; both are complained of."""
+    found = open_report(browser, report, 0.0)
+    found.page.evaluate(
+        "document.body.append(Object.assign(document.createElement('script'), {textContent: 'window.foreign = true'}))"
+    )
+    found.page.evaluate(
+        "() => { const form = document.createElement('form');"
+        " Object.assign(form, {action: 'http://127.0.0.1:9/', method: 'post'});"
+        " document.body.append(form); form.submit(); }"
+    )
+    found.page.wait_for_timeout(200)
+    assert found.page.evaluate("window.foreign === undefined")
+    assert [error for error in found.errors if "Content Security Policy" in error] == found.errors
+    assert len(found.errors) == 2
+    assert [address for address in found.requests if not address.startswith("file:")] == []
+    found.page.close()
+
+
+def test_without_webgl_curves_and_tables_are_still_there(browser: Browser, report: Path) -> None:
+    page = browser.new_page()
+    page.add_init_script(
+        "const own = HTMLCanvasElement.prototype.getContext;"
+        "HTMLCanvasElement.prototype.getContext = function (kind, ...more) {"
+        "  return kind.includes('webgl') ? null : own.call(this, kind, ...more); };"
+    )
+    page.goto(report.as_uri())
+    until(page, "GoughStewart.ready.curves")
+    assert "no 3-D graphics" in page.inner_text("#no-view")
+    assert page.locator("#chart .scatterlayer .trace").count() > 10
+    assert "Tracking error" in page.inner_text(".tables")
+    page.click("#play")
+    page.close()

@@ -1,0 +1,245 @@
+"""The page of a record: what it carries, before any browser has seen it."""
+
+import base64
+import json
+import re
+from dataclasses import replace
+from typing import Any
+
+import lxml.html
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.output.decimation import decimated
+from gough_stewart.harness.results.metrics import metrics
+from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.view.charts import POINTS, chart_of
+from gough_stewart.harness.view.page import MOST_RECORDS, names_of, view_page
+from gough_stewart.harness.view.scene import FRAMES, frame_rows, leg_parts, nearness_to_limits, scene_of
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion
+from gough_stewart.model.vectors import FloatArray
+from tests.support.records import waving_record
+
+
+def numbers(packed: dict[str, str], width: int | None = None) -> FloatArray:
+    """Numbers (n,), or (n, width)."""
+    values = np.frombuffer(base64.b64decode(packed["bdata"]), dtype=f"<{packed['dtype']}")
+    return values if width is None else values.reshape(-1, width)
+
+
+def elements(page: bytes, path: str) -> list[Any]:
+    """What an XPath expression finds on the page."""
+    found: Any = lxml.html.fromstring(page.decode()).xpath(path)
+    return list(found)
+
+
+def data_of(page: bytes) -> dict[str, Any]:
+    """What the page's scripts are given."""
+    (element,) = elements(page, "//script[@id='data']")
+    found: dict[str, Any] = json.loads(element.text)
+    return found
+
+
+@pytest.fixture(scope="module")
+def base() -> Platform:
+    """A platform with all limits."""
+    return load_preset("motion_base")
+
+
+@pytest.fixture(scope="module")
+def record(base: Platform) -> Record:
+    return waving_record(base, rows=4001)
+
+
+@pytest.fixture(scope="module")
+def page(record: Record) -> bytes:
+    return view_page([record], ["waves"])
+
+
+@given(st.integers(1, 30_000), st.integers(1, 3000))
+def test_frames_are_evenly_spaced_rows_with_first_and_last(rows: int, frames: int) -> None:
+    kept = frame_rows(rows, frames)
+    assert kept[0] == 0
+    assert kept[-1] == rows - 1
+    steps = np.diff(kept)
+    assert len(set(steps[:-1])) <= 1
+    assert len(kept) <= max(frames, 2)
+    if rows <= frames:
+        assert len(kept) == rows
+
+
+def test_frames_hold_the_bits_of_their_rows(record: Record, base: Platform) -> None:
+    scene = scene_of(record, base, "waves", frames=101)
+    rows = frame_rows(record.table.height, 101)
+    assert np.array_equal(numbers(scene["time"]), record["time"][rows])
+    assert np.array_equal(numbers(scene["pose"], 7)[:, :3], record["position"][rows])
+    assert np.array_equal(numbers(scene["length"], 6), record["leg_length"][rows])
+    assert np.array_equal(numbers(scene["force"], 6), record["actuator_force"][rows])
+    assert np.array_equal(numbers(scene["reference"], 7)[:, :3], record["reference.position"][rows])
+
+
+def test_quaternions_turn_as_the_orientation_does(record: Record, base: Platform) -> None:
+    """Expected: R = Rz Ry Rx of the record's own orientation; the quaternion comes from SciPy, its matrix from here."""
+    scene = scene_of(record, base, "waves", frames=101)
+    orientation = numbers(scene["orientation"], 3)
+    turned = matrix_from_quaternion(numbers(scene["pose"], 7)[:, 3:])
+    assert np.abs(turned - matrix_from_orientation(orientation)).max() < 1e-14
+
+
+def test_a_flag_between_two_frames_is_not_lost(record: Record, base: Platform) -> None:
+    """Expected: nine rows in frames 0, 4, 8; a flag of row 3 holds until row 4, so in the first interval only."""
+    few = record.table.head(9).with_columns(**{f"flag.force_limited[{leg}]": np.zeros(9, bool) for leg in range(1, 7)})
+    for row, said in ((0, "10"), (3, "10"), (4, "01"), (7, "01"), (8, "00")):
+        flag = np.arange(9) == row
+        one = Record(few.with_columns(**{"flag.force_limited[2]": flag}), record.metadata)
+        assert scene_of(one, base, "waves", frames=3)["flags"]["force_limited"] == said
+
+
+@given(st.floats(0.05, 5), st.floats(1.0, 1.85), st.floats(0.0, 1.0))
+def test_the_parts_of_a_leg_overlap_and_stay_within_it(shortest: float, ratio: float, share: float) -> None:
+    """Expected at every length L between the extremes: lower + upper > L, and both shorter than L."""
+    platform = replace(load_preset("liu2000"), leg_length_min=None, leg_length_max=None)
+    longest = shortest * ratio
+    lower, upper = leg_parts(np.array([[shortest, longest]]), platform)
+    length = shortest + share * (longest - shortest)
+    assert lower + upper > length
+    assert max(lower, upper) < length
+
+
+def test_nearness_is_one_at_each_limit(base: Platform) -> None:
+    """Expected: 0 in the middle of the stroke, 1 at both ends; |F|/limit; the joint angles' own ratio at home is 0."""
+    low, high = base.leg_length_min, base.leg_length_max
+    assert low is not None
+    assert high is not None
+    home = waving_record(base, rows=3, size=0.0)
+    table = home.table
+    for row, length in enumerate((low, (low + high) / 2, high)):
+        for leg in range(1, 7):
+            values = table[f"leg_length[{leg}]"].to_numpy().copy()
+            values[row] = length
+            table = table.with_columns(**{f"leg_length[{leg}]": values})
+    near = nearness_to_limits(Record(table, home.metadata), base)
+    assert near["stroke"][:, 0] == pytest.approx([1, 0, 1])
+    assert np.array_equal(near["force"], np.abs(home["actuator_force"]) / 100)
+    assert np.abs(near["joint angle"]).max() < 1e-7
+    assert nearness_to_limits(Record(table, {}), load_preset("liu2000")) == {}
+
+
+def test_curves_are_those_of_the_record(record: Record, base: Platform) -> None:
+    """Expected: the thinned columns in the panel's unit, to the seven digits of their storage."""
+    drawn = chart_of([record], [base], ["waves"])["data"]
+    lines = {line["legendgroup"]: line for line in drawn if "hovertemplate" in line and "legendgroup" in line}
+    for group, column, scale, zero in (
+        ("position from home [mm] z", "position[3]", 1e3, base.home_position[2]),
+        ("orientation error [mrad] pitch", "error.orientation[2]", 1e3, 0.0),
+        ("actuator force of legs [N] 6", "actuator_force[6]", 1.0, 0.0),
+    ):
+        time, values = decimated(record["time"], scale * (record[column] - zero), POINTS)
+        assert numbers(lines[group]["x"]) == pytest.approx(time, rel=1e-6)
+        assert numbers(lines[group]["y"]) == pytest.approx(values, rel=1e-6, abs=1e-6 * np.abs(values).max())
+
+
+def test_the_page_is_one_element_tree_with_everything_inside(page: bytes) -> None:
+    """Expected: no element that would load something, a policy that forbids it, tables with the metrics' numbers."""
+    assert elements(page, "//script[@src] | //link[not(starts-with(@href, 'data:'))] | //img | //iframe") == []
+    (policy,) = elements(page, "//meta[@http-equiv='Content-Security-Policy']/@content")
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+    titles = elements(page, "//caption/text()")
+    assert {"Tracking error", "Legs", "Limits and flags", "Run", "Platform: motion_base", "Versions"} <= set(titles)
+    assert elements(page, "//h1/text()") == ["six sines"]
+
+
+def test_tables_carry_the_metrics(record: Record, page: bytes) -> None:
+    (row,) = elements(page, "//caption[text()='Legs']/../tbody/tr[starts-with(th, 'peak force')]")
+    shown = [float(cell.text) for cell in row.xpath("td")[:6]]
+    assert shown == pytest.approx(metrics(record)["force"]["peak"], rel=1e-3)
+
+
+def test_the_same_record_gives_the_same_bytes(record: Record, page: bytes) -> None:
+    assert view_page([record], ["waves"]) == page
+
+
+def test_frames_are_thinned_and_the_page_says_so(page: bytes) -> None:
+    assert len(numbers(data_of(page)["scenes"][0]["time"])) == FRAMES
+    assert b"2001 of 4001 rows" in page
+
+
+@pytest.mark.parametrize("records", [1, 2, 6])
+def test_ten_seconds_at_a_kilohertz_make_at_most_eight_megabytes(base: Platform, records: int) -> None:
+    """Expected: the bound that was set; several records share the frames and points of one."""
+    long = waving_record(base, rows=10_001)
+    page = view_page([long] * records, [f"run {k}" for k in range(records)])
+    assert len(page) <= 8e6
+
+
+def test_the_licences_of_the_libraries_go_along(page: bytes) -> None:
+    """Expected: the holders of the copyrights of MeshCat, three.js and plotly.js."""
+    text = page.decode()
+    for holder in ("Copyright (c) 2018 Robin Deits", "three.js authors", "Plotly, Inc."):
+        assert holder in text
+
+
+def test_text_of_the_user_stays_text(base: Platform) -> None:
+    """Expected: markup in a title, name or cause is shown, not obeyed."""
+    bad = "</script><script>alert(1)</script><b>%{x}"
+    ended = {"status": "diverged", "time": 0.1, "cause": bad}
+    named = replace(base, name=bad)
+    record = waving_record(named, rows=5, title=bad, outcome=ended, experiment={"description": bad})
+    for page in (view_page([record], [bad]), view_page([record, record], [bad, "b"])):
+        assert elements(page, "//script[contains(., 'alert(1)') and not(@type)] | //b") == []
+        assert bad in elements(page, "//h1/text()")[0]
+        assert data_of(page)["scenes"][0]["name"] == bad
+
+
+def test_rows_from_a_value_that_is_not_finite_on_are_left_out(record: Record) -> None:
+    values = record["position[3]"].copy()
+    values[1000:] = np.nan
+    broken = Record(record.table.with_columns(**{"position[3]": values}), record.metadata)
+    assert numbers(data_of(view_page([broken], ["x"]))["scenes"][0]["time"])[-1] == record["time"][999]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_very_short_records_have_a_page(base: Platform, rows: int) -> None:
+    data = data_of(view_page([waving_record(base, rows=rows)], ["short"]))
+    assert len(numbers(data["scenes"][0]["time"])) == rows
+
+
+@pytest.mark.parametrize("number", [0, MOST_RECORDS + 1])
+def test_too_many_records_or_none_are_refused(record: Record, number: int) -> None:
+    with pytest.raises(RecordError, match=f"{number} records; expected 1 to {MOST_RECORDS}"):
+        view_page([record] * number, ["x"] * number)
+
+
+def test_a_record_without_a_finite_row_or_a_platform_is_refused(record: Record) -> None:
+    values = np.full(record.table.height, np.nan)
+    nothing = Record(record.table.with_columns(**{"position[1]": values}), record.metadata)
+    with pytest.raises(RecordError, match="waves: no row with finite values"):
+        view_page([nothing], ["waves"])
+    for name in ("platform", "outcome"):
+        without = {key: value for key, value in record.metadata.items() if key != name}
+        with pytest.raises(RecordError, match=f"waves: the metadata hold no {name}"):
+            view_page([Record(record.table, without)], ["waves"])
+    with pytest.raises(RecordError, match="the metadata hold no platform"):
+        view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
+
+
+def test_records_are_called_by_their_folders_if_those_differ(tmp_path: Any) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    one.mkdir()
+    two.mkdir()
+    assert names_of([one, two / "record.csv"]) == ["one", "two"]
+    assert names_of([one, one / "record.csv"]) == [str(one), str(one / "record.csv")]
+
+
+def test_lines_and_heads_tell_records_apart(record: Record) -> None:
+    """Expected: as many dashes as records, in the curves and in the head of the page."""
+    page = view_page([record, record], ["a", "b"])
+    dashes = {line["line"]["dash"] for line in data_of(page)["chart"]["data"] if "hovertemplate" in line}
+    assert len(dashes) == 2
+    assert len(re.findall(rb'<input type="checkbox" data-record="\d"', page)) == 2

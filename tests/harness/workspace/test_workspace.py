@@ -1,0 +1,266 @@
+"""The command `workspace` as a user meets it: files, tables, pictures, a page, and clear errors."""
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import etree
+from PIL import Image
+from typer.testing import CliRunner, Result
+
+from gough_stewart.harness.cli.app import app
+from gough_stewart.harness.errors import ReachError
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.reach import check_reach
+from gough_stewart.harness.workspace.display import clearance
+from gough_stewart.harness.workspace.figures import workspace_figures
+from gough_stewart.harness.workspace.isosurface import Surface, isosurface
+from gough_stewart.harness.workspace.page import workspace_page
+from gough_stewart.harness.workspace.tables import size_text, workspace_csv
+from gough_stewart.model.kinematics import conditioning, leg_geometry
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.workspace import Limit, evaluate_poses
+from gough_stewart.model.workspace_grid import Workspace, sweep
+from tests.support.random_platforms import random_platform
+
+MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
+FILES = {"workspace.csv", "workspace.png", "workspace.svg", "workspace.html"}
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["workspace", *arguments], env={"COLUMNS": "120", "NO_COLOR": "1"})
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_what_can_be_reached_is_what_reach_lets_pass(seed: int) -> None:
+    """Expected: the verdict of `check_reach` on a motion of that pose alone, any condition number allowed."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    length = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    some = {
+        "leg_length_min": 0.8 * length.min(),
+        "leg_length_max": 1.2 * length.max(),
+        "joint_angle_max": 0.4,
+    }
+    platform = replace(platform, **{name: value for name, value in some.items() if rng.random() < 0.8})
+    position = platform.home_position + 0.3 * platform.characteristic_length * rng.normal(size=(12, 3))
+    orientation = platform.home_orientation + 0.3 * rng.normal(size=(12, 3))
+    reachable = evaluate_poses(platform, position, orientation).reachable
+    none = np.zeros((1, 3))
+    for k in range(12):
+        try:
+            check_reach(
+                platform, np.zeros(1), Motion(position[[k]], orientation[[k]], none, none, none, none), float("inf")
+            )
+        except ReachError:
+            assert not reachable[k]
+        else:
+            assert reachable[k]
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    out = tmp_path_factory.mktemp("workspace") / "new" / "folder"
+    done = run(
+        "--preset",
+        "motion_base",
+        "--over",
+        "x,y=-1200mm:1.2",
+        "--at",
+        "pitch=5deg",
+        "--points",
+        "25",
+        "--out",
+        str(out),
+    )
+    return done, out
+
+
+def test_the_command_writes_its_files_and_no_others_and_tells_what_it_found(maps: tuple[Result, Path]) -> None:
+    done, out = maps
+    assert done.exit_code == 0, done.stderr
+    assert {path.name for path in out.iterdir()} == FILES
+    for said in ("Swept", "given", "found", "joint angle from home", "largest payload", "poses can be reached", "m²"):
+        assert said in done.stdout
+
+
+def test_the_table_has_a_row_per_pose_as_evaluated(maps: tuple[Result, Path]) -> None:
+    """Expected: `evaluate_poses` and `conditioning` at the coordinates in the table."""
+    table = pl.read_csv(maps[1] / "workspace.csv")
+    assert table.height == 625
+    assert table["pitch"].unique().to_list() == pytest.approx([np.radians(5)])
+    assert (table["y"].min(), table["y"].max()) == (-1.2, 1.2)
+    pose = (table["x", "y", "z"].to_numpy(), table["roll", "pitch", "yaw"].to_numpy())
+    q = evaluate_poses(MOTION_BASE, *pose)
+    assert table["reachable"].to_list() == q.reachable.tolist()
+    assert table["limit"].to_list() == [Limit(code).name.lower() for code in q.limit]
+    assert np.allclose(table["condition_number"], conditioning(MOTION_BASE, *pose).condition_number, rtol=1e-12)
+    for name in ("leg_length_margin", "joint_angle_margin", "singular_margin", "payload", "force_margin"):
+        assert np.allclose(table[name], getattr(q, name), rtol=1e-9), name
+
+
+def test_columns_that_a_platform_has_no_limit_for_are_empty() -> None:
+    table = pl.read_csv(workspace_csv(sweep(PAPER, points=5)))
+    for name in ("leg_length_margin", "joint_angle_margin", "payload", "force_margin"):
+        assert table[name].null_count() == 25
+    assert table["reachable"].all()
+
+
+_PANELS = ("reachable", "condition number", "largest payload", "force margin")
+_KINDS: dict[str, tuple[Callable[[], Workspace], tuple[str, ...], int, int]] = {
+    "maps": (lambda: sweep(MOTION_BASE, points=9), _PANELS, 1, 3),
+    "volume": (lambda: sweep(DESKTOP, dict.fromkeys(("x", "roll", "z")), points=9), _PANELS, 4, 3),
+    "nothing": (lambda: sweep(MOTION_BASE, at={"z": 5.0}, points=9), _PANELS[:1], 1, 0),
+    "without limits": (lambda: sweep(PAPER, {"yaw": (-2.0, 2.0), "z": None}, points=9), _PANELS[:2], 1, 1),
+    "few slices": (lambda: sweep(MOTION_BASE, {"x": None, "y": None, "z": (1.9, 4.0)}, points=5), _PANELS, 3, 3),
+}
+
+
+@pytest.mark.parametrize("kind", _KINDS)
+def test_the_pictures_show_every_panel_there_is(kind: str) -> None:
+    """Expected: by kind, which panels its platform has the limits for, how many slices of each, and how many bars.
+
+    matplotlib writes every text of an SVG as a comment beside its outlines.
+    """
+    make, panels, slices, bars = _KINDS[kind]
+    workspace = make()
+    files = workspace_figures(workspace)
+    drawing = files["workspace.svg"].decode()
+    texts = re.findall(r"<!-- (.*?) -->", drawing)
+    for panel in _PANELS:
+        assert any(re.match(rf"{panel}(, with stroke left)?( \[|$)", text) for text in texts) == (panel in panels)
+    assert len(re.findall(r'<g id="axes_\d+">', drawing)) == slices * len(panels) + bars
+    with Image.open(BytesIO(files["workspace.png"])) as picture:
+        assert len(picture.getcolors(2**24) or []) > 10
+    assert size_text(workspace).startswith(f"{workspace.qualities.reachable.sum()} of ")
+    page = page_data(workspace_page(workspace).decode())
+    assert len(page["swept"]) == len(workspace.shape)
+    assert bool(page["surface"]) == (len(workspace.shape) == 3)
+
+
+def test_two_drawings_have_the_same_bytes() -> None:
+    workspace = sweep(PAPER, {"yaw": (-2.0, 2.0), "z": None}, points=9)
+    assert workspace_figures(workspace) == workspace_figures(workspace)
+
+
+def page_data(page: str) -> dict[str, list[object]]:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    data: dict[str, list[object]] = json.loads(found[1])
+    return data
+
+
+def test_the_page_loads_nothing_from_anywhere(maps: tuple[Result, Path]) -> None:
+    """Expected: no element that names a resource of its own, and a policy that forbids all others."""
+    page = (maps[1] / "workspace.html").read_text()
+    tree = etree.HTML(page)
+    assert tree.xpath("//@src") == []
+    assert tree.xpath("//link/@href") == ["data:,"]
+    assert tree.xpath("count(//meta[starts-with(@content, \"default-src 'none';\")])") == 1
+    without_plotly = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+    assert "http:" not in without_plotly
+    assert "https:" not in without_plotly
+
+
+def test_a_name_cannot_break_out_of_the_page() -> None:
+    workspace = sweep(replace(DESKTOP, name="</script><b>$x", source="<i>"), points=3)
+    page = workspace_page(workspace).decode()
+    assert "&lt;/script&gt;&lt;b&gt;$x" in page
+    assert "<i>" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_an_area_is_that_of_the_cells_that_can_be_reached() -> None:
+    """Expected: all of a square of 1 m by 0.5 m, and of a box of 1 m by 0.5 m by 0.2 m."""
+    plane = sweep(PAPER, {"x": (-0.5, 0.5), "y": (0.0, 0.5)}, points=7)
+    assert size_text(plane) == "49 of 49 poses can be reached (100 %), an area of 0.5 m²"
+    box = sweep(PAPER, {"x": (-0.5, 0.5), "y": (0.0, 0.5), "z": (3.0, 3.2)}, points=4)
+    assert size_text(box).endswith("a volume of 0.1 m³")
+
+
+def test_clearance_is_positive_exactly_where_poses_can_be_reached() -> None:
+    for over in (("x", "z"), ("roll", "yaw"), ("pitch", "z")):
+        workspace = sweep(
+            MOTION_BASE, {name: (-1.5, 1.5) if name in ("pitch", "yaw") else None for name in over}, points=41
+        )
+        assert np.array_equal(clearance(workspace) > 0, workspace.qualities.reachable)
+
+
+def enclosed(surface: Surface) -> float:
+    """By Gauss's theorem; negative if normals point inward."""
+    a, b, c = (surface.vertices[surface.triangles[:, k]] for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+@pytest.mark.parametrize("n", [25, 45])
+def test_the_surface_of_a_ball_is_closed_and_encloses_its_volume(n: int) -> None:
+    """Expected: 4/3 π r³ less what chords cut off, in second order of the step; every edge in two triangles."""
+    axes = [np.linspace(-1, 1, n), np.linspace(-1.2, 1.2, n), np.linspace(-1, 1.1, n)]
+    x, y, z = np.meshgrid(*axes, indexing="ij")
+    surface = isosurface(axes, 0.9 - np.sqrt(x**2 + y**2 + z**2), x)
+    assert enclosed(surface) == pytest.approx(4 / 3 * np.pi * 0.9**3, rel=8 / n**2)
+    edges = np.sort(np.concatenate([surface.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    assert np.allclose(surface.colour, surface.vertices[:, 0], atol=1e-12)
+
+
+def test_a_volume_that_goes_on_beyond_the_grid_is_cut_at_its_end() -> None:
+    """Expected: 2 · 4 · 3 of the whole box, 0.7 · 4 · 3 of the part with x > 0.3."""
+    axes = [np.linspace(-1, 1, 11), np.linspace(-2, 2, 13), np.linspace(-1.5, 1.5, 9)]
+    x = np.meshgrid(*axes, indexing="ij")[0]
+    assert enclosed(isosurface(axes, 1 + 0 * x, x)) == pytest.approx(24)
+    assert enclosed(isosurface(axes, x - 0.3, x)) == pytest.approx(8.4)
+
+
+def test_nothing_reached_is_a_warning(tmp_path: Path) -> None:
+    done = run("--preset", "motion_base", "--at", "z=5", "--points", "5", "--out", str(tmp_path))
+    assert done.exit_code == 0
+    assert "no pose of this grid can be reached" in done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+
+
+ERRORS = [
+    (["--over", "x,q"], "--over x,q: unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw"),
+    (["--over", "x"], "1 swept coordinates; expected two for maps, or three for a volume"),
+    (["--over", "x,x"], "x is there twice; expected every coordinate once"),
+    (["--over", "x=1,y"], "found the range '1' for x; expected LOW:HIGH"),
+    (["--over", "x=1:-1,y"], "x goes from 1 m to -1 m; expected a range from low to high"),
+    (["--over", "x=-1deg:1,y"], "x is '-1deg'; expected a number of m, or a text with one of the units m, cm"),
+    (["--over", "x=:1,y"], "x is ''; expected a number of m"),
+    (["--over", "z,y", "--at", "z=2"], "z is both swept and fixed; expected one of them"),
+    (["--at", "z"], "--at z: found no value; expected NAME=VALUE"),
+    (["--at", "height=2"], "--at height=2: unknown coordinate 'height'"),
+    (["--at", "z=2", "--at", "z=3"], "z is fixed twice; expected one value"),
+    (["--at", "yaw=high"], "yaw is 'high'; expected a number of rad, or a text with one of the units rad, mrad, deg"),
+    (["--at", "pitch=100deg"], "pitch is 1.74533 rad; expected from −90° to 90°"),
+    (["--at", "z=1e400"], "expected a number of at most 1e+12"),
+    (["--points", "501"], "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates"),
+    (["--points", "0"], "0 points per coordinate for 2 swept coordinates; expected from 2 to 500"),
+    (["--preset", "motion_base", "--platform", "mine.toml"], "--preset and --platform exclude each other; give one"),
+    (["--preset", "no_such"], "no_such"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "text"), ERRORS, ids=[" ".join(arguments) for arguments, _ in ERRORS])
+def test_what_cannot_be_is_one_clear_line_and_no_file(arguments: list[str], text: str, tmp_path: Path) -> None:
+    done = run(*arguments, "--out", str(tmp_path / "out"))
+    assert done.exit_code == 1
+    assert text in done.stderr
+    assert "Traceback" not in done.output
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_folder_is_checked_before_anything_is_computed(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = run("--points", "3", "--out", str(tmp_path / "file"))
+    assert done.exit_code == 1
+    assert "is a file; expected a folder" in done.stderr

@@ -1,0 +1,139 @@
+"""Kane's equations: the paper's relations between velocities, constraints and multipliers."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gough_stewart.model.formulations import kane, kane_simulation
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.vectors import skew
+from tests.support.random_platforms import Sample, random_platform, random_state
+
+seeds = st.integers(0, 2**32 - 1)
+PAPER_START = State(np.array([0, 0, 3.0]), np.array([0, 0, -0.1]), np.array([0, 0.2, 0]), np.array([0, 0.1, 0]))
+PAPER_INPUTS = Inputs.from_actuators(np.array([55.0, 49.5] * 3))
+
+
+def start_of(platform: Platform, state: State) -> tuple[kane.Configuration, np.ndarray]:
+    R = matrix_from_orientation(state.orientation)
+    return kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
+
+
+def moved(configuration: kane.Configuration, y: np.ndarray, h: float) -> kane.Configuration:
+    """The configuration after h seconds at speeds y, to first order; d(R)/dt = ω~ R, eq. (3)."""
+    omega, slide_rate = kane.leg_speeds(y)
+    omega_p, v = kane.platform_speeds(y)
+    return kane.Configuration(
+        configuration.leg_rotation + h * skew(omega) @ configuration.leg_rotation,
+        configuration.slide + h * slide_rate,
+        configuration.position + h * v,
+        configuration.rotation + h * skew(omega_p) @ configuration.rotation,
+    )
+
+
+def test_skew_matrix_is_the_papers() -> None:
+    """Expected: eq. (4)."""
+    assert np.array_equal(skew(np.array([1.0, 2.0, 3.0])), [[0, -3, 2], [3, 0, -1], [-2, 1, 0]])
+
+
+def test_consistent_start_satisfies_all_constraints(thousand: Sample) -> None:
+    """Expected: Φ = 0 and Φ_q y = 0, eq. (27)."""
+    configuration, y = start_of(thousand.parameters, thousand.state)  # type: ignore[arg-type]
+    assert np.abs(kane.constraint_residual(thousand.parameters, configuration)).max() < 1e-14
+    slip = (kane.constraint_jacobian(thousand.parameters, configuration) @ y[..., None])[..., 0]
+    assert np.abs(slip).max() < 1e-12
+
+
+@given(seeds)
+def test_partial_velocities_give_the_velocities_of_the_mass_centres(seed: int) -> None:
+    """Expected: central differences of R r1 and R (s + r2); eqs. (9) to (12)."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    configuration, y = start_of(platform, random_state(platform, rng))
+    h, y_legs = 1e-6, y[:24].reshape(6, 4)
+
+    def centres(c: kane.Configuration) -> tuple[np.ndarray, np.ndarray]:
+        u = c.leg_rotation[..., :, 0]
+        return platform.leg_lower_com * u, (c.slide - platform.leg_upper_com)[..., None] * u
+
+    u = configuration.leg_rotation[..., :, 0]
+    G1, G2 = centres(configuration)
+    ahead, behind = centres(moved(configuration, y, h)), centres(moved(configuration, y, -h))
+    for G, direction, a, b in zip((G1, G2), (None, u), ahead, behind, strict=True):
+        v = kane.partial_velocity(G, direction)
+        assert np.allclose((v @ y_legs[..., None])[..., 0], (a - b) / (2 * h), atol=1e-8)
+
+
+@given(seeds)
+def test_jacobian_is_the_rate_of_the_closure_gaps(seed: int) -> None:
+    """Expected: central differences of Φ along any speeds, also inconsistent ones; eqs. (24), (28)."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    configuration, _ = start_of(platform, random_state(platform, rng))
+    y, h = rng.normal(size=30), 1e-6
+    ahead, behind = (kane.constraint_residual(platform, moved(configuration, y, step)) for step in (h, -h))
+    rate = kane.constraint_jacobian(platform, configuration) @ y
+    assert np.allclose(rate[:18], ((ahead - behind) / (2 * h))[:18], atol=1e-8)
+
+
+@given(seeds)
+def test_jacobian_rate_is_the_derivative_of_the_jacobian(seed: int) -> None:
+    """Expected: central differences of Φ_q; eqs. (20), (23), (26), (29)."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    configuration, y = start_of(platform, random_state(platform, rng))
+    h = 1e-6
+    ahead, behind = (kane.constraint_jacobian(platform, moved(configuration, y, step)) for step in (h, -h))
+    rate = kane.constraint_jacobian_rate(platform, configuration, y)
+    assert np.allclose(rate, (ahead - behind) / (2 * h), atol=1e-7 * (1 + np.abs(rate).max()))
+
+
+def test_leg_mass_matrices_are_symmetric(thousand: Sample) -> None:
+    configuration, y = start_of(thousand.parameters, thousand.state)  # type: ignore[arg-type]
+    A, _ = kane.leg_equations(thousand.parameters, configuration, y, thousand.inputs.actuator_force)
+    assert np.allclose(A, np.swapaxes(A, -1, -2), atol=1e-12)
+
+
+def test_spin_rows_carry_no_force(paper: Platform) -> None:
+    """Expected: without axial inertia nothing turns a leg about its axis."""
+    solution = kane.solve(paper, *start_of(paper, PAPER_START), PAPER_INPUTS.actuator_force)
+    assert np.abs(solution.spin_torque).max() < 1e-12
+
+
+def test_baumgarte_lets_a_gap_decay_as_the_damped_oscillator_does(paper: Platform) -> None:
+    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α = β and Φ˙(0) = 0 has Φ(t) = Φ(0) (1 + αt) exp(−αt)."""
+    alpha, gap = 8.0, 1e-4
+    configuration, y = start_of(paper, PAPER_START)
+    # legs too long by the gap; speeds that satisfy the constraints of this configuration
+    stretched = configuration._replace(slide=configuration.slide + gap)
+    Phi_q = kane.constraint_jacobian(paper, stretched)
+    y = y - np.linalg.pinv(Phi_q) @ (Phi_q @ y)
+
+    times = np.array([0.0, 0.1, 0.3])
+    run = kane_simulation.integrate(paper, stretched, y, PAPER_INPUTS, times, (alpha, alpha))
+    left = kane.constraint_residual(paper, run.configuration)
+    assert np.linalg.norm(left[0, :18].reshape(6, 3), axis=1) == pytest.approx(np.full(6, gap), rel=1e-9)
+    expected = left[0] * ((1 + alpha * times) * np.exp(-alpha * times))[:, None]
+    assert np.allclose(left, expected, atol=1e-9)
+
+
+def test_baumgarte_reduces_the_drift_of_a_coarse_integration(paper: Platform) -> None:
+    time = np.array([0.0, 1.0])
+    free, damped = (
+        kane_simulation.simulate(paper, PAPER_START, PAPER_INPUTS, time, (ab, ab), rtol=1e-3, own_steps=True)
+        for ab in (0.0, 10.0)
+    )
+    assert damped.position_violation[-1] < 0.2 * free.position_violation[-1]
+
+
+def test_multipliers_are_reported_along_the_run(paper: Platform) -> None:
+    """Expected: the platform's own Newton law, with λ as joint forces, at the start."""
+    run = kane_simulation.simulate(paper, PAPER_START, PAPER_INPUTS, np.linspace(0, 0.1, 3))
+    assert run.joint_force.shape == (3, 6, 3)
+    solution = kane.solve(paper, *start_of(paper, PAPER_START), PAPER_INPUTS.actuator_force)
+    v_dot = solution.platform_acceleration[:3]
+    total = run.joint_force[0].sum(axis=0) + paper.platform_mass * paper.gravity
+    assert np.allclose(total, paper.platform_mass * v_dot, atol=1e-11)

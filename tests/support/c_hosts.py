@@ -1,0 +1,98 @@
+"""C programs that link the unit or load its library (tests/support/hosts): sources, compilation."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from gough_stewart.fmu_build.sources import sources, standard_headers
+from gough_stewart.fmu_build.toolchain import cache_folder
+from gough_stewart.model.files import write_whole
+from gough_stewart.model.platform_toml import load_preset
+
+HOSTS = Path(__file__).parent / "hosts"
+FUZZ = tuple(sorted(HOSTS.glob("fuzz*.c")))
+INSTANCES = (HOSTS / "instances.c",)
+TOKEN = "host"  # what the hosts instantiate with
+ZIG = (sys.executable, "-m", "ziglang", "cc")
+# What has no right call in this unit: other kinds of variables and of execution, dependencies that change.
+NEVER_OK = {
+    *("fmi2CancelStep", "fmi2GetIntegerStatus", "fmi2GetStringStatus", "fmi3EnterStepMode"),
+    *("fmi3EnterConfigurationMode", "fmi3ExitConfigurationMode", "fmi3ActivateModelPartition"),
+    *("fmi3InstantiateScheduledExecution", "fmi3GetNumberOfVariableDependencies", "fmi3GetVariableDependencies"),
+}
+
+
+def unit_sources() -> Path:
+    """A folder with the whole unit, both FMI versions in one.
+
+    It goes with its content and stays: zig's cache knows a file by its place.
+    """
+    files = dict[str, str]()
+    for version in ("2.0", "3.0"):
+        unit = sources(load_preset("liu2000"), version, TOKEN)
+        files |= unit.units | unit.headers
+    digest = sha256("".join(f"{name}\0{text}\0" for name, text in sorted(files.items())).encode())
+    folder = cache_folder() / f"hosts-{digest.hexdigest()[:16]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        if not (folder / name).exists():
+            write_whole(folder / name, text.encode())
+    return folder
+
+
+def compile_host(host: Sequence[Path], program: Path, compiler: Sequence[str]) -> Path:
+    """A host linked with the unit; `compiler` is the command with its flags."""
+    unit = unit_sources()
+    command = [*compiler, "-std=c11", "-I", str(unit), *map(str, sorted(unit.glob("*.c"))), *map(str, host)]
+    done = subprocess.run(
+        [*command, "-lm", "-lpthread", "-o", str(program)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=program.parent,
+    )
+    assert done.returncode == 0, done.stderr
+    return program
+
+
+def fuzz(program: Path, sequences: int, seeds: Sequence[int] = (1,)) -> dict[str, dict[str, int]]:
+    """Calls by function and status, of processes side by side that share the sequences; fails if one does."""
+    command = [[str(program), str(seed), str(sequences // len(seeds))] for seed in seeds]
+    running = [subprocess.Popen(c, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for c in command]
+    total = dict[str, dict[str, int]]()
+    for process in running:
+        out, told = process.communicate()
+        assert process.returncode == 0, told[-5000:]
+        for function, counts in json.loads(out)["calls"].items():
+            sums = total.setdefault(function, dict.fromkeys(counts, 0))
+            for status, n in counts.items():
+                sums[status] += n
+    return total
+
+
+def functions_of_the_standards() -> set[str]:
+    """As the headers declare them."""
+    found = set[str]()
+    for version in ("2.0", "3.0"):
+        header = standard_headers(version)[f"fmi{version[0]}Functions.h"]
+        found |= set(re.findall(r"^\s*FMI[23]_Export\s+\w+\s+(fmi[23]\w+);", header, re.M))
+    return found
+
+
+def run_instances(program: Path, number: int, threads: int) -> dict[str, Any]:
+    """What the program prints; fails if it finds a difference."""
+    done = subprocess.run([str(program), str(number), str(threads)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
+
+
+def environment(**more: str) -> dict[str, str]:
+    """The present one and more."""
+    return {**os.environ, **more}
