@@ -82,7 +82,7 @@ def test_the_pages_mention_every_equation_of_the_paper() -> None:
     rows = re.findall(r"^\| (\(\d.*?) \| .*? \| (.*?) \|$", (ROOT / "docs/equations.md").read_text(), re.M)
     cited = {int(n) for numbers, _ in rows for n in re.findall(r"\((\d+)[ab]?\)", numbers)}
     assert cited == set(range(1, 32))
-    code = "".join((ROOT / f"model/{name}.py").read_text() for name in ("kane", "vectors", "rotations"))
+    code = "".join((ROOT / f"model/{name}.py").read_text() for name in ("formulations/kane", "vectors", "rotations"))
     names = {name.split(".")[-1] for _, where in rows for name in re.findall(r"`([\w.]+)`", where)}
     assert [name for name in names if f"def {name}(" not in code] == []
 

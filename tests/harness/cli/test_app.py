@@ -235,13 +235,14 @@ def test_ctrl_c_ends_with_one_line_and_no_files(tmp_path: Path) -> None:
     """Expected: exit code 130; the signal comes when Kane's equations begin, however fast the machine is."""
     code = [
         "import os, signal",
-        "from gough_stewart.harness import cli, reproduce",
+        "from gough_stewart.harness.cli import app",
+        "from gough_stewart.harness.paper import reproduce",
         "run_kane = reproduce.run_kane",
         "def interrupted(*arguments, **options):",
         "    os.kill(os.getpid(), signal.SIGINT)",
         "    return run_kane(*arguments, **options)",
         "reproduce.run_kane = interrupted",
-        "cli.main()",
+        "app.main()",
     ]
     done = subprocess.run(
         [sys.executable, "-c", "\n".join(code), "reproduce", "--out", str(tmp_path / "out")],
