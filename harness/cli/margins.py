@@ -15,7 +15,7 @@ def margins_command(
 ) -> None:
     """Gains, closed-loop modes and stability margins of an experiment's controller, on the linear model.
 
-    Linear at the beginning of the reference, sampled and delayed as in the experiment. Writes **margins.json**, and
+    Linear at the first pose of the reference, sampled and delayed as in the experiment. Writes **margins.json**, and
     **bode** and **step** as PNG and SVG.
 
     Examples

@@ -15,6 +15,8 @@ from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
 
 N_LEGS = 6
+# (1 − z)² of a pole that integrates: by 1e-6 of itself at most, it leaks in a sample.
+_INTEGRATES = 1e-12
 Space = Literal["leg", "task"]
 
 
@@ -38,9 +40,10 @@ class LinearController:
     references and measurements (2 n), or these and the excess of the limits at the last sample (2 n + 6; force after
     the limits minus force before them, for anti-windup). Its outputs are the six actuator forces.
 
-    In task space references and measurements are poses as far as legs tell, J⁻¹ (L − L_0) from the lengths L_0 at the
-    start, [m] and [rad] about the world's axes, so that errors are J⁻¹ (L_reference − L); the outputs are a wrench w
-    [N, N m], from which F = J⁻ᵀ w. J is the leg Jacobian in the reference pose.
+    In task space measurements are displacements as far as legs tell, y = Σ J⁻¹ ΔL over the samples since the start, [m]
+    and [rad] about the world's axes, whose rate is the twist J⁻¹ L̇; references are y + J⁻¹ (L_reference − L), so that
+    errors are J⁻¹ (L_reference − L). The outputs are a wrench w [N, N m], from which F = J⁻ᵀ w. J is the leg Jacobian
+    in the reference pose at each sample.
 
     Raises
     ------
@@ -136,7 +139,9 @@ def controller_of(given: Any) -> Controller:
     return LinearController(given)
 
 
-def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, measured: FloatArray) -> Law:
+def law_of(
+    controller: Controller, sample_time: float, jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+) -> Law:
     """A controller made ready for a run.
 
     Parameters
@@ -145,8 +150,9 @@ def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, me
         Of the run [s].
     jacobians
         Leg Jacobians (n, 6, 6) in the reference poses of all samples.
-    measured
-        All signals at the first sample (24,): the controller's memory starts at rest there.
+    wanted, measured
+        References and measurements at the first sample (24,): the controller's memory starts as if both had stood
+        there for ever, its integrators at zero. So a start off the reference gives no kick of the derivative.
 
     Raises
     ------
@@ -156,13 +162,13 @@ def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, me
     if not isinstance(controller, LinearController):
         return _FunctionLaw(controller)
     controller.check_sample_time(sample_time)
-    return (_TaskLaw if controller.space == "task" else _LegLaw)(controller, jacobians, measured)
+    return (_TaskLaw if controller.space == "task" else _LegLaw)(controller, jacobians, wanted, measured)
 
 
 class _LinearLaw:
     """x⁺ = A x + B u, w = C x + D u; both at once, as one product with (x, u)."""
 
-    def __init__(self, controller: LinearController, measured: FloatArray) -> None:
+    def __init__(self, controller: LinearController) -> None:
         system = controller.system
         n = system.nstates
         self._matrix = np.ascontiguousarray(np.block([[system.A, system.B], [system.C, system.D]]))
@@ -171,10 +177,12 @@ class _LinearLaw:
         self.used = controller.signals
         self._at = _as_slice(signals.positions(controller.signals))
         self._form = system.ninputs
-        if controller.space == "leg":
-            # at rest where the reference is what is measured: no derivative, no integral
-            self._feed(measured[self._at], measured[self._at], np.zeros(N_LEGS))
-        self._x[:] = np.linalg.lstsq(np.eye(n) - system.A, system.B @ self._u, rcond=None)[0]
+
+    def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
+        """Memory at rest under constant inputs."""
+        self._feed(wanted, measured, np.zeros(N_LEGS))
+        n = len(self._x)
+        self._x[:] = _rest(self._matrix[:n, :n], self._matrix[:n, n:] @ self._u)
 
     @property
     def state(self) -> FloatArray:
@@ -197,8 +205,11 @@ class _LinearLaw:
 
 
 class _LegLaw(_LinearLaw):
-    def __init__(self, controller: LinearController, _jacobians: FloatArray, measured: FloatArray) -> None:
-        super().__init__(controller, measured)
+    def __init__(
+        self, controller: LinearController, _jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+    ) -> None:
+        super().__init__(controller)
+        self._start(wanted[self._at], measured[self._at])
 
     def force(self, _k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         self._feed(wanted[self._at], measured[self._at], excess)
@@ -206,17 +217,23 @@ class _LegLaw(_LinearLaw):
 
 
 class _TaskLaw(_LinearLaw):
-    def __init__(self, controller: LinearController, jacobians: FloatArray, measured: FloatArray) -> None:
-        super().__init__(controller, measured)
+    def __init__(
+        self, controller: LinearController, jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+    ) -> None:
+        super().__init__(controller)
         self._J = jacobians
         self._J_inverse = np.linalg.inv(jacobians)
-        self._start = measured[self._at].copy()
+        self._lengths = measured[self._at].copy()
+        self._pose = np.zeros(N_LEGS)
+        self._start(self._J_inverse[0] @ (wanted[self._at] - self._lengths), self._pose)
 
     def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        # poses as far as legs tell, from where the run began
-        r, y = (self._J_inverse[k] @ (lengths[self._at] - self._start) for lengths in (wanted, measured))
+        lengths = measured[self._at]
+        # J⁻¹ dL summed up: its rate is the twist J⁻¹ L̇, which that of J⁻¹ (L − L₀) is not where J changes
+        self._pose = self._pose + self._J_inverse[k] @ (lengths - self._lengths)
+        self._lengths = lengths.copy()
         # w = Jᵀ F also for what the limits cut off
-        self._feed(r, y, self._J[k].T @ excess)
+        self._feed(self._pose + self._J_inverse[k] @ (wanted[self._at] - lengths), self._pose, self._J[k].T @ excess)
         return np.asarray(self._J_inverse[k].T @ self._advance())
 
 
@@ -244,6 +261,17 @@ class _FunctionLaw:
         if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
             raise ControllerError(f"the control function gave {given!r} at time {time:g} s; expected {N_LEGS} forces")
         return force.astype(float)
+
+
+def _rest(A: FloatArray, forcing: FloatArray) -> FloatArray:
+    """State x = A x + forcing in the modes that have one; zero in integrators, whose eigenvalue is 1."""
+    N = np.eye(len(A)) - A
+    # P projects on the null space of N² (N alone misses double integrators) along its range
+    U, sizes, Vt = np.linalg.svd(N @ N)
+    null = sizes < _INTEGRATES
+    R, L = Vt[null].T, U[:, null]
+    P = R @ np.linalg.solve(L.T @ R, L.T)
+    return np.asarray(np.linalg.solve(N + P, forcing - P @ forcing))
 
 
 def _state_space(system: Any) -> Any:

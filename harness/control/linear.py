@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import control
@@ -97,10 +98,18 @@ def linearise(
     position: Array | None = None,
     orientation: Array | None = None,
     outputs: Iterable[str] = OUTPUTS,
+    *,
+    coulomb_friction: bool = False,
 ) -> control.StateSpace:
     """Linear model δẋ = A δx + B δu, δy = C δx + D δu about rest in a pose (default: home), by exact Jacobians.
 
     Signals are named as in `plant_system`.
+
+    Parameters
+    ----------
+    coulomb_friction
+        Keep the slope of the smoothed Coulomb friction at rest, leg_coulomb_friction / leg_friction_velocity [N s/m].
+        It acts like a huge damper, which the platform in motion does not have; so it is left out by default.
 
     Raises
     ------
@@ -108,6 +117,8 @@ def linearise(
         As `plant_system` and `trim`.
     """
     names, rows = _rows(outputs)
+    if not coulomb_friction:
+        platform = replace(platform, leg_coulomb_friction=0.0)
     point = trim(platform, position, orientation)
     A, B, C, D = (block.copy() for block in Kernel().jacobians(*point, parameter_vector(platform)))
     return control.ss(A, B, C[rows], D[rows], states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")

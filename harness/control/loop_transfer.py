@@ -1,7 +1,5 @@
 """The loop of an experiment as a linear system: what goes around from the actuators back to them."""
 
-from dataclasses import replace
-
 import control
 import numpy as np
 
@@ -22,12 +20,12 @@ def loop_transfer(
     lag: float = 0.0,
     position: Array | None = None,
     orientation: Array | None = None,
+    coulomb_friction: bool = False,
 ) -> control.StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, as the sampled loop has it at a pose (default: home).
 
     L = C(z) · z⁻ᵈ · ZOH{P(s) / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
-    computational delay, and the controller from measurement to force with its sign turned. Without Coulomb friction: at
-    rest its smoothed slope would pass for a huge damper, and hide the loop that the platform in motion has.
+    computational delay, and the controller from measurement to force with its sign turned.
 
     Parameters
     ----------
@@ -37,6 +35,8 @@ def loop_transfer(
         [samples]
     lag
         τ [s]
+    coulomb_friction
+        Keep its slope at rest; see `linearise`.
 
     Raises
     ------
@@ -44,8 +44,7 @@ def loop_transfer(
         The controller has another sample time.
     """
     controller.check_sample_time(sample_time)
-    moving = replace(platform, leg_coulomb_friction=0.0)
-    linear = linearise(moving, position, orientation, controller.signals)
+    linear = linearise(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
     plant = control.ss(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
     if lag > 0:
         plant = plant * control.append(*[control.ss([[-1 / lag]], [[1 / lag]], [[1]], [[0]])] * 6)

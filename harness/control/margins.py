@@ -21,6 +21,8 @@ ComplexArray = NDArray[np.complex128]
 
 _GRID = 600
 _FINE_GRID = 4000
+# Of the scaling for μ: rounds of balancing, and steps of descent.
+_BALANCES, _DESCENTS, _WIDEST = 5, 40, 30.0
 _FLAT = 0.02  # relative change of a response that has come to its limit, and its distance from the real axis
 _BOUNDLESS = 1e6  # a gain that may grow or sink by more than this is free
 
@@ -40,10 +42,10 @@ class LegMargins:
 class DiskMargin:
     """What all legs may change by at the same time, each in its own way."""
 
-    alpha: float  # 1 / max σ((S − T)/2)
+    alpha: float  # 1 / max μ((S − T)/2), by the upper bound min σ(D (S − T) D⁻¹)/2 of μ, so never too large
     gain: tuple[float, float]  # (1 − α/2)/(1 + α/2) to its inverse
     phase: float  # 2 atan(α/2) [rad]
-    frequency: float  # where σ peaks [Hz]
+    frequency: float  # where μ peaks [Hz]
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def loop_margins(L: Any) -> Margins:
     L = control.ss(L)
     check_stable(L)
     coarse, fine = _frequencies(L, _GRID), _frequencies(L, _FINE_GRID)
-    disk_peak, at = _peak(lambda S, T: (S - T) / 2, L, coarse)
+    disk_peak, at = _peak(lambda S, T: scaled_norm((S - T) / 2), L, coarse)
     everything = response(L, fine)
     alpha = 1 / disk_peak
     half = alpha / 2
@@ -83,8 +85,8 @@ def loop_margins(L: Any) -> Margins:
     return Margins(
         tuple(_leg_margins(L, k, fine, one_leg_open(everything, k)) for k in range(L.noutputs)),
         DiskMargin(alpha, gain, 2 * math.atan(half), at / (2 * math.pi)),
-        _peak(lambda S, _T: S, L, coarse)[0],
-        _peak(lambda _S, T: T, L, coarse)[0],
+        _peak(lambda S, _T: np.linalg.norm(S, 2, axis=(1, 2)), L, coarse)[0],
+        _peak(lambda _S, T: np.linalg.norm(T, 2, axis=(1, 2)), L, coarse)[0],
     )
 
 
@@ -166,6 +168,47 @@ def sensitivities(L: Any, omega: FloatArray) -> tuple[ComplexArray, ComplexArray
     return S, np.asarray(one - S)
 
 
+def scaled_norm(M: ComplexArray) -> FloatArray:
+    """Upper bound min over D of σ(D M D⁻¹), D > 0 diagonal, of the structured singular value μ of (n, m, m), each (n,).
+
+    For complex uncertainties, one in each channel: exact for m ≤ 3, and seldom a few percent above μ beyond (Packard &
+    Doyle 1993, "The complex structured singular value", Automatica 29(1), 71–109). ln σ is convex in ln D; what is
+    found is less than 1 % above the minimum, and never under it.
+    """
+    scales = _balance(M)
+    here, slope, best, step = scales, np.zeros(scales.shape), np.full(len(M), np.inf), np.full(len(M), 0.5)
+    for _ in range(_DESCENTS):
+        U, sizes, Vh = np.linalg.svd(_scaled(M, here))
+        lower = sizes[:, 0] < best
+        best = np.where(lower, sizes[:, 0], best)
+        scales = np.where(lower[:, None], here, scales)
+        # ∂ ln σ / ∂ ln D_i = |u_i|² − |v_i|²
+        slope = np.where(lower[:, None], np.abs(U[:, :, 0]) ** 2 - np.abs(Vh[:, 0, :]) ** 2, slope)
+        step = np.where(lower, 1.2 * step, 0.5 * step)
+        # where a channel feels no other, the best scaling is infinite
+        here = np.clip(scales - step[:, None] * slope, -_WIDEST, _WIDEST)
+    return best
+
+
+def _balance(M: ComplexArray) -> FloatArray:
+    """Scales ln D (n, m) that makes row i and column i of D M D⁻¹ about equally long, as Osborne (1960) does."""
+    squares, scales = np.abs(M) ** 2, np.zeros(M.shape[:2])
+    for _ in range(_BALANCES):
+        for i in range(M.shape[-1]):
+            # the weight is 0 on the diagonal, which no scaling changes
+            weight = np.exp(2 * (scales[:, i : i + 1] - scales))
+            weight[:, i] = 0.0
+            row = (squares[:, i, :] * weight).sum(axis=1)
+            column = (squares[:, :, i] / np.where(weight > 0, weight, np.inf)).sum(axis=1)
+            both = (row > 0) & (column > 0)
+            scales[:, i] -= 0.25 * np.log(np.where(both, row, 1.0) / np.where(both, column, 1.0))
+    return scales
+
+
+def _scaled(M: ComplexArray, scales: FloatArray) -> ComplexArray:
+    return np.asarray(M * np.exp(scales[:, :, None] - scales[:, None, :]))
+
+
 def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMargins:
     # on the response, since the polynomials of so many states have no correct digits
 
@@ -225,16 +268,16 @@ def _frequencies(L: Any, n: int) -> FloatArray:
 
 
 def _peak(of: Any, L: Any, grid: FloatArray) -> tuple[float, float]:
-    """Largest singular value over frequency of a function of S and T, and where [rad/s]."""
+    """Largest value over frequency of a size of S and T, and where [rad/s]."""
 
-    def sigma(omega: FloatArray) -> FloatArray:
-        return np.linalg.svd(of(*sensitivities(L, omega)), compute_uv=False)[:, 0]
+    def size(omega: FloatArray) -> FloatArray:
+        return np.asarray(of(*sensitivities(L, omega)))
 
-    values = sigma(grid)
+    values = size(grid)
     best = int(values.argmax())
     bracket = (math.log(grid[max(best - 1, 0)]), math.log(grid[min(best + 1, len(grid) - 1)]))
     found = minimize_scalar(
-        lambda x: -float(sigma(np.array([math.exp(x)]))[0]), bounds=bracket, method="bounded", options={"xatol": 1e-9}
+        lambda x: -float(size(np.array([math.exp(x)]))[0]), bounds=bracket, method="bounded", options={"xatol": 1e-9}
     )
     if -found.fun > values[best]:
         return float(-found.fun), math.exp(found.x)

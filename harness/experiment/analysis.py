@@ -33,7 +33,7 @@ class Analysis:
 
 
 def analyse(experiment: Experiment) -> Analysis:
-    """Gains, closed-loop modes, margins and figures of an experiment's controller where its reference begins.
+    """Gains, closed-loop modes, margins and figures of an experiment's controller at the first pose of its reference.
 
     Raises
     ------
@@ -56,8 +56,8 @@ def analyse(experiment: Experiment) -> Analysis:
         prepared.loop.timing.sample_time,
         delay=actuators.delay,
         lag=actuators.lag,
-        position=prepared.start.position,
-        orientation=prepared.start.orientation,
+        position=None if prepared.motion is None else prepared.motion.position[0],
+        orientation=None if prepared.motion is None else prepared.motion.orientation[0],
     )
     margins = loop_margins(L)
     slow = modes(closed_loop(L))

@@ -48,11 +48,11 @@ class Prepared:
     controller: Controller | None  # None for feedforward alone
     jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
 
-    def law(self, measured: FloatArray) -> Law:
-        """The controller made ready for a run that begins with these signals (24,)."""
+    def law(self, wanted: FloatArray, measured: FloatArray) -> Law:
+        """The controller made ready for a run that begins with these references and signals (24,)."""
         if self.controller is None:
             raise ControllerError("an open loop has no control law")
-        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, measured)
+        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, wanted, measured)
 
 
 def prepare(experiment: Experiment, controller: Any = None) -> Prepared:

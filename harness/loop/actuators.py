@@ -1,5 +1,6 @@
 """Actuators: limits of force and of its rate, a first-order lag, and a delay before all of them."""
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -35,17 +36,15 @@ class Drives:
         self._force_limit = np.inf if actuators.force_limit is None else actuators.force_limit
         rate = np.inf if actuators.rate_limit is None else actuators.rate_limit
         self._follows_at_once = actuators.rate_limit is None and not actuators.lag > 0
+        self._rate = rate
+        self._step = plant_step
         self._largest_change_of_a_sample = rate * sample_time
-        self._largest_change_of_a_step = rate * plant_step
         self._on_its_way = deque([start.copy() for _ in range(actuators.delay)])
         self._target = start.copy()
         self._reached = start.copy()  # behind the rate limit
         self._planned = start.copy()  # the same when the newest command will have acted for a sample
         self._force = start.copy()  # behind the lag
-        # over a step h under constant r: f⁺ = r + (f − r) e^(−h/τ), mean of f = r + (f − r) (1 − e^(−h/τ)) τ/h
-        ratio = plant_step / actuators.lag if actuators.lag > 0 else np.inf
-        self._left = float(np.exp(-ratio))
-        self._mean = float(-np.expm1(-ratio) / ratio) if actuators.lag > 0 else 0.0
+        self._lag = actuators.lag
 
     def command(self, force: FloatArray) -> tuple[BoolArray, FloatArray]:
         """Take the forces (6,) [N] wanted at a sample.
@@ -66,13 +65,25 @@ class Drives:
         """Mean forces (6,) [N] over the next plant step, and which of them the rate limit holds back."""
         if self._follows_at_once:
             return self._target, _NONE
-        change = self._largest_change_of_a_step
-        reached = _between(self._reached - change, self._target, self._reached + change)
-        held_back = reached != self._target
-        self._reached = reached
-        acting = reached + (self._force - reached) * self._mean
-        self._force = reached + (self._force - reached) * self._left
-        return acting, held_back
+        h = self._step
+        # behind the rate limit r goes from r₀ toward the target r₁ at ±rate, is there after a ≤ h, and then waits
+        way = self._target - self._reached
+        a = np.minimum(np.abs(way) / self._rate, h)
+        slope = np.sign(way) * (self._rate if math.isfinite(self._rate) else 0.0)
+        end = np.where(a < h, self._target, self._reached + slope * h)
+        mean = end - (end - self._reached) * a / (2 * h)
+        start, self._reached = self._reached, end
+        if self._lag > 0:
+            # τ ḟ = r − f: on the ramp f = r − s τ + (f₀ − r₀ + s τ) e^(−t/τ), then f = r₁ + (f − r₁) e^(−t/τ)
+            tau = self._lag
+            ramp = slope * tau
+            on_ramp = start + slope * a - ramp + (self._force - start + ramp) * np.exp(-a / tau)
+            on_ramp = np.where(a > 0, on_ramp, self._force)
+            force = end + (on_ramp - end) * np.exp(-(h - a) / tau)
+            # the mean of ḟ = (r − f)/τ over the step
+            mean = mean - (force - self._force) * tau / h
+            self._force = force
+        return mean, end != self._target
 
 
 def _between(low: FloatArray | float, values: FloatArray, high: FloatArray | float) -> FloatArray:

@@ -19,6 +19,7 @@ from gough_stewart.model.kernel import N_INPUTS, N_RESULTS
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
+LawFrom = Callable[[FloatArray, FloatArray], Law]
 Status = Literal["completed", "diverged", "stopped", "interrupted"]
 OnStroke = Literal["ignore", "warn", "stop"]
 _LENGTHS = slice(12, 18)  # of the legs, in the vector of all signals
@@ -154,9 +155,7 @@ class Run:
     outcome: Outcome
 
 
-def simulate(
-    plant: Plant, law_from: Callable[[FloatArray], Law] | None, loop: Loop, progress: TimeProgress | None = None
-) -> Run:
+def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
     """Run the loop to its end, or to where it cannot go on; that is an outcome, not an error.
 
     At each sample: measure, compute, and from then on (`actuators.delay` samples later) hold the forces. At each
@@ -165,7 +164,7 @@ def simulate(
     Parameters
     ----------
     law_from
-        Makes the controller from the signals (24,) of the first sample; None for feedforward alone.
+        Makes the controller from references (30,) and signals (24,) of the first sample; None for feedforward alone.
     progress
         Called with the time [s] now and then.
 
@@ -230,7 +229,7 @@ def simulate(
 class _Sampler:
     """The controller's side of the loop: it wakes up at the samples, and keeps what it did."""
 
-    def __init__(self, loop: Loop, law_from: Callable[[FloatArray], Law] | None, drives: Drives) -> None:
+    def __init__(self, loop: Loop, law_from: LawFrom | None, drives: Drives) -> None:
         timing = loop.timing
         m = len(timing.samples)
         self._loop, self._law_from, self._drives = loop, law_from, drives
@@ -250,13 +249,13 @@ class _Sampler:
         if rest:
             return None
         self.measured[j] = self._readings(j, now)
-        if self._law_from is not None and self._law is None:
-            self._law = self._law_from(self.measured[0])
-            self.state = np.zeros((len(self.measured), len(self._law.state)))
         command = self._loop.feedforward[j]
-        if self._law is not None:
-            self.state[j] = self._law.state
+        if self._law_from is not None:
             wanted = np.append(now, _NO_ACCELERATION) if self._loop.wanted is None else self._loop.wanted[k]
+            if self._law is None:
+                self._law = self._law_from(wanted, self.measured[0])
+                self.state = np.zeros((len(self.measured), len(self._law.state)))
+            self.state[j] = self._law.state
             command = command + self._law.force(j, time, wanted, self.measured[j], self._excess)
         self.command[j] = command
         # a sum is finite if its parts are, unless it overflows, which is as bad; np.isfinite takes twice as long

@@ -5,8 +5,8 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from gough_stewart.harness.results.record import outcome_text
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_terminal
+from gough_stewart.harness.results.record import outcome_text
 
 
 def metrics_table(metrics: dict[str, Any]) -> RenderableType:

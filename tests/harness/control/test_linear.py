@@ -30,7 +30,7 @@ def relative(a: np.ndarray, b: np.ndarray) -> float:
 
 def assert_linearisations_agree(platform: Platform, bound: float) -> None:
     """By blocks; python-control's differences are one-sided; all is affine in the inputs, where long steps are best."""
-    exact = linearise(platform)
+    exact = linearise(platform, coulomb_friction=True)
     for blocks, eps in (("AC", 1e-7), ("BD", 1e-2)):
         differences = control.linearize(plant_system(platform), *trim(platform), eps=eps)
         for block in blocks:
@@ -70,7 +70,7 @@ def test_away_from_home_it_is_the_slope_of_the_equations_in_numpy() -> None:
     """Expected: central differences, extrapolated, of the dynamics evaluated by NumPy, without kernel and CasADi."""
     platform = random_platform(np.random.default_rng(5))
     pose = (platform.home_position * 1.1, platform.home_orientation + np.array([0.1, -0.05, 0.2]))
-    exact, point = linearise(platform, *pose), trim(platform, *pose)
+    exact, point = linearise(platform, *pose, coulomb_friction=True), trim(platform, *pose)
     z = np.concatenate(point)
 
     def rates(z: FloatArray) -> FloatArray:

@@ -12,7 +12,14 @@ from gough_stewart.harness.control.gains import gains_from_bandwidth
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import leg_space_mass, linearise, modes
 from gough_stewart.harness.control.loop_transfer import feedback_part, loop_transfer
-from gough_stewart.harness.control.margins import Margins, closed_loop, frequency_range, loop_margins, response
+from gough_stewart.harness.control.margins import (
+    Margins,
+    closed_loop,
+    frequency_range,
+    loop_margins,
+    response,
+    scaled_norm,
+)
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.model.platform_toml import load_preset
@@ -255,9 +262,30 @@ def test_a_controller_of_another_sample_time_is_refused() -> None:
         loop_transfer(load_preset("liu2000"), controller, 2 * T)
 
 
-def test_coulomb_friction_is_left_out_of_the_loop() -> None:
+def test_the_scaled_norm_is_the_structured_singular_value() -> None:
+    """Expected: √|ab| of ((0, a), (b, 0)), and the largest element of a diagonal matrix.
+
+    Of six channels, never below the spectral radius of any M U, U diagonal and unitary.
+    """
+    pairs = np.array([[[0, 100], [0.01, 0]], [[0, 3j], [12, 0]], [[2, 0], [0, -5j]]], dtype=complex)
+    assert scaled_norm(pairs) == pytest.approx([1.0, 6.0, 5.0], rel=1e-9)
+    rng = np.random.default_rng(8)
+    M = rng.normal(size=(20, 6, 6)) + 1j * rng.normal(size=(20, 6, 6))
+    scales = np.exp(2 * rng.normal(size=(20, 6)))
+    badly = np.asarray(scales[:, :, None] * M / scales[:, None, :], dtype=complex)
+    bound, phases = scaled_norm(badly), np.exp(2j * np.pi * rng.uniform(size=(3000, 1, 6)))
+    lower = np.array([np.abs(np.linalg.eigvals(each * phases)).max() for each in M])
+    assert (lower <= bound * (1 + 1e-12)).all()
+    assert (bound < 1.35 * lower).all()
+    # what scaling cannot change, by whatever road it comes
+    assert bound == pytest.approx(scaled_norm(M), rel=0.01)
+    assert (bound < np.linalg.norm(badly, 2, axis=(1, 2)) / 2).sum() > 15
+
+
+def test_coulomb_friction_is_left_out_of_model_and_loop_alike() -> None:
     """Expected: its slope F/v at rest, 100 N over 1 mm/s, would damp the linear platform a hundred times over."""
     platform = load_preset("motion_base")
-    slowest = modes(linearise(platform))[-1]
+    slowest = modes(linearise(platform, coulomb_friction=True))[-1]
     assert slowest.eigenvalue.real < -80
+    assert modes(linearise(platform))[-1].frequency < 2
     assert modes(linearise(type(platform)(**(platform.as_dict() | {"leg_coulomb_friction": 0.0}))))[-1].frequency < 2

@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 from gough_stewart.harness.control.laws import LinearController, controller_of, law_of
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.motion.reach import legs_of
+from gough_stewart.harness.motion.references import Circle
 from gough_stewart.harness.plants.signals import SIZE
+from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.vectors import FloatArray
 
 positive = st.floats(1e-3, 1e5)
 PD = Gains(100.0, 20.0)
@@ -116,7 +121,7 @@ def static(rows: int, columns: int) -> Any:
 @pytest.mark.parametrize("columns", [6, 12, 18])
 def test_systems_of_three_sizes_drop_in(columns: int) -> None:
     """Expected: errors; references and measurements; and the excess. With ones for gains, their sums."""
-    law = law_of(controller_of(static(6, columns)), T, np.zeros((0, 6, 6)), np.zeros(SIZE))
+    law = law_of(controller_of(static(6, columns)), T, np.zeros((0, 6, 6)), np.zeros(SIZE), np.zeros(SIZE))
     wanted, measured, excess = np.zeros(SIZE), np.zeros(SIZE), np.full(6, 100.0)
     wanted[12:18], measured[12:18] = 3.0, 1.0
     expected = {6: 12.0, 12: 24.0, 18: 624.0}[columns]
@@ -143,7 +148,7 @@ def test_a_state_feedback_takes_twelve_errors() -> None:
     names = ("position", "orientation", "velocity", "angular_velocity")
     gain = np.arange(72.0).reshape(6, 12)
     controller = LinearController(control.ss([], [], [], gain, T), names)
-    law = law_of(controller, T, np.zeros((0, 6, 6)), np.zeros(SIZE))
+    law = law_of(controller, T, np.zeros((0, 6, 6)), np.zeros(SIZE), np.zeros(SIZE))
     wanted = np.arange(SIZE, dtype=float)
     assert law.force(0, 0.0, wanted, np.zeros(SIZE), np.zeros(6)) == pytest.approx(gain @ wanted[:12])
 
@@ -152,7 +157,7 @@ def test_a_controller_in_task_space_goes_through_the_jacobian() -> None:
     """Expected: F = J⁻ᵀ K J⁻¹ (L_r − L)."""
     rng = np.random.default_rng(1)
     J, K = rng.normal(size=(2, 6, 6)), rng.normal(size=(6, 6))
-    law = law_of(LinearController(control.ss([], [], [], K, T), space="task"), T, J, np.zeros(SIZE))
+    law = law_of(LinearController(control.ss([], [], [], K, T), space="task"), T, J, np.zeros(SIZE), np.zeros(SIZE))
     wanted = np.zeros(SIZE)
     wanted[12:18] = error = rng.normal(size=6)
     expected = np.linalg.solve(J[1].T, K @ np.linalg.solve(J[1], error))
@@ -164,10 +169,64 @@ def test_task_space_tells_references_from_measurements() -> None:
     rng = np.random.default_rng(2)
     J, K = rng.normal(size=(1, 6, 6)), rng.normal(size=(6, 12))
     start, wanted, measured = (rng.normal(size=SIZE) for _ in range(3))
-    law = law_of(LinearController(control.ss([], [], [], K, T), space="task"), T, J, start)
+    law = law_of(LinearController(control.ss([], [], [], K, T), space="task"), T, J, start, start)
     r, y = (np.linalg.solve(J[0], (each - start)[12:18]) for each in (wanted, measured))
     expected = np.linalg.solve(J[0].T, K @ np.concatenate([r, y]))
     assert law.force(0, 0.0, wanted, measured, np.zeros(6)) == pytest.approx(expected)
+
+
+def test_the_rate_of_a_measurement_in_task_space_is_the_twist() -> None:
+    """Expected: J⁻¹ L̇ = (v, ω) of a platform that moves far from where it began; the filter's own lag is second order.
+
+    Poses J⁻¹ (L − L_0) would have the rate of J⁻¹ in it, too: 10 % and more off.
+    """
+    platform, T = load_preset("motion_base"), 1e-3
+    time: FloatArray = np.arange(400.0) * T
+    motion = Circle(position=platform.home_position, orientation=np.zeros(3), radius=0.3, frequency=0.6)(time)
+    J = np.asarray(leg_jacobian(platform, motion.position, motion.orientation))
+    measured = np.zeros((len(time), SIZE))
+    measured[:, 12:18] = legs_of(platform, motion).leg_length
+    # the backward difference of the measurements, as the wrench
+    difference = control.ss(
+        np.zeros((6, 6)),
+        np.hstack([np.zeros((6, 6)), np.eye(6)]),
+        -np.eye(6) / T,
+        np.hstack([np.zeros((6, 6)), np.eye(6)]) / T,
+        T,
+    )
+    law = law_of(LinearController(difference, space="task"), T, J, measured[0], measured[0])
+    forces = [law.force(k, t, measured[k], measured[k], np.zeros(6)) for k, t in enumerate(time)]
+    twist = np.array([j.T @ force for j, force in zip(J, forces, strict=True)])
+    middle = np.hstack([(motion.velocity[:-1] + motion.velocity[1:]) / 2, np.zeros((len(time) - 1, 3))])
+    assert np.abs(twist[1:] - middle).max() < 2e-3 * np.abs(middle).max()
+
+
+@pytest.mark.parametrize("space", ["leg", "task"])
+@pytest.mark.parametrize("gains", [PD, PID], ids=["pd", "pid"])
+def test_a_start_off_the_reference_gives_no_kick_of_the_derivative(gains: Gains, space: Any) -> None:
+    """Expected: kp e in the first sample, unequal in every channel; its integral only from the next one on."""
+    rng = np.random.default_rng(4)
+    wanted, measured = np.zeros(SIZE), np.zeros(SIZE)
+    measured[12:18] = rng.uniform(2, 3, 6)
+    error = rng.normal(size=6) * 0.01
+    wanted[12:18] = measured[12:18] + error
+    J = np.eye(6) if space == "leg" else rng.normal(size=(6, 6)) + 3 * np.eye(6)
+    law = law_of(LinearController(sampled(pid(gains), T, "backward_diff"), space=space), T, J[None], wanted, measured)
+    force = law.force(0, 0.0, wanted, measured, np.zeros(6))
+    e = np.linalg.solve(J, error)
+    wrench = (np.asarray(gains.proportional) + T * np.asarray(gains.integral)) * e
+    assert J.T @ force == pytest.approx(wrench, rel=1e-9)
+
+
+def test_the_memory_at_rest_leaves_integrators_at_zero_in_any_coordinates() -> None:
+    """Expected: a lag of gain 5 settled beside a double integrator at zero; coordinates mixed at random."""
+    rng = np.random.default_rng(6)
+    A = np.array([[0.9, 0, 0], [0, 1, T], [0, 0, 1]])
+    B, C = np.array([[0.5], [0.0], [T]]), np.array([[1.0, 1.0, 0.0]])
+    mix = rng.normal(size=(3, 3))
+    one = control.ss(mix @ A @ np.linalg.inv(mix), mix @ B, C @ np.linalg.inv(mix), 0, T)
+    law = law_of(controller_of(control.append(*[one] * 6)), T, np.zeros((0, 6, 6)), np.full(SIZE, 2.0), np.zeros(SIZE))
+    assert law.force(0, 0.0, np.full(SIZE, 2.0), np.zeros(SIZE), np.zeros(6)) == pytest.approx(np.full(6, 10.0))
 
 
 @pytest.mark.parametrize("derivative_on", ["error", "measurement"])
@@ -175,7 +234,7 @@ def test_a_controller_starts_at_rest(derivative_on: Any) -> None:
     """Expected: no force while the legs stay where they are and where they are wanted, whatever their length."""
     start = np.zeros(SIZE)
     start[12:18] = np.linspace(2, 3, 6)
-    law = law_of(LinearController(sampled(pid(PID, derivative_on), T)), T, np.zeros((0, 6, 6)), start)
+    law = law_of(LinearController(sampled(pid(PID, derivative_on), T)), T, np.zeros((0, 6, 6)), start, start)
     for k in range(3):
         assert np.abs(law.force(k, k * T, start, start, np.zeros(6))).max() < 1e-8
 
@@ -208,4 +267,4 @@ def test_signals_and_spaces_are_checked() -> None:
 
 def test_another_sample_time_is_refused() -> None:
     with pytest.raises(ControllerError, match=r"sample time is 0.01 s, the loop's 0.001 s"):
-        law_of(controller_of(static(6, 6)), 0.001, np.zeros((0, 6, 6)), np.zeros(SIZE))
+        law_of(controller_of(static(6, 6)), 0.001, np.zeros((0, 6, 6)), np.zeros(SIZE), np.zeros(SIZE))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gough_stewart.harness.control.laws import Controller, Sample, controller_of, law_of
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.loop.actuators import Actuators
+from gough_stewart.harness.loop.actuators import Actuators, Drives
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, Run, Timing, simulate
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.plants import signals
@@ -44,7 +44,7 @@ def run_with(controller: Any, loop: Loop, plant: Masses | None = None, **options
     made: Controller = controller_of(controller)
     return simulate(
         plant or Masses(),
-        lambda measured: law_of(made, loop.timing.sample_time, np.zeros((0, 6, 6)), measured),
+        lambda wanted, measured: law_of(made, loop.timing.sample_time, np.zeros((0, 6, 6)), wanted, measured),
         loop,
         **options,
     )
@@ -63,16 +63,18 @@ def pd(sample_time: float, kp: float = 50.0, kd: float = 15.0) -> Any:
 
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_the_loop_is_python_controls_discrete_feedback(delay: int) -> None:
-    """Expected: step response of feedback(z⁻ᵈ C(z) P(z)), P(z) the zero-order-hold equivalent of 1/(m s²)."""
+    """Expected: response of feedback(z⁻ᵈ C(z) P(z)), P(z) the zero-order-hold equivalent of 1/(m s²), to a step."""
     T = 0.01
     loop = loop_of(sample_time=T, actuators=Actuators(delay=delay))
+    assert loop.wanted is not None
+    # at rest at first, where the controller's memory is zero; then a step of 0.2 m
+    loop.wanted[0, LENGTH], loop.wanted[0, 2] = 1.0, 1.0
     run = run_with(pd(T), loop)
     plant = control.sample_system(control.ss([[0, 1], [0, 0]], [[0], [0.5]], [[1, 0]], 0), T)
     one = control.ss(control.tf([50 + 15 / T, -15 / T], [1, 0], T))
     late = control.ss(control.tf([1], [1] + [0] * delay, T))
     closed = control.feedback(control.series(one, late, plant), 1)
-    response = control.forced_response(closed, loop.timing.times, 0.2 * np.ones(len(loop.timing.times)))
-    # the loop's lengths start at 1, with an error of 0.2
+    response = control.forced_response(closed, loop.timing.times, 0.2 * (loop.timing.times > 0))
     assert np.abs(run.results[:, LENGTH] - 1 - response.outputs[:, None]).max() < 1e-12
 
 
@@ -93,10 +95,10 @@ def test_a_delay_holds_back_the_first_commands() -> None:
 
 
 def test_the_rate_limit_holds_at_every_plant_step() -> None:
-    """Expected: a ramp of 100 N/s to 2 N in steps of 1 ms; the flag until the command is reached."""
+    """Expected: a ramp of 100 N/s to 2 N, its mean over each step of 1 ms; the flag until the command is reached."""
     loop = loop_of(0.05, 0.01, 0.001, actuators=Actuators(rate_limit=100.0))
     run = run_with(constant(2.0), loop)
-    expected = np.minimum(0.1 * np.arange(1, 51), 2.0)
+    expected = np.minimum(0.1 * np.arange(1, 51) - 0.05, 2.0)
     assert run.inputs[:-1, 0] == pytest.approx(expected, abs=1e-12)
     assert run.rate_limited[:-1, 0].tolist() == (0.1 * np.arange(1, 51) < 2.0 - 1e-9).tolist()
 
@@ -108,6 +110,43 @@ def test_the_lag_is_the_mean_of_its_closed_form_over_each_step() -> None:
     t = run.time[:-1]
     mean = 2 - 2 * tau / h * np.exp(-t / tau) * (1 - np.exp(-h / tau))
     assert run.inputs[:-1, 0] == pytest.approx(mean, abs=1e-12)
+
+
+@pytest.mark.parametrize("lag", [0.0, 4e-3])
+@pytest.mark.parametrize("rate_limit", [None, 130.0])
+def test_rate_limit_and_lag_act_by_their_mean_over_a_step(rate_limit: float | None, lag: float) -> None:
+    """Expected: ṙ = ±rate toward the command, τ ḟ = r − f, in steps a thousand times finer; six different commands."""
+    h, fine = 1e-3, 1000
+    rng = np.random.default_rng(3)
+    start, commands = rng.normal(size=6), rng.normal(size=(12, 6))
+    drives = Drives(Actuators(rate_limit=rate_limit, lag=lag), start, h, h)
+    ramp, force = start.copy(), start.copy()
+    for command in commands:
+        drives.command(command)
+        mean, held_back = drives.step()
+        total = np.zeros(6)
+        for _ in range(fine):
+            before = ramp
+            most = np.inf if rate_limit is None else rate_limit * h / fine
+            ramp = before + np.clip(command - before, -most, most)
+            # exact for the mean of the ramp over so short a time
+            middle = ramp if rate_limit is None else (before + ramp) / 2
+            after = middle if lag == 0 else middle + (force - middle) * np.exp(-h / fine / lag)
+            total += after if lag == 0 else (force + after) / 2
+            force = after
+        assert mean == pytest.approx(total / fine, abs=2e-6)
+        assert held_back.tolist() == (ramp != command).tolist()
+
+
+def test_a_rate_limited_run_does_not_depend_on_the_plant_step() -> None:
+    """Expected: within 1e-6 m of steps ten times finer; a swing of ΔF may leave ΔF h²/(12 m) = 5e-7 m, of 100 kg."""
+    swing = lambda sample: 300 * np.sin(70 * sample.time + np.arange(6))  # noqa: E731
+    coarse, fine = (
+        run_with(swing, loop_of(plant_step=step, actuators=Actuators(rate_limit=20e3)), Masses(100.0))
+        for step in (1e-3, 1e-4)
+    )
+    assert coarse.rate_limited.any()
+    assert np.abs(coarse.results[:, LENGTH] - fine.results[::10, LENGTH]).max() < 1e-6
 
 
 def test_the_force_limit_cuts_and_says_so() -> None:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.results.figures import run_figures
+from gough_stewart.harness.results.record import Record, columns
 
 VARIABLES = {"position": 3, "orientation": 3, "leg_length": 6}
 NAMES = ("pose", "errors", "forces", "legs")

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from gough_stewart.harness.results.metrics import metrics, metrics_json
-from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.harness.results.record import Record, columns
+from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.model.vectors import FloatArray
 
 SIZES = {"position": 3, "orientation": 3, "leg_length": 6, "leg_velocity": 6, "actuator_force": 6}

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.results.record import Record, read_record
 from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.results.record import Record, read_record
 
 
 def written(record: Record, folder: Path) -> list[Path]:
