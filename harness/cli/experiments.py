@@ -14,13 +14,13 @@ def experiments_command(
 ) -> None:
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
-        from gough_stewart.harness.experiment.file import shipped_experiment, shipped_names, shipped_text
+        from gough_stewart.harness.experiment.file import experiment_names, shipped_experiment, shipped_text
 
         if name is not None:
             typer.echo(shipped_text(name), nl=False)
             return
         table = Table("name", "platform", "what")
-        for each in shipped_names():
+        for each in experiment_names():
             experiment = shipped_experiment(each)
             table.add_row(each, experiment.platform.preset_name, experiment.description)
         Console().print(table)

@@ -26,15 +26,18 @@ def margins_command(
     """
     with clear_errors():
         chosen = chosen_experiment(experiment, settings)
-        from gough_stewart.harness.experiment.analysis import FILES, analyse
+        from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets
+        from gough_stewart.harness.output.tables import to_terminal
         from gough_stewart.model.files import check_output_folder, write_files
 
         folder = out or Path("results", f"{Path(experiment).stem}-margins")
         check_output_folder(folder, FILES)
         with progress_bar() as bar:
             bar.add_task("linear model, margins, figures", total=None)
-            analysis = analyse(chosen)
-        write_files(folder, analysis.files)
+            found = margins(chosen)
+            files = margins_files(found)
+        write_files(folder, files)
         console = Console()
-        console.print(analysis.tables)
-        console.print(f"Wrote {', '.join(analysis.files)} to {folder}", style="dim", highlight=False)
+        for sheet in margins_sheets(found):
+            console.print(to_terminal(sheet))
+        console.print(f"Wrote {', '.join(files)} to {folder}", style="dim", highlight=False)

@@ -52,8 +52,6 @@ def chosen_platform(preset: str | None, platform: Path | None) -> Platform:
 
 def chosen_experiment(given: str, settings: list[str] | None) -> "Experiment":
     """The experiment of a file, or a shipped one by its name; a file of that name goes first."""
-    from gough_stewart.harness.experiment.file import load_experiment, shipped_experiment, shipped_names
+    from gough_stewart.harness.experiment.file import load_experiment
 
-    if given in shipped_names() and not Path(given).is_file():
-        return shipped_experiment(given, settings or [])
     return load_experiment(given, settings or [])

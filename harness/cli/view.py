@@ -33,17 +33,11 @@ def view_command(
     with clear_errors():
         if out.suffix not in (".html", ".htm"):
             raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
-        from gough_stewart.harness.results.record import read_record
-        from gough_stewart.harness.view.page import names_of, view_page
-        from gough_stewart.model.files import check_output_folder, write_files
+        from gough_stewart.harness.view.file import view
 
-        check_output_folder(out.parent, [out.name])
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
-            read = [read_record(path) for path in records]
-            progress.update(task, description="making the page")
-            page = view_page(read, names_of(records))
-            write_files(out.parent, {out.name: page})
-        typer.echo(f"{out}  {len(page) / 1e6:.1f} MB")
+            view(records, out, progress=lambda what: progress.update(task, description=what))
+        typer.echo(f"{out}  {out.stat().st_size / 1e6:.1f} MB")
         if open_it and not webbrowser.open(out.absolute().as_uri()):
             errors.print(f"no browser could be started; open {out} by hand", markup=False, highlight=False)

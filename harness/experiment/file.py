@@ -1,11 +1,12 @@
 """Experiments from TOML files, from the shipped ones, and with single keys set anew."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from gough_stewart.harness.errors import ExperimentError
@@ -16,28 +17,69 @@ from gough_stewart.model.interface import nearest
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
 
 
-def load_experiment(path: Path | str, settings: Iterable[str] = ()) -> Experiment:
-    """Read an experiment file; `settings` are texts "key.key=value" that replace or add values.
+# Single keys set anew: texts "key.key=value", or a mapping from "key.key" to values.
+Settings = Iterable[str] | Mapping[str, Any]
+
+
+def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
+    """Read an experiment file, or the experiment that ships under a name; a file of that name goes first.
+
+    Parameters
+    ----------
+    name
+        A TOML file, or one of `experiment_names()`.
+    settings
+        Keys of the file to set anew: `{"loop.duration": 3, "controller.bandwidth": "2 Hz"}`, or as on the command
+        line `["loop.duration=3"]`. Numbers are in SI units, frequencies in Hz; texts may carry a unit.
 
     Raises
     ------
     ExperimentError
-        The file cannot be read, or as `experiment_from`.
+        The file cannot be read, or has an unknown key, misses one, or has a value that it cannot take; the text
+        names place, value and remedy.
+
+    Examples
+    --------
+    >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
     """
-    path = Path(path)
+    path = Path(name)
+    if str(name) in experiment_names() and not path.is_file():
+        return shipped_experiment(str(name), settings)
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        close = get_close_matches(path.stem, shipped_names(), n=1)
+        close = get_close_matches(path.stem, experiment_names(), n=1)
         hint = f"; a shipped one is called '{close[0]}', without folder and .toml" if close else ""
         raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}{hint}") from error
     values = with_settings(_parsed(text, str(path)), settings)
     return experiment_from(values, str(path)).from_file(str(path), path.parent)
 
 
-def shipped_names() -> tuple[str, ...]:
-    """Names of the experiments that ship with the package."""
+def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) -> Experiment:
+    """The experiment itself, or that of a file or shipped name; with settings as `load_experiment` takes them.
+
+    Raises
+    ------
+    ExperimentError
+        As `load_experiment`.
+    """
+    if isinstance(experiment, Path | str):
+        return load_experiment(experiment, settings)
+    if not isinstance(experiment, Experiment):
+        raise ExperimentError(
+            "experiment",
+            "",
+            f"is {experiment!r}; expected an Experiment, a file, or a shipped name such as 'heave_step'",
+        )
+    if not settings:
+        return experiment
+    values = with_settings(experiment.model_dump(mode="json", exclude_unset=True), settings)
+    return experiment_from(values, experiment.where).from_file(experiment.where, experiment.folder)
+
+
+def experiment_names() -> tuple[str, ...]:
+    """Names of the experiments that ship with the package, for `load_experiment`, `run` and `margins`."""
     return shipped.names(*_SHIPPED)
 
 
@@ -49,12 +91,12 @@ def shipped_text(name: str) -> str:
     ExperimentError
         No such experiment; the nearest name is suggested.
     """
-    if name not in shipped_names():
-        raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, shipped_names())}")
+    if name not in experiment_names():
+        raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, experiment_names())}")
     return shipped.text(*_SHIPPED, name)
 
 
-def shipped_experiment(name: str, settings: Iterable[str] = ()) -> Experiment:
+def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
     """A shipped experiment by name; see `load_experiment` for the settings.
 
     Raises
@@ -84,10 +126,10 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Exp
         raise ExperimentError(where, "", "; ".join(dict.fromkeys(lines))) from None
 
 
-def with_settings(values: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
     """Plain values with some replaced: "loop.duration=3", "reference.position_change=[0, 0, 0.01]", "plant.kind=fmu2".
 
-    Values are TOML; what is not is taken as a text.
+    Values in texts are TOML; what is not is taken as a text. Those of a mapping are taken as they are, arrays as lists.
 
     Raises
     ------
@@ -95,27 +137,38 @@ def with_settings(values: Mapping[str, Any], settings: Iterable[str]) -> dict[st
         No "=", or a key below something that is no table.
     """
     made: dict[str, Any] = _copied(values)
-    for setting in settings:
-        key, equals, text = setting.partition("=")
+    for where, key, value in _keys_and_values(settings):
         names = key.strip().split(".")
-        if not equals or not all(names):
-            raise ExperimentError(f"--set {setting}", "", "expected key=value, for instance loop.duration=2")
-        if "\n" in text:
-            raise ExperimentError(f"--set {setting}", "", "expected one line")
-        try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except (ValueError, RecursionError):
-            value = text.strip()
+        if not all(names):
+            raise ExperimentError(where, "", "expected key=value, for instance loop.duration=2")
         table: Any = made
         for name in names[:-1]:
             table = table.setdefault(name, {}) if isinstance(table, dict) else _element(table, name)
             if table is None:
                 break
-        if isinstance(table, dict):
-            table[names[-1]] = value
-        else:
-            raise ExperimentError(f"--set {setting}", "", f"{key.rpartition('.')[0]} is no table of the experiment")
+        if not isinstance(table, dict):
+            raise ExperimentError(where, "", f"{key.rpartition('.')[0]} is no table of the experiment")
+        table[names[-1]] = value
     return made
+
+
+def _keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
+    """Of every setting what to call it in a message, its key, and its value."""
+    if isinstance(settings, Mapping):
+        for key, value in settings.items():
+            yield f"setting {key!r}", str(key), value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        return
+    for setting in [settings] if isinstance(settings, str) else settings:
+        where = f"--set {setting}"
+        key, equals, text = setting.partition("=")
+        if not equals:
+            raise ExperimentError(where, "", "expected key=value, for instance loop.duration=2")
+        if "\n" in text:
+            raise ExperimentError(where, "", "expected one line")
+        try:
+            yield where, key, tomllib.loads(f"value = {text}")["value"]
+        except (ValueError, RecursionError):
+            yield where, key, text.strip()
 
 
 def _element(array: Any, name: str) -> Any:

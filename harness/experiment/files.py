@@ -1,5 +1,7 @@
 """The files of a run: record, metadata, metrics, figures; made purely, then written."""
 
+from pathlib import Path
+
 import numpy as np
 from rich.console import RenderableType
 
@@ -8,6 +10,7 @@ from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.harness.view.page import PAGE, view_page
+from gough_stewart.model.files import check_output_folder, write_files
 
 
 def names_of_files() -> list[str]:
@@ -32,6 +35,34 @@ def result_files(record: Record, report: bool = False) -> tuple[dict[str, bytes]
     if report:
         files[PAGE] = view_page([record], [record.metadata["title"]])
     return files, metrics_table(measured)
+
+
+def save_record(record: Record, folder: Path | str, report: bool = False) -> list[Path]:
+    """Write all files of a run as `gough-stewart run` does; `read_record` and `view` take the folder.
+
+    Parameters
+    ----------
+    record
+        What `run` gave.
+    folder
+        Made if needed. Gets record.csv, record.parquet, metadata.json, metrics.json, and figures as PNG and SVG.
+    report
+        Write report.html, the page for the browser, too.
+
+    Raises
+    ------
+    OutputError
+        The files cannot be written there.
+
+    Examples
+    --------
+    >>> gs.save_record(gs.run("heave_step"), "results/heave")
+    """
+    folder = Path(folder)
+    check_output_folder(folder, names_of_files())
+    files = record_files(record) | result_files(record, report)[0]
+    write_files(folder, files)
+    return [folder / name for name in files]
 
 
 def warnings_of(record: Record) -> list[str]:

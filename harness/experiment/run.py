@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
@@ -14,7 +15,8 @@ from gough_stewart.model.progress import StepProgress, TimeProgress
 
 
 def run(
-    experiment: Experiment,
+    experiment: Experiment | Path | str,
+    settings: Settings = (),
     *,
     plant: PlantKind | None = None,
     fmu: Path | str | None = None,
@@ -26,11 +28,15 @@ def run(
 
     Parameters
     ----------
+    experiment
+        A TOML file, the name of a shipped experiment, or an `Experiment`.
+    settings
+        Keys of the experiment to set anew, as `load_experiment` takes them.
     plant, fmu
-        In the place of the experiment's: "model", "fmu2" or "fmu3", and the file of an FMU.
+        In the place of the experiment's: "model", "fmu2" or "fmu3", and the file of an FMU; built if there is none.
     controller
         In the place of the experiment's: a discrete python-control system, a `LinearController`, or a function of a
-        `Sample` that gives six forces. Feedforward stays as it is.
+        `Sample` that gives six forces [N]. Feedforward stays as it is.
     progress
         Called with the time [s] of the run.
     told
@@ -39,11 +45,17 @@ def run(
     Raises
     ------
     ExperimentError, ReachError
-        The experiment cannot be run; see `prepare`.
+        The experiment cannot be run as it is written, or its reference leads out of the platform's reach.
     PlantError, BuildError
         The plant cannot be had.
+
+    Examples
+    --------
+    >>> record = gs.run("heave_step", {"loop.duration": 1}, plant="fmu3")
+    >>> record["position"][-1], record["error.leg_length"].shape
     """
-    return run_prepared(experiment, prepare(experiment, controller), plant=plant, fmu=fmu, progress=progress, told=told)
+    chosen = experiment_of(experiment, settings)
+    return run_prepared(chosen, prepare(chosen, controller), plant=plant, fmu=fmu, progress=progress, told=told)
 
 
 def run_prepared(

@@ -15,7 +15,9 @@ from gough_stewart.harness.paper.fmu_runs import FmiType, run_fmu
 from gough_stewart.harness.paper.open_loop import run_kane, run_kernel, run_stepping
 from gough_stewart.harness.paper.record import csv_of, record_of_case
 from gough_stewart.harness.view.page import PAGE, view_page
-from gough_stewart.model.formulations.cases import OpenLoopCase
+from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
@@ -54,14 +56,37 @@ class Reproduction:
         return all(row["holds"] for row in self.report["agreement"])
 
 
-def reproduce(case: OpenLoopCase, console: Console, page: bool = False) -> Reproduction:
-    """Run the case by all formulations and make report, table and figures, and the page if wanted; writes nothing.
+def reproduce(
+    case: OpenLoopCase | Platform | None = None, console: Console | None = None, page: bool = False
+) -> Reproduction:
+    """Run the paper's open-loop case by all formulations, compare them, and make report, table, figures and FMUs.
+
+    Nothing is written; `files` of the result has everything by file name. Takes some ten seconds.
+
+    Parameters
+    ----------
+    case
+        Another platform, to whose size the case is scaled; or a case. The published one by default.
+    console
+        Where progress is shown; nowhere by default.
+    page
+        Make report.html, the motion in the browser, too.
 
     Raises
     ------
     StepError
         The plant cannot go through the case.
+    BuildError
+        The FMUs cannot be built.
+
+    Examples
+    --------
+    >>> result = gs.reproduce()
+    >>> result.agrees, result.report["agreement"][0]
     """
+    if not isinstance(case, OpenLoopCase):
+        case = case_of(load_preset(PAPER_PRESET) if case is None else case)
+    console = console or Console(quiet=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
 

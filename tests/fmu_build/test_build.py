@@ -14,9 +14,9 @@ import pytest
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import build, sources, targets, toolchain
+from gough_stewart.fmu_build import sources, targets, toolchain
 from gough_stewart.fmu_build.archive import to_zip
-from gough_stewart.fmu_build.build import contents, number_of_steps, unit_of
+from gough_stewart.fmu_build.build import build, contents, number_of_steps, unit_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.reference_results import reference_cases, reference_results
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets

@@ -14,7 +14,7 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from gough_stewart.harness.cli import app as cli
-from gough_stewart.harness.experiment.file import shipped_names, shipped_text
+from gough_stewart.harness.experiment.file import experiment_names, shipped_text
 from gough_stewart.harness.results.record import read_record
 from tests.support.fmu_plants import Fmu
 
@@ -132,7 +132,7 @@ def test_ctrl_c_keeps_what_ran_so_far(tmp_path: Path) -> None:
 
 def test_experiments_are_listed_and_printed() -> None:
     listed = invoke("experiments").output
-    assert [name for name in shipped_names() if name not in listed] == []
+    assert [name for name in experiment_names() if name not in listed] == []
     assert invoke("experiments", "impulse").output == shipped_text("impulse")
 
 

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from gough_stewart.harness.errors import ExperimentError, ReachError
 from gough_stewart.harness.experiment.file import (
     experiment_from,
+    experiment_names,
     load_experiment,
     shipped_experiment,
-    shipped_names,
     shipped_text,
     with_settings,
 )
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.quantities import UNITS, number
 
-SHIPPED = shipped_names()
+SHIPPED = experiment_names()
 GOOD = shipped_text("heave_step")
 
 

@@ -1,0 +1,49 @@
+"""The public names: type checkers read them here, and `__init__.py` loads each from its module when it is asked for."""
+
+from gough_stewart.fmu_build.build import build as build
+from gough_stewart.harness.control.gains import gains_from_bandwidth as gains_from_bandwidth
+from gough_stewart.harness.control.laws import LinearController as LinearController
+from gough_stewart.harness.control.laws import Sample as Sample
+from gough_stewart.harness.control.linear import linearise as linearise
+from gough_stewart.harness.control.linear import modes as modes
+from gough_stewart.harness.control.linear import plant_system as plant_system
+from gough_stewart.harness.control.linear import trim as trim
+from gough_stewart.harness.control.pid import Gains as Gains
+from gough_stewart.harness.control.pid import pid as pid
+from gough_stewart.harness.control.pid import sampled as sampled
+from gough_stewart.harness.errors import UnstableLoopError as UnstableLoopError
+from gough_stewart.harness.experiment.analysis import LoopMargins as LoopMargins
+from gough_stewart.harness.experiment.analysis import margins as margins
+from gough_stewart.harness.experiment.file import experiment_names as experiment_names
+from gough_stewart.harness.experiment.file import load_experiment as load_experiment
+from gough_stewart.harness.experiment.files import save_record as save_record
+from gough_stewart.harness.experiment.run import run as run
+from gough_stewart.harness.experiment.schema import Experiment as Experiment
+from gough_stewart.harness.paper.reproduce import reproduce as reproduce
+from gough_stewart.harness.results.figures import run_figures as run_figures
+from gough_stewart.harness.results.metrics import metrics as metrics
+from gough_stewart.harness.results.record import Record as Record
+from gough_stewart.harness.results.record import read_record as read_record
+from gough_stewart.harness.view.file import view as view
+from gough_stewart.model.dynamics import Acceleration as Acceleration
+from gough_stewart.model.dynamics import inverse_dynamics as inverse_dynamics
+from gough_stewart.model.dynamics import mass_matrix as mass_matrix
+from gough_stewart.model.dynamics import static_leg_forces as static_leg_forces
+from gough_stewart.model.errors import GoughStewartError as GoughStewartError
+from gough_stewart.model.errors import StepError as StepError
+from gough_stewart.model.forward_kinematics import forward_kinematics as forward_kinematics
+from gough_stewart.model.interface import VARIABLES as VARIABLES
+from gough_stewart.model.kinematics import leg_geometry as leg_geometry
+from gough_stewart.model.kinematics import leg_jacobian as leg_jacobian
+from gough_stewart.model.parameters import stack as stack
+from gough_stewart.model.platform import Platform as Platform
+from gough_stewart.model.platform_toml import load_platform as load_platform
+from gough_stewart.model.platform_toml import load_preset as load_preset
+from gough_stewart.model.platform_toml import preset_names as preset_names
+from gough_stewart.model.platform_toml import save_platform as save_platform
+from gough_stewart.model.state import State as State
+from gough_stewart.model.stepping import SteppingModel as SteppingModel
+from gough_stewart.model.workspace import evaluate_poses as evaluate_poses
+from gough_stewart.model.workspace_grid import sweep as sweep
+
+__version__: str

@@ -1,0 +1,136 @@
+"""What `import gough_stewart as gs` offers: these names, explained, typed, and loaded only when they are used."""
+
+import inspect
+import subprocess
+import sys
+from typing import assert_type
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import gough_stewart as gs
+from tests.support.snippets import ROOT
+
+# The promise to users. A name that goes, or comes, is a line in the changelog.
+NAMES = [
+    "__version__",
+    "Platform",
+    "load_platform",
+    "save_platform",
+    "load_preset",
+    "preset_names",
+    "leg_geometry",
+    "leg_jacobian",
+    "forward_kinematics",
+    "static_leg_forces",
+    "mass_matrix",
+    "inverse_dynamics",
+    "State",
+    "Acceleration",
+    "stack",
+    "SteppingModel",
+    "VARIABLES",
+    "build",
+    "plant_system",
+    "trim",
+    "linearise",
+    "modes",
+    "gains_from_bandwidth",
+    "Gains",
+    "pid",
+    "sampled",
+    "LinearController",
+    "Sample",
+    "experiment_names",
+    "load_experiment",
+    "Experiment",
+    "run",
+    "margins",
+    "LoopMargins",
+    "Record",
+    "read_record",
+    "save_record",
+    "metrics",
+    "run_figures",
+    "view",
+    "sweep",
+    "evaluate_poses",
+    "reproduce",
+    "GoughStewartError",
+    "StepError",
+    "UnstableLoopError",
+]
+# What takes longer to import than all of Python; nobody pays for it who does not use it.
+HEAVY = ("numpy", "scipy", "casadi", "control", "matplotlib", "polars", "pydantic", "plotly", "fmpy", "rich", "typer")
+
+
+def python(code: str) -> str:
+    """What a fresh interpreter prints."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_names_are_those_promised() -> None:
+    assert sorted(NAMES) == dir(gs)
+    namespace: dict[str, object] = {}
+    exec("from gough_stewart import *", namespace)
+    assert set(NAMES) <= set(namespace)
+
+
+def test_each_name_is_what_its_module_holds() -> None:
+    """Expected: the object of that name in the module that it says it comes from; VARIABLES is data."""
+    for name in set(NAMES) - {"__version__", "VARIABLES"}:
+        value = getattr(gs, name)
+        assert getattr(sys.modules[value.__module__], name) is value, name
+
+
+def test_each_name_is_explained() -> None:
+    """Expected: a text that begins with a sentence."""
+    for name in set(NAMES) - {"__version__", "VARIABLES"}:
+        text = inspect.getdoc(getattr(gs, name)) or ""
+        assert text.split("\n\n")[0].rstrip().endswith((".", ";", ":")), name
+
+
+def test_help_begins_with_all_names() -> None:
+    text = python("import gough_stewart as gs; help(gs)")
+    head = text[: text.index("PACKAGE CONTENTS")].replace(",", " ").replace(";", " ").split()
+    assert [name for name in NAMES if name not in head and name != "__version__"] == []
+
+
+def heavy_modules_after(code: str) -> list[str]:
+    return python(f"import sys, gough_stewart as gs; {code}; print(*(n for n in {HEAVY} if n in sys.modules))").split()
+
+
+def test_importing_it_loads_nothing_heavy() -> None:
+    """Expected: nothing at first, with all names there for completion; then what a platform needs, which is NumPy."""
+    assert heavy_modules_after("dir(gs)") == []
+    assert heavy_modules_after("gs.load_preset('liu2000')") == ["numpy"]
+
+
+def test_a_wrong_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="'gough_stewart' has no attribute 'load_presets'") as caught:
+        gs.load_presets  # type: ignore[attr-defined]  # noqa: B018
+    assert caught.value.name == "load_presets"
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "gough_stewart", "--version"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.stdout == f"gough-stewart {gs.__version__}\n"
+
+
+def test_type_checkers_know_names_and_signatures() -> None:
+    """Expected: the types below, and errors where they are ignored; mypy, which sees the tests, holds them against."""
+    platform = assert_type(gs.load_preset("liu2000"), gs.Platform)
+    assert_type(gs.SteppingModel(platform).get("position"), NDArray[np.float64] | float)
+    assert_type(gs.gains_from_bandwidth(platform, 2.0), gs.Gains)
+    assert_type(gs.load_experiment("heave_step", {"loop.duration": 0.01}), gs.Experiment)
+    found = assert_type(gs.margins("heave_step"), gs.LoopMargins)
+    assert_type(found.disk.alpha, float)
+    with pytest.raises(gs.GoughStewartError):
+        gs.SteppingModel("liu2000")  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        gs.run("heave_step", plannt="model")  # type: ignore[call-arg]
