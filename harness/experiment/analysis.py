@@ -61,8 +61,8 @@ class LoopMargins(Margins):
 def margins(experiment: Experiment | Path | str, settings: Settings = (), *, controller: Any = None) -> LoopMargins:
     """Gains, closed-loop modes and stability margins of an experiment's loop, on the linear model.
 
-    Linear at the first pose of the reference; sampled, delayed and lagged as in the experiment. For each leg with the others
-    closed: gain, phase [rad] and delay [s]; for all legs at once the disk margin.
+    Linear at the first pose of the reference; sampled, delayed and lagged as in the experiment. For each leg with the
+    others closed: gain, phase [rad] and delay [s]; for all legs at once the disk margin.
 
     Parameters
     ----------
