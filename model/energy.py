@@ -6,7 +6,7 @@ from gough_stewart.model.kinematics import leg_geometry, leg_rates, rates_of_leg
 from gough_stewart.model.leg_dynamics import friction_force, leg_moments
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, apply, cross, dot, per_leg, transpose
 
 
@@ -39,16 +39,6 @@ def potential_energy(parameters: Parameters, position: Array, orientation: Array
     moment = np.asarray(parameters.platform_mass)[..., None] * G
     moment = moment + (leg_mass[..., None] * parameters.base_points + h[..., None] * legs.direction).sum(axis=-2)
     return np.asarray(-dot(parameters.gravity, moment))
-
-
-def input_power(parameters: Parameters, state: State, inputs: Inputs) -> Array:
-    """Power (...) [W] of the actuators and the external wrench: Σ F_i L̇_i + f·v + τ·ω."""
-    dL = leg_rates(parameters, state).length_rate
-    return np.asarray(
-        dot(inputs.actuator_force, dL)
-        + dot(inputs.external_force, state.velocity)
-        + dot(inputs.external_torque, state.angular_velocity)
-    )
 
 
 def friction_power(parameters: Parameters, state: State) -> Array:

@@ -9,13 +9,13 @@ from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, NoPoseError
 from gough_stewart.model.kinematics import conditioning, handedness_of_legs, leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
 
 # One Newton step moves the platform by no more than this share of its size, and turns it by no more than this [rad].
 LARGEST_STEP = 0.5
 SMALLEST_SHARE = 1e-4
-SINGULAR_CONDITION_NUMBER = 1e8
 
 
 @dataclass(frozen=True)

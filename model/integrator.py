@@ -3,12 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from gough_stewart.model.errors import StepError
-
-FloatArray = NDArray[np.float64]
+from gough_stewart.model.vectors import FloatArray
 
 # Below, the error estimate drowns in rounding; above, it means nothing.
 TOLERANCES = (1e-13, 1e-2)

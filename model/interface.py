@@ -1,5 +1,7 @@
 """The ONE table of variables: names, shapes, units, meaning. Stepping model, kernel, files and FMU share it.
 
+Inputs, states, outputs and locals are declared here; a platform's parameters in `gough_stewart.model.parameters`.
+
 Names are a promise to users. Arrays are also reachable element by element under their FMI 2.0 names, 1-based:
 `leg_length[3]`, `joint_force[2,1]`.
 """
@@ -14,13 +16,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.model import parameters
 from gough_stewart.model.errors import InterfaceError
+from gough_stewart.model.parameters import Bound, Parameter
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array
 
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "fixed", "tunable"]
-Bound = Literal["> 0", ">= 0"] | None
 
 
 @dataclass(frozen=True)
@@ -69,10 +72,18 @@ def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, 
     return Variable(name, shape, unit, causality, "continuous", description)
 
 
-def _parameter(
-    name: str, shape: tuple[int, ...], unit: str, variability: Variability, description: str, bound: Bound = None
-) -> Variable:
-    return Variable(name, shape, unit, "parameter", variability, description, start=name, lower_bound=bound)
+def _parameter(row: Parameter) -> Variable:
+    variability: Variability = "tunable" if row.is_tunable else "fixed"
+    return Variable(
+        row.name,
+        row.shape,
+        row.unit,
+        "parameter",
+        variability,
+        row.description,
+        start=row.name,
+        lower_bound=row.lower_bound,
+    )
 
 
 VARIABLES: tuple[Variable, ...] = (
@@ -107,35 +118,7 @@ VARIABLES: tuple[Variable, ...] = (
         "local",
         "potential energy of platform and legs in gravity, zero at world z = 0",
     ),
-    _parameter("base_points", (6, 3), "m", "fixed", "base joints in world"),
-    _parameter("platform_points", (6, 3), "m", "fixed", "platform joints in platform axes, from Op"),
-    _parameter("platform_mass", (), "kg", "tunable", "mass of the platform with payload", "> 0"),
-    _parameter("platform_com", (3,), "m", "tunable", "platform's centre of mass in platform axes, from Op"),
-    _parameter(
-        "platform_inertia",
-        (3, 3),
-        "kg.m2",
-        "tunable",
-        "platform's inertia about its centre of mass, platform axes",
-    ),
-    _parameter("leg_lower_mass", (), "kg", "fixed", "mass of a leg's lower part", "> 0"),
-    _parameter("leg_upper_mass", (), "kg", "fixed", "mass of a leg's upper part", "> 0"),
-    _parameter(
-        "leg_lower_com", (), "m", "fixed", "lower part's centre of mass, from the base joint along the leg", ">= 0"
-    ),
-    _parameter("leg_upper_com", (), "m", "fixed", "upper part's centre of mass, from the platform joint back", ">= 0"),
-    _parameter(
-        "leg_lower_inertia", (), "kg.m2", "fixed", "lower part's transverse inertia about its centre of mass", ">= 0"
-    ),
-    _parameter(
-        "leg_upper_inertia", (), "kg.m2", "fixed", "upper part's transverse inertia about its centre of mass", ">= 0"
-    ),
-    _parameter("leg_viscous_friction", (), "N.s/m", "tunable", "viscous friction between the leg parts", ">= 0"),
-    _parameter("leg_coulomb_friction", (), "N", "tunable", "Coulomb friction between the leg parts", ">= 0"),
-    _parameter(
-        "leg_friction_velocity", (), "m/s", "tunable", "velocity over which Coulomb friction is smoothed", "> 0"
-    ),
-    _parameter("gravity", (3,), "m/s2", "tunable", "acceleration of gravity in world"),
+    *map(_parameter, parameters.PHYSICAL),
     Variable(
         "fixed_step_size",
         (),
@@ -155,7 +138,7 @@ OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
 LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
 RESULTS = OUTPUTS + LOCALS
 # The platform's own parameters, which the kernel takes as run-time inputs; `fixed_step_size` is the FMU's.
-PLATFORM_PARAMETERS = tuple(v for v in VARIABLES if v.causality == "parameter" and v.name != "fixed_step_size")
+PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL)
 
 RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
 _ELEMENTS: Mapping[str, tuple[Variable, int]] = {

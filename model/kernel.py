@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import dynamics, energy, interface, kinematics
-from gough_stewart.model.parameters import ParameterArrays, Parameters
+from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array
@@ -61,13 +61,11 @@ def outputs_function() -> casadi.Function:
 
 
 @cache
-def jacobians_function(sparse: bool = False) -> casadi.Function:
-    """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D; dense unless the structural zeros are wanted."""
+def jacobians_function() -> casadi.Function:
+    """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D, dense."""
     x, u, p = _arguments()
     xdot, y = _trace(x, u, p)
-    blocks = [casadi.jacobian(f, z) for f in (xdot, y) for z in (x, u)]
-    if not sparse:
-        blocks = [casadi.densify(block) for block in blocks]
+    blocks = [casadi.densify(casadi.jacobian(f, z)) for f in (xdot, y) for z in (x, u)]
     return _function("jacobians", [x, u, p], blocks, ["A", "B", "C", "D"])
 
 
@@ -199,8 +197,8 @@ def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.
     return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in interface.RESULTS))
 
 
-def _parameters(p: casadi.SX) -> ParameterArrays:
-    return ParameterArrays(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
+def _parameters(p: casadi.SX) -> Parameters:
+    return Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
 
 
 def _symbols(vector: casadi.SX) -> Array:

@@ -1,75 +1,165 @@
-"""What the equations need to know of a platform: the parameters of the interface, as arrays or symbols."""
+"""The ONE table of a platform's parameters: name, shape, unit, default, bound, meaning. All else derives from it.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Protocol
+A parameter is added by one entry at the end of `ParametersOf`, so that older ones keep their value references in the
+FMU; its physics goes into `leg_dynamics`, `dynamics`, `energy`, and into the formulations that check them. A limit that
+the dynamics ignore is one entry in `PlatformFields`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 
-from gough_stewart.model.vectors import Array, Scalars
+from gough_stewart.model.vectors import Array, FloatArray, Scalars
 
+Bound = Literal["> 0", ">= 0"] | None
 
-class Parameters(Protocol):
-    """Anything that carries the physical parameters: a `Platform`, a batch of platforms, CasADi symbols.
-
-    Leading axes `...` broadcast against those of the state; names, units and meaning are in
-    `gough_stewart.model.interface`.
-    """
-
-    @property
-    def base_points(self) -> Array: ...  # (..., 6, 3) m, world
-    @property
-    def platform_points(self) -> Array: ...  # (..., 6, 3) m, platform axes
-    @property
-    def platform_mass(self) -> Scalars: ...
-    @property
-    def platform_com(self) -> Array: ...  # (..., 3) m, platform axes
-    @property
-    def platform_inertia(self) -> Array: ...  # (..., 3, 3) kg m2, platform axes, about the centre of mass
-    @property
-    def leg_lower_mass(self) -> Scalars: ...
-    @property
-    def leg_upper_mass(self) -> Scalars: ...
-    @property
-    def leg_lower_com(self) -> Scalars: ...  # m, from B_i along u_i
-    @property
-    def leg_upper_com(self) -> Scalars: ...  # m, from P_i back toward B_i
-    @property
-    def leg_lower_inertia(self) -> Scalars: ...  # kg m2, transverse, about the part's own centre of mass
-    @property
-    def leg_upper_inertia(self) -> Scalars: ...
-    @property
-    def leg_viscous_friction(self) -> Scalars: ...
-    @property
-    def leg_coulomb_friction(self) -> Scalars: ...
-    @property
-    def leg_friction_velocity(self) -> Scalars: ...
-    @property
-    def gravity(self) -> Array: ...  # (..., 3) m/s2, world
+_Array_co = TypeVar("_Array_co", bound=Array, covariant=True)
+_Number_co = TypeVar("_Number_co", bound=Scalars, covariant=True)
 
 
 @dataclass(frozen=True)
-class ParameterArrays:
-    """`Parameters` held as they are, unchecked: batches for NumPy, symbols for CasADi."""
+class Parameter:
+    """One row of the table."""
 
-    base_points: Array
-    platform_points: Array
-    platform_mass: Scalars
-    platform_com: Array
-    platform_inertia: Array
-    leg_lower_mass: Scalars
-    leg_upper_mass: Scalars
-    leg_lower_com: Scalars
-    leg_upper_com: Scalars
-    leg_lower_inertia: Scalars
-    leg_upper_inertia: Scalars
-    leg_viscous_friction: Scalars
-    leg_coulomb_friction: Scalars
-    leg_friction_velocity: Scalars
-    gravity: Array
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    description: str
+    # Values below (or, for "> 0", at) this bound are refused; None is any finite number.
+    lower_bound: Bound
+    # Whether it may change during a run.
+    is_tunable: bool
+    # Whether a platform may be made without naming it.
+    has_default: bool
+    # Whether a platform may have none: a limit that is not stated.
+    is_optional: bool
 
 
-def stack(parameters: Sequence[Parameters]) -> ParameterArrays:
+def _row(
+    unit: str, description: str, bound: Bound = None, *, shape: tuple[int, ...] = (), tunable: bool = False
+) -> dict[str, Any]:
+    """What the table says of a field beside its name, type and default."""
+    return {
+        "row": {"unit": unit, "description": description, "lower_bound": bound, "shape": shape, "is_tunable": tunable}
+    }
+
+
+# Defaults are of type Any, since the fields' types are open until `PlatformFields` closes them.
+def _number(value: float) -> Any:
+    return value
+
+
+def _vector(*values: float) -> Callable[[], Any]:
+    return lambda: np.array(values)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParametersOf(Generic[_Array_co, _Number_co]):
+    """The physical parameters, as arrays of type `_Array_co` and numbers of type `_Number_co`; unchecked.
+
+    Leading axes `...` broadcast against those of the state. The kernel's p and the parameters of the FMU are these, in
+    this order.
+    """
+
+    base_points: _Array_co = field(metadata=_row("m", "base joints in world", shape=(6, 3)))
+    platform_points: _Array_co = field(metadata=_row("m", "platform joints in platform axes, from Op", shape=(6, 3)))
+    platform_mass: _Number_co = field(metadata=_row("kg", "mass of the platform with payload", "> 0", tunable=True))
+    platform_com: _Array_co = field(
+        default_factory=_vector(0.0, 0.0, 0.0),
+        metadata=_row("m", "platform's centre of mass in platform axes, from Op", shape=(3,), tunable=True),
+    )
+    platform_inertia: _Array_co = field(
+        metadata=_row("kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3), tunable=True)
+    )
+    leg_lower_mass: _Number_co = field(metadata=_row("kg", "mass of a leg's lower part", "> 0"))
+    leg_upper_mass: _Number_co = field(metadata=_row("kg", "mass of a leg's upper part", "> 0"))
+    leg_lower_com: _Number_co = field(
+        metadata=_row("m", "lower part's centre of mass, from the base joint along the leg", ">= 0")
+    )
+    leg_upper_com: _Number_co = field(
+        metadata=_row("m", "upper part's centre of mass, from the platform joint back", ">= 0")
+    )
+    leg_lower_inertia: _Number_co = field(
+        metadata=_row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")
+    )
+    leg_upper_inertia: _Number_co = field(
+        metadata=_row("kg.m2", "upper part's transverse inertia about its centre of mass", ">= 0")
+    )
+    leg_viscous_friction: _Number_co = field(
+        default=_number(0.0), metadata=_row("N.s/m", "viscous friction between the leg parts", ">= 0", tunable=True)
+    )
+    leg_coulomb_friction: _Number_co = field(
+        default=_number(0.0), metadata=_row("N", "Coulomb friction between the leg parts", ">= 0", tunable=True)
+    )
+    leg_friction_velocity: _Number_co = field(
+        default=_number(1e-3),
+        metadata=_row("m/s", "velocity over which Coulomb friction is smoothed", "> 0", tunable=True),
+    )
+    gravity: _Array_co = field(
+        default_factory=_vector(0.0, 0.0, -9.81),
+        metadata=_row("m/s2", "acceleration of gravity in world", shape=(3,), tunable=True),
+    )
+
+
+# What the equations take: a `Platform`, a batch of platforms, or CasADi symbols.
+Parameters = ParametersOf[Array, Scalars]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlatformFields(ParametersOf[FloatArray, float]):
+    """What describes a platform: physical parameters, home pose, limits, texts; unchecked.
+
+    The dynamics ignore the limits; reach, workspace, metrics and figures use them.
+    """
+
+    home_position: FloatArray = field(
+        metadata=_row("m", "Op in the home pose, the start value of position", shape=(3,))
+    )
+    home_orientation: FloatArray = field(
+        default_factory=_vector(0.0, 0.0, 0.0),
+        metadata=_row("rad", "roll, pitch, yaw in the home pose, the start value of orientation", shape=(3,)),
+    )
+    leg_length_min: float | None = field(default=None, metadata=_row("m", "limit: shortest leg", "> 0"))
+    leg_length_max: float | None = field(default=None, metadata=_row("m", "limit: longest leg", "> 0"))
+    actuator_force_max: float | None = field(
+        default=None, metadata=_row("N", "limit: largest force of an actuator", "> 0")
+    )
+    joint_angle_max: float | None = field(
+        default=None,
+        metadata=_row("rad", "limit: largest angle of a joint from its direction in the home pose", "> 0"),
+    )
+    name: str = "unnamed"
+    source: str = ""
+
+    @property
+    def characteristic_length(self) -> float:
+        """Root-mean-square distance ρ of the platform joints from Op [m]; scales angles against lengths."""
+        return float(np.sqrt((self.platform_points**2).sum(axis=1).mean()))
+
+
+def _rows(of: type[ParametersOf[Any, Any]]) -> Mapping[str, Parameter]:
+    return {
+        f.name: Parameter(
+            name=f.name,
+            has_default=f.default is not MISSING or f.default_factory is not MISSING,
+            is_optional=f.default is None,
+            **f.metadata["row"],
+        )
+        for f in fields(of)
+        if "row" in f.metadata
+    }
+
+
+# Every number of a platform by name; texts are not among them.
+TABLE = _rows(PlatformFields)
+TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
+PHYSICAL = tuple(_rows(ParametersOf).values())
+
+
+def stack(parameters: Sequence[Parameters]) -> Parameters:
     """Many platforms as one batch: every parameter gets a leading axis of their number."""
-    names = [f.name for f in fields(ParameterArrays)]
-    return ParameterArrays(**{name: np.stack([np.asarray(getattr(p, name)) for p in parameters]) for name in names})
+    return Parameters(
+        **{p.name: np.stack([np.asarray(getattr(each, p.name)) for each in parameters]) for p in PHYSICAL}
+    )

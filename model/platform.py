@@ -1,6 +1,5 @@
 """The platform: geometry, masses, friction, gravity, home pose and limits; frozen, and checked when made."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -8,41 +7,16 @@ import numpy as np
 
 from gough_stewart.model import platform_checks
 from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.parameters import TABLE, TEXTS, PlatformFields
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
-# Shape of every field that is not a text; () is a number. The first part is the parameter table of
-# `gough_stewart.model.interface`; a test holds the two against each other.
-SHAPES: Mapping[str, tuple[int, ...]] = {
-    "base_points": (6, 3),
-    "platform_points": (6, 3),
-    "platform_mass": (),
-    "platform_com": (3,),
-    "platform_inertia": (3, 3),
-    "leg_lower_mass": (),
-    "leg_upper_mass": (),
-    "leg_lower_com": (),
-    "leg_upper_com": (),
-    "leg_lower_inertia": (),
-    "leg_upper_inertia": (),
-    "leg_viscous_friction": (),
-    "leg_coulomb_friction": (),
-    "leg_friction_velocity": (),
-    "gravity": (3,),
-    "home_position": (3,),
-    "home_orientation": (3,),
-    "leg_length_min": (),
-    "leg_length_max": (),
-    "actuator_force_max": (),
-    "joint_angle_max": (),
-}
 # Far beyond any machine, and still safe to square and cube.
 LARGEST_NUMBER = 1e30
-OPTIONAL_LIMITS = ("leg_length_min", "leg_length_max", "actuator_force_max", "joint_angle_max")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Platform:
+class Platform(PlatformFields):
     """A Gough–Stewart platform with six identical legs; names and units as in the interface table.
 
     Arrays are copied, converted to float64 and read-only. To change something, `dataclasses.replace` makes a new
@@ -54,59 +28,14 @@ class Platform:
         A parameter that no platform can have; its `field` names it, its text tells value, expectation and remedy.
     """
 
-    base_points: FloatArray
-    """B_i (6, 3) [m], world."""
-    platform_points: FloatArray
-    """P_i (6, 3) [m], platform axes, from Op."""
-    platform_mass: float
-    """With payload [kg]."""
-    platform_inertia: FloatArray
-    """(3, 3) [kg m²], platform axes, about the centre of mass."""
-    leg_lower_mass: float
-    leg_upper_mass: float
-    """[kg]"""
-    leg_lower_com: float
-    """From B_i along u_i [m]."""
-    leg_upper_com: float
-    """From P_i back toward B_i [m]."""
-    leg_lower_inertia: float
-    leg_upper_inertia: float
-    """Transverse, about the part's own centre of mass [kg m²]."""
-    home_position: FloatArray
-    """Op in the home pose (3,) [m]: start value of `position`."""
-    home_orientation: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    """Roll, pitch, yaw in the home pose (3,) [rad]: start value of `orientation`."""
-    platform_com: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    """r_G (3,) [m], platform axes."""
-    leg_viscous_friction: float = 0.0
-    """[N s/m]"""
-    leg_coulomb_friction: float = 0.0
-    """[N]"""
-    leg_friction_velocity: float = 1e-3
-    """Velocity over which the sign of Coulomb friction is smoothed [m/s]."""
-    gravity: FloatArray = (0.0, 0.0, -9.81)  # type: ignore[assignment]
-    """(3,) [m/s²], world."""
-    leg_length_min: float | None = None
-    leg_length_max: float | None = None
-    """Stroke [m]; the dynamics ignore it."""
-    actuator_force_max: float | None = None
-    """[N]; the dynamics ignore it."""
-    joint_angle_max: float | None = None
-    """Largest angle of a joint from its direction in the home pose [rad]; the dynamics ignore it."""
-    name: str = "unnamed"
-    """A short name for tables and figures."""
-    source: str = ""
-    """Where the numbers come from."""
-
     def __post_init__(self) -> None:
-        for text in ("name", "source"):
+        for text in TEXTS:
             if not isinstance(getattr(self, text), str):
                 raise PlatformError(text, f"is {getattr(self, text)!r}; expected a text")
-        for name, shape in SHAPES.items():
+        for name, row in TABLE.items():
             value = getattr(self, name)
-            if value is None and name in OPTIONAL_LIMITS:
-                continue
-            object.__setattr__(self, name, _frozen(name, value, shape))
+            if value is not None or not row.is_optional:
+                object.__setattr__(self, name, _frozen(name, value, row.shape))
         platform_checks.check(self)
 
     def __eq__(self, other: object) -> bool:
@@ -128,13 +57,7 @@ class Platform:
 
     def as_dict(self) -> dict[str, Any]:
         """Every field by name, in file order: texts, floats, arrays; limits that are not set are left out."""
-        names = ["name", "source", *SHAPES]
-        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-
-    @property
-    def characteristic_length(self) -> float:
-        """Root-mean-square distance ρ of the platform joints from Op [m]; scales angles against lengths."""
-        return float(np.sqrt((self.platform_points**2).sum(axis=1).mean()))
+        return {name: getattr(self, name) for name in (*TEXTS, *TABLE) if getattr(self, name) is not None}
 
 
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:

@@ -1,63 +1,41 @@
 """What makes a platform impossible: every check with its own message (value, expectation, remedy)."""
 
-from typing import Protocol
-
 import numpy as np
 
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import conditioning, leg_geometry
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import TABLE, PlatformFields
+from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.vectors import Array
 
-# A home pose with a larger condition number of the (scaled) leg Jacobian is singular for every practical purpose.
-SINGULAR_CONDITION_NUMBER = 1e8
 # Rounding of published inertias: relative slack of symmetry and of the triangle inequality.
 INERTIA_SLACK = 1e-9
 # Joints closer than this fraction of their circle are one joint.
 COINCIDENCE = 1e-6
 
 
-class Checkable(Parameters, Protocol):
-    """A platform whose fields have the right shapes and are finite."""
-
-    @property
-    def home_position(self) -> Array: ...
-    @property
-    def home_orientation(self) -> Array: ...
-    @property
-    def leg_length_min(self) -> float | None: ...
-    @property
-    def leg_length_max(self) -> float | None: ...
-    @property
-    def actuator_force_max(self) -> float | None: ...
-    @property
-    def joint_angle_max(self) -> float | None: ...
-
-
-def check(platform: Checkable) -> None:
+def check(platform: PlatformFields) -> None:
     """Raise `PlatformError` at the first thing that no platform can have."""
-    check_masses(platform)
+    check_bounds(platform)
     check_inertia(platform)
-    check_friction(platform)
     check_joints(platform)
     check_home_pose(platform)
     check_com_offsets(platform)
     check_limits(platform)
 
 
-def check_masses(platform: Checkable) -> None:
-    """Masses are positive; transverse inertias of the legs are not negative."""
-    for name in ("platform_mass", "leg_lower_mass", "leg_upper_mass"):
+def check_bounds(platform: PlatformFields) -> None:
+    """No number lies below the bound that the table gives it."""
+    for name, row in TABLE.items():
         value = getattr(platform, name)
-        if not value > 0:
-            raise PlatformError(name, f"is {value:g} kg; expected a mass > 0")
-    for name in ("leg_lower_inertia", "leg_upper_inertia"):
-        value = getattr(platform, name)
-        if not value >= 0:
-            raise PlatformError(name, f"is {value:g} kg m²; expected an inertia ≥ 0 (0 is a point mass)")
+        if value is None or row.lower_bound is None:
+            continue
+        if not (value > 0 if row.lower_bound == "> 0" else value >= 0):
+            remedy = ", or leave it out" if row.is_optional else ""
+            raise PlatformError(name, f"is {value:g} {row.unit}; expected {row.lower_bound}{remedy}: {row.description}")
 
 
-def check_inertia(platform: Checkable) -> None:
+def check_inertia(platform: PlatformFields) -> None:
     """The platform's inertia is symmetric, positive definite, and that of a body with positive mass."""
     J, field = platform.platform_inertia, "platform_inertia"
     size = np.abs(J).max()
@@ -82,18 +60,7 @@ def check_inertia(platform: Checkable) -> None:
         )
 
 
-def check_friction(platform: Checkable) -> None:
-    """Friction is not negative and is smoothed over a positive velocity."""
-    for name, unit in (("leg_viscous_friction", "N s/m"), ("leg_coulomb_friction", "N")):
-        value = getattr(platform, name)
-        if not value >= 0:
-            raise PlatformError(name, f"is {value:g} {unit}; expected friction ≥ 0")
-    value = platform.leg_friction_velocity
-    if not value > 0:
-        raise PlatformError("leg_friction_velocity", f"is {value:g} m/s; expected a velocity > 0, say 1e-3")
-
-
-def check_joints(platform: Checkable) -> None:
+def check_joints(platform: PlatformFields) -> None:
     """No two joints of one side are in the same place."""
     for field in ("base_points", "platform_points"):
         points = getattr(platform, field)
@@ -107,10 +74,10 @@ def check_joints(platform: Checkable) -> None:
             )
 
 
-def check_home_pose(platform: Checkable) -> None:
+def check_home_pose(platform: PlatformFields) -> None:
     """The home pose has legs of some length, a pitch well below 90°, and a regular leg Jacobian."""
     pitch = platform.home_orientation[1]
-    if not abs(pitch) < np.pi / 2 - 1e-3:
+    if not abs(pitch) < LARGEST_PITCH:
         raise PlatformError("home_orientation", f"has pitch {pitch:g} rad; expected less than ±90°")
     lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
     shortest = int(lengths.argmin())
@@ -129,7 +96,7 @@ def check_home_pose(platform: Checkable) -> None:
         )
 
 
-def check_com_offsets(platform: Checkable) -> None:
+def check_com_offsets(platform: PlatformFields) -> None:
     """Centres of mass lie on the legs, and near the platform."""
     shortest = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.min())
     for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
@@ -149,14 +116,10 @@ def check_com_offsets(platform: Checkable) -> None:
         )
 
 
-def check_limits(platform: Checkable) -> None:
-    """Limits, where given, are positive and admit the home pose."""
+def check_limits(platform: PlatformFields) -> None:
+    """Limits of stroke and joints admit the home pose."""
     low, high = platform.leg_length_min, platform.leg_length_max
     lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    for name in ("leg_length_min", "leg_length_max", "actuator_force_max", "joint_angle_max"):
-        value = getattr(platform, name)
-        if value is not None and not value > 0:
-            raise PlatformError(name, f"is {value:g}; expected a limit > 0, or leave it out")
     if low is not None and high is not None and not low < high:
         raise PlatformError("leg_length_min", f"is {low:g} m; expected below leg_length_max = {high:g} m")
     if low is not None and lengths.min() < low:

@@ -1,7 +1,7 @@
 """Platforms as TOML files, and the presets that ship with the package.
 
-A file is flat: the fields of `Platform` by name, SI units. Numbers are written with the shortest digits that read
-back to the same float, so that TOML → Platform → TOML changes nothing.
+A file is flat: the parameters of `gough_stewart.model.parameters` by name, SI units. Numbers are written with the
+shortest digits that read back to the same float, so that TOML → Platform → TOML changes nothing.
 """
 
 import tomllib
@@ -15,21 +15,11 @@ from gough_stewart.model import shipped
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.platform import OPTIONAL_LIMITS, SHAPES, Platform
+from gough_stewart.model.parameters import TABLE, TEXTS
+from gough_stewart.model.platform import Platform
 
-KEYS = ("name", "source", *SHAPES)
+KEYS = (*TEXTS, *TABLE)
 _PRESETS = ("gough_stewart.model", "presets")
-_DEFAULTED = (
-    "name",
-    "source",
-    "platform_com",
-    "home_orientation",
-    "leg_viscous_friction",
-    "leg_coulomb_friction",
-    "leg_friction_velocity",
-    "gravity",
-    *OPTIONAL_LIMITS,
-)
 
 
 def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
@@ -49,11 +39,11 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
     for key in values:
         if key not in KEYS:
             raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, KEYS)}")
-    missing = [key for key in KEYS if key not in values and key not in _DEFAULTED]
+    missing = [name for name, row in TABLE.items() if name not in values and not row.has_default]
     if missing:
         raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
     for key, value in values.items():
-        if key in SHAPES and _holds_other_than_numbers(value):
+        if key in TABLE and _holds_other_than_numbers(value):
             raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
     try:
         return Platform(**values)
@@ -62,10 +52,13 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 
 
 def platform_to_toml(platform: Platform) -> str:
-    """TOML text of a platform; reads back to an equal one."""
+    """TOML text of a platform, units and meanings in comments; reads back to an equal one."""
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
-        document.add(key, _item(value))
+        item = _item(value)
+        if key in TABLE:
+            item.comment(f"[{TABLE[key].unit}] {TABLE[key].description}")
+        document.add(key, item)
     return tomlkit.dumps(document)
 
 
@@ -139,7 +132,7 @@ def _holds_other_than_numbers(value: object) -> bool:
 def _item(value: Any) -> Any:
     """Matrices with one row a line."""
     if not isinstance(value, np.ndarray):
-        return value
+        return tomlkit.item(value)
     array = tomlkit.array()
     array.extend(value.tolist())
     return array.multiline(value.ndim == 2)

@@ -4,18 +4,18 @@ import numpy as np
 
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, handedness_of_legs, leg_geometry
-from gough_stewart.model.platform import Platform
+from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.vectors import Array, FloatArray
 
 # 0.06° short of the singularity of roll and yaw [rad].
 LARGEST_PITCH = np.pi / 2 - 1e-3
 # A leg this short has collapsed; as a share of the platform's characteristic length.
 SHORTEST_LEG = 1e-3
-# Of the leg Jacobian with angles scaled to lengths.
+# Of the leg Jacobian with angles scaled to lengths; a larger one is singular for every practical purpose.
 SINGULAR_CONDITION_NUMBER = 1e8
 
 
-def check_pose(platform: Platform, x: Array, time: float, handedness: float | None = None) -> float:
+def check_pose(platform: PlatformFields, x: Array, time: float, handedness: float | None = None) -> float:
     """Sign of det J at a state x (12,), which tells the sides of a singular pose apart.
 
     Parameters
@@ -53,7 +53,7 @@ def check_pose(platform: Platform, x: Array, time: float, handedness: float | No
     return sign
 
 
-def side_of_singular_poses(platform: Platform, legs: LegGeometry) -> FloatArray:
+def side_of_singular_poses(platform: PlatformFields, legs: LegGeometry) -> FloatArray:
     """Sign of det J against that at home (...): 1 on home's side of the singular poses, −1 beyond.
 
     0 at a singular pose, not a number where a leg has no direction. The same side is necessary, not sufficient, for a

@@ -79,7 +79,9 @@ def evaluate_poses(
 
     A pose can be reached if its legs are from `leg_length_min` to `leg_length_max` long, no joint is further than
     `joint_angle_max` from its direction in the home pose, |pitch| is below 90°, and det J has the sign that it has at
-    home: else every way from home passes a singular pose. Payload and force margin: see `static_strength`.
+    home: else every way from home passes a singular pose. Payload and force margin are those of leg forces within
+    ±`actuator_force_max` at rest; 0 where the actuators cannot hold the platform, and at poses with a condition number
+    of J above `LARGEST_CONDITION_NUMBER`.
 
     Parameters
     ----------
@@ -118,28 +120,6 @@ class Strength(NamedTuple):
 
     payload: FloatArray  # [kg]
     force_margin: FloatArray  # [N]
-
-
-def static_strength(platform: Platform, position: Array, orientation: Array, largest_force: float) -> Strength:
-    """Largest payload, and largest force in any direction, that leg forces within ±`largest_force` hold at rest.
-
-    With A = J⁻ᵀ[:, :3] and f0 the static leg forces, a force f at Op asks for f0 − A f. A point mass m at Op adds m f1,
-    f1 = −A g, so that m = min_i (F − sign(f1_i) f0_i)/|f1_i|, infinite where no leg feels it; and the worst direction
-    for leg i is ±A_i, so that the margin is min_i (F − |f0_i|)/|A_i|. Both are 0 where |f0_i| > F for some leg, and at
-    poses with a condition number of J above `LARGEST_CONDITION_NUMBER`.
-
-    Parameters
-    ----------
-    position, orientation
-        Poses (..., 3) [m], [rad].
-    largest_force
-        F [N].
-    """
-    position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
-    with np.errstate(all="ignore"):
-        legs = leg_geometry(platform, position, orientation)
-        regular = conditioning_of_legs(legs).condition_number < LARGEST_CONDITION_NUMBER
-    return _strength(platform, position, orientation, legs, regular, largest_force)
 
 
 def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
@@ -209,6 +189,13 @@ def _strength(
     regular: NDArray[np.bool_],
     largest_force: float,
 ) -> Strength:
+    """Largest payload, and largest force in any direction, that leg forces within ±`largest_force` hold at rest.
+
+    With A = J⁻ᵀ[:, :3] and f0 the static leg forces, a force f at Op asks for f0 − A f. A point mass m at Op adds m f1,
+    f1 = −A g, so that m = min_i (F − sign(f1_i) f0_i)/|f1_i|, infinite where no leg feels it; and the worst direction
+    for leg i is ±A_i, so that the margin is min_i (F − |f0_i|)/|A_i|. Both are 0 where |f0_i| > F for some leg, and at
+    poses that are not `regular`.
+    """
     payload, margin = np.zeros(regular.shape), np.zeros(regular.shape)
     rest = np.zeros((np.count_nonzero(regular), 3))
     # at rest the bias wrench is what the actuators hold: the weights of platform and legs

@@ -28,7 +28,8 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError
 from gough_stewart.model.interface import VARIABLES, nearest
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.platform import SHAPES, Platform
+from gough_stewart.model.parameters import TABLE
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_platform, load_preset
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
@@ -139,8 +140,8 @@ def _platform(choice: schema.PlatformChoice, folder: Path) -> Platform:
 
 def _changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
     for name in parameters:
-        if name not in SHAPES:
-            raise PlatformError(name, f"no such parameter{nearest(name, SHAPES)}")
+        if name not in TABLE:
+            raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
     return replace(platform, **parameters) if parameters else platform
 
 

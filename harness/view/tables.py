@@ -7,17 +7,8 @@ import numpy as np
 from gough_stewart.harness.output.tables import Named, Sheet, number_text
 from gough_stewart.harness.results.record import Record, outcome_text
 from gough_stewart.harness.view.scene import FLAGS, nearness_to_limits
-from gough_stewart.model import interface
+from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
-
-_UNITS = {variable.name: variable.unit for variable in interface.VARIABLES} | {
-    "home_position": "m",
-    "home_orientation": "rad",
-    "leg_length_min": "m",
-    "leg_length_max": "m",
-    "actuator_force_max": "N",
-    "joint_angle_max": "rad",
-}
 
 
 def run_sheet(record: Record) -> Sheet:
@@ -69,8 +60,7 @@ def parameters_sheet(platform: Platform) -> Sheet:
     for name, value in platform.as_dict().items():
         if value is None or name == "name":
             continue
-        unit = _UNITS.get(name, "")
-        sheet.add(Named(name, unit) if unit not in ("", "1") else name, _plain(value))
+        sheet.add(Named(name, TABLE[name].unit) if name in TABLE else name, _plain(value))
     return sheet
 
 

@@ -119,7 +119,7 @@ def test_values_that_are_not_numbers_are_refused(value: str) -> None:
 
 def test_an_impossible_value_names_file_and_parameter() -> None:
     text = preset_text("liu2000").replace("platform_mass = 10.0", "platform_mass = -10.0")
-    with pytest.raises(PlatformFileError, match=r"mine.toml: platform_mass: is -10 kg; expected a mass > 0"):
+    with pytest.raises(PlatformFileError, match=r"mine.toml: platform_mass: is -10 kg; expected > 0"):
         platform_from_toml(text, "mine.toml")
 
 

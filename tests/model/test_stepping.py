@@ -82,8 +82,8 @@ def test_rule_2_variables_go_by_whole_and_by_element() -> None:
         ("fixed_step_size", 1e-3, InterfaceError, "parameter of the FMU"),
         ("orientation", [0, 1.6, 0], InterfaceError, "expected a pitch within"),
         ("orientation[2]", -1.6, InterfaceError, "expected a pitch within"),
-        ("platform_mass", -1.0, PlatformError, "expected a mass > 0"),
-        ("leg_coulomb_friction", -1.0, PlatformError, "expected friction ≥ 0"),
+        ("platform_mass", -1.0, PlatformError, "is -1 kg; expected > 0"),
+        ("leg_coulomb_friction", -1.0, PlatformError, "is -1 N; expected >= 0"),
     ],
 )
 def test_rule_3_refuses_what_cannot_be_set(name: Any, value: Any, error: type[Exception], message: str) -> None:

@@ -17,7 +17,7 @@ from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacob
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at, static_strength
+from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at
 from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, default_ranges, sweep
 from tests.support.random_platforms import random_platform
 
@@ -96,7 +96,9 @@ def test_the_force_margin_is_the_least_of_what_linear_programs_find(seed: int) -
     limit = platform.actuator_force_max
     assert limit is not None
     pose = (position[0], orientation[0])
-    found = float(static_strength(platform, *pose, limit).force_margin)
+    qualities = evaluate_poses(platform, *pose)
+    assert qualities.force_margin is not None
+    found = float(qualities.force_margin)
     f0 = static_leg_forces(platform, *pose)
     if np.abs(f0).max() > limit:
         assert found == 0

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import conditioning
-from gough_stewart.model.parameters import ParameterArrays, stack
+from gough_stewart.model.parameters import Parameters, stack
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import Inputs, State
 
@@ -19,7 +19,7 @@ class Sample(NamedTuple):
     """A batch of n platforms, each in a state of its own."""
 
     platforms: list[Platform]
-    parameters: ParameterArrays
+    parameters: Parameters
     state: State
     inputs: Inputs
 

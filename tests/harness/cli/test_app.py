@@ -159,7 +159,7 @@ def test_version() -> None:
     ("arguments", "message"),
     [
         (["reproduce", "--platform", "none.toml"], "none.toml: cannot read this platform file: No such file"),
-        (["reproduce", "--platform", "heavy.toml"], "platform_mass: is -10 kg; expected a mass > 0"),
+        (["reproduce", "--platform", "heavy.toml"], "platform_mass: is -10 kg; expected > 0"),
         (["reproduce", "--platform", "typo.toml"], "did you mean 'platform_mass'?"),
         (["reproduce", "--platform", "broken.toml"], "is not TOML"),
         (["reproduce", "--preset", "liu"], "did you mean 'liu2000'?"),
