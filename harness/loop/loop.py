@@ -44,21 +44,31 @@ class Change:
 class Timing:
     """Clocks of a run: the plant is stepped and recorded every `plant_step`, the controller runs every `sample_time`.
 
+    With `jitter` each sample comes late, by a time that is uniform from 0 up to the jitter, in whole plant steps.
+
     Raises
     ------
     ControllerError
-        The plant step does not divide the sample time or the duration, or there would be more than `MOST_STEPS`.
+        The plant step does not divide the sample time or the duration, there would be more than `MOST_STEPS`, or the
+        jitter is shorter than a plant step or not shorter than the sample time.
     """
 
     duration: float  # [s]
     sample_time: float  # [s]
     plant_step: float  # [s]
+    jitter: float = 0.0  # [s]
+    seed: int = 0  # of the jitter
 
     def __post_init__(self) -> None:
         for name in ("duration", "sample_time", "plant_step"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
+        if self.jitter and not self.plant_step <= self.jitter < self.sample_time:
+            raise ControllerError(
+                f"jitter is {self.jitter:g} s; expected less than the sample_time of {self.sample_time:g} s, and at "
+                f"least the plant_step of {self.plant_step:g} s, in whole ones of which samples come late"
+            )
         for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
             long, short = getattr(self, whole), getattr(self, part)
             if not long / short <= MOST_STEPS:
@@ -89,8 +99,28 @@ class Timing:
 
     @property
     def samples(self) -> FloatArray:
-        """Times of the controller's samples [s]; none at the end, where nothing follows."""
+        """Nominal times of the controller's samples [s]; none at the end, where nothing follows."""
         return self.times[: self.steps : self.steps_a_sample]
+
+    @property
+    def rows_of_samples(self) -> NDArray[np.intp]:
+        """The rows at which the samples are taken (m,), jitter included."""
+        rows = np.arange(0, self.steps, self.steps_a_sample)
+        if self.jitter:
+            # behind the streams of the sensors' noise
+            late = np.random.default_rng([self.seed, len(signals.NAMES)]).uniform(0.0, self.jitter, len(rows))
+            late[0] = 0.0  # a run begins with a sample
+            rows = rows + np.floor(late / self.plant_step).astype(rows.dtype)
+        return np.minimum(rows, self.steps - 1)
+
+    def steps_in(self, time: float, what: str) -> int:
+        """How many plant steps a time [s] is, which has to be a whole number of them."""
+        steps = round(time / self.plant_step)
+        if steps < 1 or abs(time / self.plant_step - steps) > _ROUNDING:
+            raise ControllerError(
+                f"{what} is {time:g} s; expected a multiple of the plant_step of {self.plant_step:g} s"
+            )
+        return steps
 
     def row(self, time: float, what: str) -> int:
         """The row of a time [s] that has to be one of the plant steps."""
@@ -136,6 +166,7 @@ class Loop:
     actuators: Actuators = field(default_factory=Actuators)
     limits: Limits = field(default_factory=Limits)
     changes: tuple[Change, ...] = ()
+    injection: FloatArray | None = None  # added to the command at every sample (m, 6) [N], to excite the loop
 
 
 @dataclass(frozen=True)
@@ -233,36 +264,66 @@ class _Sampler:
         timing = loop.timing
         m = len(timing.samples)
         self._loop, self._law_from, self._drives = loop, law_from, drives
-        self._readings = Readings(loop.sensors, m)
-        self._every = timing.steps_a_sample
+        self._encoders = _Encoders(loop, m)
+        self._rows = timing.rows_of_samples.tolist()
+        self._next = 0
         self._law: Law | None = None
         self._excess = np.zeros(6)
         self.measured, self.command = np.zeros((m, signals.SIZE)), np.zeros((m, 6))
         self.force_limited = np.zeros((m, 6), dtype=bool)
         self.state: FloatArray = np.zeros((m, 0))
-        # none at the end, where nothing would follow
-        self.sample_of_row = np.minimum(np.arange(timing.steps + 1) // self._every, m - 1)
+        self.sample_of_row = np.searchsorted(self._rows, np.arange(timing.steps + 1), side="right") - 1
+        self._every = timing.steps_a_sample
 
     def at_row(self, k: int, time: float, now: FloatArray) -> Outcome | None:
         """Measure, compute and command, if there is a sample at this row; an outcome if that cannot be done."""
-        j, rest = divmod(k, self._every)
-        if rest:
+        j = self._next
+        is_sample = j < len(self._rows) and self._rows[j] == k
+        reading = self._encoders(k, now, is_sample)
+        if not is_sample:
             return None
-        self.measured[j] = self._readings(j, now)
+        self._next += 1
+        self.measured[j] = reading
+        # the controller counts its samples, and knows nothing of their being late
+        nominal = j * self._every
         command = self._loop.feedforward[j]
+        if self._loop.injection is not None:
+            command = command + self._loop.injection[j]
         if self._law_from is not None:
-            wanted = np.append(now, _NO_ACCELERATION) if self._loop.wanted is None else self._loop.wanted[k]
+            wanted = np.append(now, _NO_ACCELERATION) if self._loop.wanted is None else self._loop.wanted[nominal]
             if self._law is None:
                 self._law = self._law_from(wanted, self.measured[0])
                 self.state = np.zeros((len(self.measured), len(self._law.state)))
             self.state[j] = self._law.state
-            command = command + self._law.force(j, time, wanted, self.measured[j], self._excess)
+            command = command + self._law.force(
+                j, nominal * self._loop.timing.plant_step, wanted, self.measured[j], self._excess
+            )
         self.command[j] = command
         # a sum is finite if its parts are, unless it overflows, which is as bad; np.isfinite takes twice as long
         if not math.isfinite(command.sum()):
             return Outcome("diverged", time, f"the controller's forces are {command.tolist()} N")
         self.force_limited[j], self._excess = self._drives.command(command)
         return None
+
+
+class _Encoders:
+    """Readings at the controller's samples, or at multiples of a sample time of their own."""
+
+    def __init__(self, loop: Loop, samples: int) -> None:
+        own = loop.sensors.sample_time
+        self._every = None if own is None else loop.timing.steps_in(own, "the sensors' sample_time")
+        self._readings = Readings(
+            loop.sensors, samples if self._every is None else loop.timing.steps // self._every + 1
+        )
+        self._taken = 0
+        self._latest: FloatArray = np.zeros(signals.SIZE)
+
+    def __call__(self, k: int, now: FloatArray, is_sample: bool) -> FloatArray:
+        """The latest reading at a row, of the signals (24,) that are there now."""
+        if is_sample if self._every is None else k % self._every == 0:
+            self._latest = self._readings(self._taken, now)
+            self._taken += 1
+        return self._latest
 
 
 def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:

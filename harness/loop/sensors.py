@@ -13,16 +13,18 @@ from gough_stewart.model.vectors import FloatArray
 class Sensors:
     """Per signal: standard deviation of white noise, and the step of quantisation, in the signal's unit.
 
-    measured = q · round((true + σ N(0, 1)) / q), each sample and element anew.
+    measured = q · round((true + σ N(0, 1)) / q), each reading and element anew. Readings are taken when the controller
+    samples; with a `sample_time` [s] of their own, at its multiples, and the controller has the latest one.
     """
 
     noise: Mapping[str, float] = field(default_factory=dict)
     quantisation: Mapping[str, float] = field(default_factory=dict)
+    sample_time: float | None = None
     seed: int = 0
 
 
 class Readings:
-    """The sensors in a run of n samples."""
+    """The sensors in a run of n readings."""
 
     def __init__(self, sensors: Sensors, n: int) -> None:
         self._noise = np.zeros((n, signals.SIZE))
@@ -39,7 +41,7 @@ class Readings:
         ]
 
     def __call__(self, k: int, true: FloatArray) -> FloatArray:
-        """All signals as measured at sample k (24,)."""
+        """All signals as measured at reading k (24,)."""
         measured: FloatArray = true + self._noise[k]
         for part, step in self._steps:
             measured[part] = step * np.rint(measured[part] / step)

@@ -149,6 +149,69 @@ def test_a_rate_limited_run_does_not_depend_on_the_plant_step() -> None:
     assert np.abs(coarse.results[:, LENGTH] - fine.results[::10, LENGTH]).max() < 1e-6
 
 
+def test_samples_come_late_by_their_jitter_and_not_their_reference() -> None:
+    """Expected: from 0 up to the jitter in whole steps, uniform; the law sees nominal time, late state."""
+    timing = Timing(20.0, 0.01, 0.001, jitter=0.006, seed=3)
+    late = timing.rows_of_samples - np.arange(0, 20000, 10)
+    assert late[0] == 0
+    assert np.unique(late).tolist() == [0, 1, 2, 3, 4, 5]
+    # five standard errors of a share of 1/6 among 2,000
+    assert np.abs(np.bincount(late) / 2000 - 1 / 6).max() < 5 * np.sqrt(5 / 36 / 2000)
+    assert (timing.rows_of_samples != Timing(20.0, 0.01, 0.001, jitter=0.006, seed=4).rows_of_samples).any()
+    seen = []
+
+    def law(sample: Sample) -> FloatArray:
+        seen.append((sample.time, sample.reference["leg_length"][2], sample.measured["leg_length"][2]))
+        return np.full(6, 1.0 + len(seen) % 2)
+
+    loop = loop_of(0.2)
+    ramp = np.zeros((201, signals.SIZE + 6))
+    ramp[:, LENGTH], ramp[:, 2] = 1 + np.arange(201)[:, None] * np.arange(1, 7) * 1e-4, 1.0
+    short = Timing(0.2, 0.01, 0.001, jitter=0.006, seed=3)
+    run = run_with(law, Loop(**{**vars(loop), "timing": short, "wanted": ramp}))
+    rows = short.rows_of_samples
+    assert [time for time, _, _ in seen] == pytest.approx(np.arange(20) * 0.01)
+    assert [wanted for _, wanted, _ in seen] == pytest.approx(1 + np.arange(0, 200, 10) * 3e-4)
+    assert [measured for _, _, measured in seen] == run.results[rows, 14].tolist()
+    assert np.flatnonzero(np.diff(run.inputs[:200, 0])).tolist() == (rows[1:] - 1).tolist()
+    assert run.sample_of_row.tolist() == [int((rows <= k).sum()) - 1 for k in range(201)]
+
+
+@pytest.mark.parametrize("encoder", [0.004, 0.025])
+def test_encoders_with_a_clock_of_their_own_hold_their_latest_reading(encoder: float) -> None:
+    """Expected: at a sample the lengths of the encoders' last tick, quantised, whether they are faster or slower."""
+    sensors = Sensors(quantisation={"leg_length": 1e-4}, sample_time=encoder)
+    swing = lambda sample: np.sin(40 * sample.time + np.arange(6))  # noqa: E731
+    run = run_with(swing, loop_of(0.3, 0.01, 0.001, sensors=sensors))
+    ticks = np.floor(np.arange(0, 300, 10) / round(encoder / 1e-3) + 1e-9).astype(int) * round(encoder / 1e-3)
+    assert run.measured[:, LENGTH] == pytest.approx(np.rint(run.results[ticks, LENGTH] / 1e-4) * 1e-4, abs=1e-12)
+    assert (run.measured[:, 2] == run.results[ticks, 2]).all()
+
+
+def test_what_is_injected_is_added_to_the_command_and_limited_with_it() -> None:
+    """Expected: law + feedforward + injection, cut to the limit; different in every leg."""
+    injection = np.random.default_rng(2).normal(size=(5, 6))
+    run = run_with(constant(2.0), loop_of(0.05, feedforward=1.0, injection=injection, actuators=Actuators(3.5)))
+    assert run.command == pytest.approx(3 + injection)
+    assert run.inputs[:-1, :6] == pytest.approx(np.minimum(3 + injection, 3.5))
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Timing(1.0, 0.01, 0.001, jitter=0.01), "jitter is 0.01 s; expected less than the sample_time of 0.01"),
+        (lambda: Timing(1.0, 0.01, 0.01, jitter=0.001), "at least the plant_step of 0.01 s"),
+        (
+            lambda: run_with(pd(0.01), loop_of(sensors=Sensors(sample_time=0.013))),
+            "sample_time is 0.013 s; expected a m",
+        ),
+    ],
+)
+def test_jitter_and_encoders_that_do_not_fit_the_steps_are_refused(make: Callable[[], object], match: str) -> None:
+    with pytest.raises(ControllerError, match=match):
+        make()
+
+
 def test_the_force_limit_cuts_and_says_so() -> None:
     """Expected: the command as it was, the force at the limit, the flag."""
     run = run_with(constant(-9.0), loop_of(0.05, actuators=Actuators(force_limit=4.0)))
