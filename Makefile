@@ -7,9 +7,11 @@ OUT ?= results/reproduce
 HEAVE ?= results/heave_step
 SEEN ?= results/pitch_sine
 SITE ?= build/site
+# make mutants MUTANTS="model --number 20 --seed 3": options of python -m tools.mutants
+MUTANTS ?=
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo view test check bench evidence format docs figures lower-bounds clean
+.PHONY: help demo view test check bench evidence mutants format docs figures lower-bounds clean
 help:
 	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), close the loop (in $(HEAVE))"
 	@echo "make view      run a closed loop and show it in the browser, moving (the page stays in $(SEEN))"
@@ -17,6 +19,7 @@ help:
 	@echo "make check     formatting, ruff, mypy, import directions"
 	@echo "make bench     speed, as ratios"
 	@echo "make evidence  slow evidence: Pinocchio, long runs, long fuzz, other importers and processors"
+	@echo "make mutants   plant small bugs in copies of the sources and count those that the tests see"
 	@echo "make format    format the code"
 	@echo "make docs      build the documentation as a site that needs no network, in $(SITE)"
 	@echo "make figures   draw the pictures of README and docs again"
@@ -51,6 +54,9 @@ bench: $(VENV)/bench
 evidence: $(VENV)/evidence
 	$(BIN)/python -m pytest -m evidence -s
 	HYPOTHESIS_PROFILE=evidence $(BIN)/python -m pytest -q tests/model
+
+mutants: $(VENV)/dev
+	$(BIN)/python -m tools.mutants $(MUTANTS)
 
 format: $(VENV)/dev
 	$(BIN)/ruff format .

@@ -1,0 +1,131 @@
+"""The tool that plants bugs, on a module of a few lines whose mutants are known."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tools.mutants.__main__ import main
+from tools.mutants.mutation import mutant_of
+from tools.mutants.python_changes import python_changes
+from tools.mutants.selection import files_in, mutants_in_order
+from tools.mutants.token_changes import token_changes
+
+TOY = """\
+def area(a, b):
+    return a * b
+
+
+def half_circumference(a, b):
+    return a + b
+"""
+# They see the area, and call the other without a look at it.
+TESTS = """\
+from toy.rectangle import area, half_circumference
+
+
+def test_it():
+    assert area(2, 3) == 6
+    half_circumference(2, 3)
+"""
+
+
+@pytest.fixture
+def toy(tmp_path: Path) -> Path:
+    root = tmp_path / "repository"
+    for name, text in {"toy/rectangle.py": TOY, "tests/toy/test_rectangle.py": TESTS, "toy/__init__.py": ""}.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    subprocess.run(["git", "init", "--quiet"], cwd=root, check=True)
+    return root
+
+
+def test_what_the_tests_look_at_is_killed_and_what_they_only_call_survives(
+    toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: the product that the test compares is seen, the sum that it does not compare is not."""
+    report = tmp_path / "report.json"
+    assert main(["toy", "--report", str(report)], toy) == 1
+    fates = {key.split("|")[1]: fate for key, fate in json.loads(report.read_text()).items()}
+    assert fates == {"return a * b": "KILLED", "return a + b": "SURVIVED"}
+    printed = capsys.readouterr().out
+    assert "toy: 1 of 2 mutants killed, 50 % (0 by the clock; 0 more did not compile)" in printed
+    assert printed.count("\nsurvived: toy/rectangle.py:6") == 1
+    assert (toy / "toy/rectangle.py").read_text() == TOY
+    assert sorted(path.name for path in toy.iterdir()) == [".git", "tests", "toy"]
+
+
+def test_tests_that_fail_without_a_mutant_are_no_evidence(toy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (toy / "tests/toy/test_rectangle.py").write_text("def test_it():\n    assert False\n")
+    assert main(["toy"], toy) == 2
+    assert "have to pass before" in capsys.readouterr().err
+
+
+def test_a_seed_always_gives_the_same_mutants_and_other_lines_do_not_change_them(toy: Path) -> None:
+    files = files_in(toy, ["toy"])
+    listed = [mutants_in_order(toy, files, seed) for seed in range(10)]
+    assert listed == [mutants_in_order(toy, files, seed) for seed in range(10)]
+    assert {m.file for m in listed[0]} == {Path("toy/rectangle.py")}
+    assert len({tuple(m.key for m in each) for each in listed}) == 2  # two orders of two
+    (toy / "toy/rectangle.py").write_text("# moved down\nSIDES = 4\n" + TOY)
+    moved = [m.key for m in mutants_in_order(toy, files, 1)]
+    assert [key for key in moved if "SIDES" not in key] == [m.key for m in listed[1]]
+
+
+PYTHON = {
+    "v = -a @ b\n": {"v = (b) @ (-a)", "v = (a) @ b"},
+    "v = J.T @ f\n": {"v = (f) @ (J.T)", "v = J @ f"},
+    "v = x[i, 0]\n": {"v = x[i - 1, 0]", "v = x[i, 1]"},
+    "if a < 1.0 and b:\n    self.past = 0\n": {
+        *("if a <= 1.0 and b:", "if a > 1.0 and b:", "if a < 1.0 or b:", "if not (a < 1.0 and b):"),
+        *("if a < 1.1 and b:", "if a < (-1.0) and b:", "pass", "self.past = 1"),
+    },
+    "v = np.sqrt(np.mean(a))\n": {"v = (np.mean(a))", "v = np.sqrt(np.sum(a))"},
+    "v = f(a, b)\n": {"v = f(b, a)"},
+    "raise E(f'{1 + 2}')\n": {"pass"},
+    "total += 2\n": {"pass", "total -= 2", "total += 3", "total += 1"},
+    "@frozen(True)\nclass C:\n    'Text 1.'\n    n: Array[3] = True\n": {"n: Array[3] = False"},
+}
+
+
+@pytest.mark.parametrize("source", PYTHON)
+def test_changes_of_python(source: str) -> None:
+    """Expected: written by hand."""
+    found = {
+        mutant_of(Path("x.py"), source.encode(), change).after for p in python_changes(source.encode()) for change in p
+    }
+    assert found == PYTHON[source]
+
+
+TOKENS = {
+    "{/* a - b */ x = a * -b;\n}": {"{/* a - b */ x = a / -b;", "{/* a - b */ x = a * b;", "{/* a - b */ ;"},
+    "double *x = p + 4;\nchar y[6];\n": {f"double *x = p {other};" for other in ("- 4", "+ 5", "+ 3")},
+    "if (a <= b && !c) i->past = 0;\n": {
+        *("if (a < b && !c) i->past = 0;", "if (a > b && !c) i->past = 0;", "if (a <= b || !c) i->past = 0;"),
+        *(
+            "if (a <= b && c) i->past = 0;",
+            "if (!(a <= b && !c)) i->past = 0;",
+            "if (a <= b && !c) ;",
+            "if (a <= b && !c) i->past = 1;",
+        ),
+    },
+    "{ forget(x, y); return z; }\n": {"{ ; return z; }", "{ forget(y, x); return z; }"},
+    'say("1 < 2"); const m = s.replace(/[-1]/g, "");\n': set[str](),
+    "return a.map((v) => v % 2 === 0);\n": {
+        *("return a.map((v) => v * 2 === 0);", "return a.map((v) => v % 2 !== 0);"),
+        *(f"return a.map((v) => v % {n} === 0);" for n in (1, 3)),
+        "return a.map((v) => v % 2 === 1);",
+    },
+}
+
+
+@pytest.mark.parametrize("source", TOKENS)
+def test_changes_of_c_and_javascript(source: str) -> None:
+    """Expected: written by hand."""
+    found = {
+        mutant_of(Path("x.c"), source.encode(), change).after
+        for place in token_changes(source.encode())
+        for change in place
+    }
+    assert found == TOKENS[source]

@@ -1,0 +1,126 @@
+"""`python -m tools.mutants`: plants small bugs in copies of the sources and counts how many the tests see."""
+
+import argparse
+import json
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import Queue
+
+from tools.mutants.copies import copy_of
+from tools.mutants.mutation import Mutant
+from tools.mutants.rooms import DEFAULT_FOLDERS, tests_of
+from tools.mutants.selection import files_in, mutants_in_order, reason_of, reasons
+from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
+
+ROOT = Path(__file__).parents[2]
+
+
+def main(arguments: list[str] | None = None, root: Path = ROOT) -> int:
+    """The command; 0 if every folder's kill rate is at least what was asked for."""
+    options = _parser().parse_args(arguments)
+    reached = True
+    report: dict[str, str] = {}
+    try:
+        for folder in options.folders:
+            mutants = _chosen(root, folder, options)
+            if options.list:
+                print(*mutants[: options.number], sep="\n")
+                continue
+            fates = _fates(root, folder, mutants, options)
+            report |= {mutant.key: fate.name for mutant, fate in fates.items()}
+            reached = _summary(folder, fates, options.least) and reached
+    except (LookupError, CleanRunError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; the sources were never touched", file=sys.stderr)
+        return 130
+    if options.report:
+        options.report.write_text(json.dumps(report, indent=1), encoding="utf-8")
+    return 0 if reached else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
+    parser.add_argument("folders", nargs="*", default=DEFAULT_FOLDERS, help="such as model or harness/loop")
+    parser.add_argument("--number", type=int, default=100, help="mutants of each folder (100)")
+    parser.add_argument("--seed", type=int, default=1, help="other seeds give other mutants (1)")
+    parser.add_argument("--jobs", type=int, default=1, help="how many at a time (1)")
+    parser.add_argument("--file", default="*", help="only files whose name matches, such as 'pid*.py'")
+    parser.add_argument("--tests", nargs="+", help="these tests instead of the folder's own and nearby ones")
+    parser.add_argument(
+        "--least", type=float, default=90, help="kill rate in percent below which the command fails (90)"
+    )
+    parser.add_argument("--report", type=Path, help="file of JSON for what became of each mutant")
+    parser.add_argument("--again", type=Path, help="such a file: only its survivors are tried")
+    parser.add_argument("--list", action="store_true", help="only print the mutants")
+    return parser
+
+
+def _chosen(root: Path, folder: str, options: argparse.Namespace) -> list[Mutant]:
+    """Mutants of a folder in their order, without those that are known to be equivalent."""
+    known = reasons()
+    mutants = mutants_in_order(root, files_in(root, [folder], options.file), options.seed)
+    if options.again:
+        before = json.loads(options.again.read_text(encoding="utf-8"))
+        mutants = [mutant for mutant in mutants if before.get(mutant.key) == Fate.SURVIVED.name]
+    return [mutant for mutant in mutants if reason_of(mutant, known) is None]
+
+
+def _fates(root: Path, folder: str, mutants: list[Mutant], options: argparse.Namespace) -> dict[Mutant, Fate]:
+    """What becomes of the first mutants that compile, as many as were asked for."""
+    fates: dict[Mutant, Fate] = {}
+    with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as place:
+        benches = [Bench(copy_of(root, Path(place, f"copy-{k}")), Path(place, f"run-{k}")) for k in range(options.jobs)]
+        free: Queue[Bench] = Queue()
+        for bench in benches:
+            free.put(bench)
+        known: dict[tuple[str, ...], Evidence] = {}
+
+        def tests(mutant: Mutant) -> tuple[str, ...]:
+            return tuple(options.tests) if options.tests else tests_of(mutant.file, root)
+
+        def attempt(mutant: Mutant) -> Fate:
+            bench = free.get()
+            try:
+                return bench.trial(mutant, tests(mutant), known[tests(mutant)])
+            finally:
+                free.put(bench)
+
+        waiting = list(mutants)
+        pool = ThreadPoolExecutor(options.jobs)
+        try:
+            while waiting and (missing := options.number - sum(fate != Fate.INVALID for fate in fates.values())) > 0:
+                batch, waiting = waiting[:missing], waiting[missing:]
+                for mutant in batch:
+                    if tests(mutant) not in known:
+                        print(f"{folder}: first {' '.join(tests(mutant))} as they are", flush=True)
+                        known[tests(mutant)] = benches[0].clean_run(tests(mutant), [folder])
+                for mutant, fate in zip(batch, pool.map(attempt, batch), strict=True):
+                    fates[mutant] = fate
+                    print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)
+        finally:
+            for bench in benches:
+                bench.stop()
+            pool.shutdown(cancel_futures=True)
+    return fates
+
+
+def _summary(folder: str, fates: dict[Mutant, Fate], least: float) -> bool:
+    """Prints kill rate and survivors; whether the rate is at least what was asked for."""
+    number = {fate: sum(each is fate for each in fates.values()) for fate in Fate}
+    tried = len(fates) - number[Fate.INVALID]
+    killed = number[Fate.KILLED] + number[Fate.TIMEOUT]
+    rate = 100 * killed / tried if tried else 100.0
+    print(f"\n{folder}: {killed} of {tried} mutants killed, {rate:.0f} %", end="")
+    print(f" ({number[Fate.TIMEOUT]} by the clock; {number[Fate.INVALID]} more did not compile)")
+    for mutant, fate in fates.items():
+        if fate is Fate.SURVIVED:
+            print(f"survived: {mutant}")
+    return rate >= least
+
+
+if __name__ == "__main__":
+    sys.exit(main())

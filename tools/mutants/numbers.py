@@ -1,0 +1,18 @@
+"""Numbers that differ from one a little, in a language's spelling."""
+
+import re
+
+_NUMBER = re.compile(r"(?P<value>0[xX][0-9a-fA-F]+|[0-9.][0-9_.]*([eE][+-]?[0-9]+)?)(?P<suffix>[uUlLfFzn]*)$")
+
+
+def other_numbers(text: str) -> list[str]:
+    """One more and one less than an integer; a tenth more than another number, and its negative."""
+    found = _NUMBER.match(text)
+    if found is None:
+        return []
+    value, suffix = found["value"].replace("_", ""), found["suffix"]
+    if re.fullmatch(r"0[xX][0-9a-fA-F]+|[0-9]+", value):
+        integer = int(value, 16 if value[1:2] in {"x", "X"} else 10)
+        return [f"{other}{suffix}" for other in (integer + 1, integer - 1) if other >= 0]
+    larger = 1.1 * float(value)
+    return [f"{larger!r}{suffix}", f"(-{value}{suffix})"] if larger else [f"1.0{suffix}"]

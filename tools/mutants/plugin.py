@@ -1,0 +1,52 @@
+"""pytest's part of a trial: the order of the tests, a limit on each one's time, and what became of them.
+
+The environment variable `MUTANTS_PLAN` names a file of JSON: `first` are the tests to begin with, `limits` the seconds
+of each by name, `limit` those of others, `result` the file to write.
+"""
+
+import faulthandler
+import json
+import os
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+_PLAN: dict[str, Any] = json.loads(Path(os.environ["MUTANTS_PLAN"]).read_text(encoding="utf-8"))
+_seconds: dict[str, float] = {}
+_setups: list[float] = [0.0]
+_failed: list[str] = []
+_complaints: list[str] = []
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Those that are likely to see the mutant come first."""
+    rank = {name: k for k, name in enumerate(_PLAN["first"])}
+    items.sort(key=lambda item: rank.get(item.nodeid, len(rank)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Ends the process when a test takes too long; the watchdog sees loops in compiled code as well."""
+    faulthandler.dump_traceback_later(_PLAN["limits"].get(item.nodeid, _PLAN["limit"]), exit=True)
+    try:
+        return (yield)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Keeps times and failures."""
+    _seconds[report.nodeid] = _seconds.get(report.nodeid, 0.0) + report.duration
+    if report.when == "setup":
+        _setups.append(report.duration)
+    if report.failed:
+        _failed.append(report.nodeid)
+        _complaints.append(report.longreprtext)
+
+
+def pytest_sessionfinish() -> None:
+    """Writes them."""
+    result = {"seconds": _seconds, "longest_setup": max(_setups), "failed": _failed, "complaints": _complaints}
+    Path(_PLAN["result"]).write_text(json.dumps(result), encoding="utf-8")

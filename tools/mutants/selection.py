@@ -1,0 +1,63 @@
+"""The mutants of some folders in the random order of a seed."""
+
+import random
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from tools.mutants.mutation import Change, Mutant, mutant_of
+from tools.mutants.python_changes import python_changes
+from tools.mutants.token_changes import token_changes
+
+_CHANGES: dict[str, Callable[[bytes], Iterator[list[Change]]]] = {
+    ".py": python_changes,
+    ".c": token_changes,
+    ".h": token_changes,
+    ".js": token_changes,
+}
+EQUIVALENT = Path(__file__).with_name("equivalent.toml")
+
+
+def files_in(root: Path, folders: Iterable[str], pattern: str = "*") -> list[Path]:
+    """Sources below some folders whose name matches, from the root of the repository."""
+    found = set()
+    for folder in folders:
+        if not (root / folder).is_dir():
+            raise LookupError(f"no folder {folder}; expected one of the repository, such as model or fmu_build/c")
+        found |= {path.relative_to(root) for path in (root / folder).rglob(pattern) if path.suffix in _CHANGES}
+    return sorted(found)
+
+
+def mutants_in_order(root: Path, files: Iterable[Path], seed: int) -> list[Mutant]:
+    """One mutant for each place of the files, in the order of the seed; that of a place is drawn as well.
+
+    A mutant keeps its rank when other lines change, so that a list stays comparable while tests are written.
+    """
+    chosen = []
+    for file in files:
+        source = (root / file).read_bytes()
+        for place in _CHANGES[file.suffix](source):
+            draw = random.Random(f"{seed}|{mutant_of(file, source, place[0]).before}")
+            chosen.append(mutant_of(file, source, draw.choice(place)))
+    return sorted(_numbered(chosen), key=lambda mutant: mutant.rank(seed))
+
+
+def _numbered(mutants: Iterable[Mutant]) -> Iterator[Mutant]:
+    """The same, those that read alike told apart by number."""
+    seen = Counter[str]()
+    for mutant in mutants:
+        yield replace(mutant, occurrence=seen[mutant.key])
+        seen[mutant.key] += 1
+
+
+def reasons(path: Path = EQUIVALENT) -> dict[tuple[str, str, str], str]:
+    """Why a mutant cannot be told from the source, by file and lines before and after."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", [])
+    return {(each["file"], each["before"], each["after"]): each["reason"] for each in tables}
+
+
+def reason_of(mutant: Mutant, known: dict[tuple[str, str, str], str]) -> str | None:
+    """Why this one cannot be told from the source, if it is known."""
+    return known.get((mutant.file.as_posix(), mutant.before, mutant.after))

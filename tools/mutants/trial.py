@@ -1,0 +1,188 @@
+"""Tests run on a copy of the repository: once as it is, then once for each mutant."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from coverage import CoverageData
+
+from tools.mutants.mutation import Mutant
+
+_ROOT = Path(__file__).parents[2]  # for the plugin
+_QUICK = 0.3  # s; quick tests of a line come before slow ones
+_COMPILER_COMPLAINT = "the compiler failed"
+
+
+class Fate(Enum):
+    """What became of a mutant."""
+
+    KILLED = "killed"
+    TIMEOUT = "killed by the clock"
+    SURVIVED = "survived"
+    INVALID = "does not compile"
+
+
+class CleanRunError(RuntimeError):
+    """The tests fail on the sources as they are."""
+
+
+@dataclass
+class Evidence:
+    """What the run on the sources as they are tells of some tests; kills are added as they happen."""
+
+    seconds: dict[str, float]
+    longest_setup: float
+    lines: dict[tuple[str, int], set[str]]  # tests by file and line
+    kills: dict[tuple[str, str], int] = field(default_factory=dict)  # of a file's mutants by a test
+
+    def first(self, mutant: Mutant) -> list[str]:
+        """Tests in the order of how soon they may see a mutant; those that are not named come after them.
+
+        Killers of this file's mutants, then what runs the line: quick tests, then slow ones, each module's together.
+        What is computed once in a process counts as run by the first test alone, so that no test is left out.
+        """
+        file = mutant.file.as_posix()
+        seen = self.lines.get((file, mutant.line_number), set()) or {
+            test for (name, _), tests in self.lines.items() if name == file for test in tests
+        }
+        candidates = (seen or set(self.seconds)) | {test for (name, test) in self.kills if name == file}
+        modules: dict[tuple[bool, str], float] = {}
+        for test in candidates:
+            group = (self.seconds[test] > _QUICK, test.partition("::")[0])
+            modules[group] = min(modules.get(group, float("inf")), self.seconds[test])
+
+        def place(test: str) -> tuple[int, bool, float, str, float]:
+            slow, module = group = (self.seconds[test] > _QUICK, test.partition("::")[0])
+            return -self.kills.get((file, test), 0), slow, modules[group], module, self.seconds[test]
+
+        return sorted(candidates, key=place)
+
+    def limits(self) -> dict[str, float]:
+        """Seconds after which a test counts as caught in a loop; whichever comes first builds what all share."""
+        return {test: 20 + 2 * self.longest_setup + 10 * seconds for test, seconds in self.seconds.items()}
+
+
+class Bench:
+    """A copy of the repository, on which one mutant after the other is tried."""
+
+    def __init__(self, copy: Path, scratch: Path) -> None:
+        self.copy, self.scratch = copy, scratch
+        scratch.mkdir(parents=True)
+        (scratch / "tmp").mkdir()
+        self._process: subprocess.Popen[str] | None = None
+        self._stopped = False
+
+    def clean_run(self, tests: Iterable[str], folders: Iterable[str]) -> Evidence:
+        """Times of all tests on the sources as they are, and which lines each runs.
+
+        Raises
+        ------
+        CleanRunError
+            With what pytest printed.
+        """
+        data = self.scratch / "coverage"
+        data.unlink(missing_ok=True)
+        options = [*(f"--cov={folder}" for folder in folders), "--cov-context=test", "--cov-report="]
+        plan = {"first": [], "limits": {}, "limit": 3600}
+        code, printed, result = self._pytest(tests, options, plan, {"COVERAGE_FILE": str(data)})
+        if code != 0:
+            raise CleanRunError(f"the tests have to pass before there are mutants; pytest says:\n{printed[-4000:]}")
+        return Evidence(result["seconds"], result["longest_setup"], self._tests_of_lines(data))
+
+    def _tests_of_lines(self, data: Path) -> dict[tuple[str, int], set[str]]:
+        measured = CoverageData(str(data))
+        measured.read()
+        found: dict[tuple[str, int], set[str]] = {}
+        for path in measured.measured_files():
+            name = Path(path).resolve().relative_to(self.copy.resolve()).as_posix()
+            for line, contexts in measured.contexts_by_lineno(path).items():
+                if tests := {context.rpartition("|")[0] for context in contexts} - {""}:
+                    found[name, line] = tests
+        return found
+
+    def trial(self, mutant: Mutant, tests: Iterable[str], evidence: Evidence) -> Fate:
+        """Whether a test fails on the mutant; the copy is as before afterwards."""
+        path = self.copy / mutant.file
+        kept = self.scratch / "kept"
+        shutil.copy2(path, kept)
+        try:
+            path.write_bytes(mutant.change.apply(kept.read_bytes()))
+            if path.suffix == ".js" and not _is_javascript(path):
+                return Fate.INVALID
+            plan = {"first": evidence.first(mutant), "limits": evidence.limits(), "limit": 600}
+            code, printed, result = self._pytest(tests, ["-x", "-p", "no:cov"], plan, {"PYTHONDONTWRITEBYTECODE": "1"})
+        finally:
+            shutil.copy2(kept, path)
+        if code == 0:
+            return Fate.SURVIVED
+        if any(_COMPILER_COMPLAINT in text for text in result.get("complaints", ())):
+            return Fate.INVALID
+        for test in result.get("failed", ()):
+            name = (mutant.file.as_posix(), test)
+            if test in evidence.seconds:
+                evidence.kills[name] = evidence.kills.get(name, 0) + 1
+        return Fate.TIMEOUT if not result and "Timeout (" in printed else Fate.KILLED
+
+    def stop(self) -> None:
+        """Ends the tests that run now, and begins no others."""
+        self._stopped = True
+        if self._process is not None:
+            _end(self._process)
+
+    def _pytest(
+        self, tests: Iterable[str], options: Iterable[str], plan: Mapping[str, object], environment: Mapping[str, str]
+    ) -> tuple[int, str, dict[str, Any]]:
+        result, plan_file = self.scratch / "result.json", self.scratch / "plan.json"
+        result.unlink(missing_ok=True)
+        plan_file.write_text(json.dumps({**plan, "result": str(result)}), encoding="utf-8")
+        shutil.rmtree(self.scratch / "tmp")
+        (self.scratch / "tmp").mkdir()
+        plugins = ["-p", "tools.mutants.plugin", "-p", "no:cacheprovider", "-p", "no:xdist"]
+        # what is compiled from a mutant stays out of the user's caches
+        own = {
+            "PYTHONPATH": f"{self.copy}{os.pathsep}{_ROOT}",
+            "MUTANTS_PLAN": str(plan_file),
+            "ZIG_GLOBAL_CACHE_DIR": str(self.scratch.parent / "zig"),
+            "TMPDIR": str(self.scratch / "tmp"),
+        }
+        with (self.scratch / "printed").open("w+", encoding="utf-8") as printed:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "pytest", "-q", *plugins, *options, *tests],
+                cwd=self.copy,
+                env={**os.environ, **own, **environment},
+                stdout=printed,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                text=True,
+                start_new_session=True,
+            )
+            try:
+                if self._stopped:
+                    raise KeyboardInterrupt
+                code = self._process.wait()
+            finally:
+                _end(self._process)  # and what it may have left behind
+            printed.seek(0)
+            return code, printed.read(), json.loads(result.read_text(encoding="utf-8")) if result.exists() else {}
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def _is_javascript(path: Path) -> bool:
+    node = shutil.which("node")
+    return (
+        node is None or subprocess.run([node, "--check", str(path)], capture_output=True, check=False).returncode == 0
+    )
