@@ -5,19 +5,14 @@ from dataclasses import replace
 import control
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.linear import linearise
-from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.model.platform_toml import load_preset
+import gough_stewart as gs
 
 SAMPLE_TIME = 1e-3
 STATE = ("position", "orientation", "velocity", "angular_velocity")
 
 # at rest the smoothed Coulomb friction would pass for a huge damper
-platform = replace(load_preset("motion_base"), leg_coulomb_friction=0.0)
-linear = linearise(platform, outputs=STATE)
+platform = replace(gs.load_preset("motion_base"), leg_coulomb_friction=0.0)
+linear = gs.linearise(platform, outputs=STATE)
 plant = control.sample_system(control.ss(linear.A, linear.B[:, :6], np.eye(12), 0), SAMPLE_TIME)
 # a centimetre and a hundredth of a radian weigh as much as 5 cm/s, 0.05 rad/s, and as a kilonewton in one leg
 Q = np.diag([1 / 0.01**2] * 6 + [1 / 0.05**2] * 6)
@@ -25,8 +20,8 @@ R = np.eye(6) / 1000**2
 gain, _, poles = control.dlqr(plant, Q, R)
 print("slowest closed-loop pole [1/s]:", round(np.log(np.abs(poles).max()) / SAMPLE_TIME, 2))
 
-controller = LinearController(control.ss([], [], [], gain, SAMPLE_TIME), signals=STATE)
+controller = gs.LinearController(control.ss([], [], [], gain, SAMPLE_TIME), signals=STATE)
 for name in ("heave_step", "impulse"):
-    record = run(shipped_experiment(name), controller=controller)
-    peak = metrics(record)["tracking"]["position"]["norm_peak"]
+    record = gs.run(name, controller=controller)
+    peak = gs.metrics(record)["tracking"]["position"]["norm_peak"]
     print(f"{name}: {record.metadata['outcome']['status']}, peak position error {1000 * peak:.2f} mm")

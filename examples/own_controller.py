@@ -2,32 +2,26 @@
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import Sample
-from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.experiment.run import run
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
-from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.state import State
+import gough_stewart as gs
 
-platform = load_preset("liu2000")
+platform = gs.load_preset("liu2000")
 OMEGA, ZETA = 2 * np.pi * 3, 1.0
 
 
-def feedback_linearisation(sample: Sample) -> np.ndarray:
+def feedback_linearisation(sample: gs.Sample) -> np.ndarray:
     """F = inverse dynamics in the measured state for the acceleration a_r + 2 ζ ωn ė + ωn² e."""
     r, y = sample.reference, sample.measured
-    J = leg_jacobian(platform, y["position"], y["orientation"])
+    J = gs.leg_jacobian(platform, y["position"], y["orientation"])
     # pose errors as far as legs tell, in world components
     e, de = (np.linalg.solve(J, r[name] - y[name]) for name in ("leg_length", "leg_velocity"))
     wanted = np.concatenate([r["acceleration"], r["angular_acceleration"]])
     a = wanted + 2 * ZETA * OMEGA * de + OMEGA**2 * e
-    state = State(y["position"], y["orientation"], y["velocity"], y["angular_velocity"])
-    return inverse_dynamics(platform, state, Acceleration(a[:3], a[3:]))
+    state = gs.State(y["position"], y["orientation"], y["velocity"], y["angular_velocity"])
+    return gs.inverse_dynamics(platform, state, gs.Acceleration(a[:3], a[3:]))
 
 
-experiment = shipped_experiment("circle", ["loop.duration=3", "controller.feedforward=none"])
+experiment = gs.load_experiment("circle", {"loop.duration": 3, "controller.feedforward": "none"})
 for name, controller in (("PD without feedforward", None), ("feedback linearisation", feedback_linearisation)):
-    record = run(experiment, plant="fmu3", controller=controller)
+    record = gs.run(experiment, plant="fmu3", controller=controller)
     error = 1000 * np.linalg.norm(record["error.position"], axis=1)
     print(f"{name}: peak error {error.max():.2f} mm, at the end {error[-1]:.2f} mm")

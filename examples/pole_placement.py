@@ -3,18 +3,14 @@
 import control
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.linear import linearise, trim
-from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.experiment.run import run
-from gough_stewart.model.platform_toml import load_preset
+import gough_stewart as gs
 
 SAMPLE_TIME = 1e-3
 STATE = ("position", "orientation", "velocity", "angular_velocity")
 
-platform = load_preset("liu2000")
-platform_start = trim(platform).state
-linear = linearise(platform, outputs=STATE)
+platform = gs.load_preset("liu2000")
+at_rest = gs.trim(platform).state
+linear = gs.linearise(platform, outputs=STATE)
 plant = control.sample_system(control.ss(linear.A, linear.B[:, :6], np.eye(12), 0), SAMPLE_TIME)
 # two poles for each degree of freedom; the slowest of all is at −4/s
 wanted = -np.concatenate([np.linspace(4, 6, 6), np.linspace(12, 18, 6)])
@@ -23,12 +19,12 @@ gain = control.place(plant.A, plant.B, np.exp(wanted * SAMPLE_TIME))
 # a start along the eigenvector of the slowest pole, so that the run shows nothing else
 values, vectors = np.linalg.eig(plant.A - plant.B @ gain)
 slowest = np.real(vectors[:, np.abs(values).argmax()])
-start = platform_start + 1e-3 * slowest / np.abs(slowest).max()
-settings = ["reference={type='hold'}", "loop.duration=1", "change=[]"]
-settings += [f"start.{name}={start[3 * k : 3 * k + 3].tolist()}" for k, name in enumerate(STATE)]
+start = at_rest + 1e-3 * slowest / np.abs(slowest).max()
+settings = {"reference": {"type": "hold"}, "loop.duration": 1, "change": []}
+settings |= {f"start.{name}": start[3 * k : 3 * k + 3] for k, name in enumerate(STATE)}
 
-controller = LinearController(control.ss([], [], [], gain, SAMPLE_TIME), signals=STATE)
-record = run(shipped_experiment("payload_change", settings), controller=controller)
+controller = gs.LinearController(control.ss([], [], [], gain, SAMPLE_TIME), signals=STATE)
+record = gs.run("payload_change", settings, controller=controller)
 error, time = np.linalg.norm(record["error.position"], axis=1), record["time"]
 rate = np.polyfit(time, np.log(error), 1)[0]
 print(f"wanted: the slowest pole at {wanted.max():.2f} 1/s; seen: a decay by {rate:.2f} 1/s")

@@ -1,6 +1,7 @@
 """What `import gough_stewart as gs` offers: these names, explained, typed, and loaded only when they are used."""
 
 import inspect
+import re
 import subprocess
 import sys
 from typing import assert_type
@@ -10,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import gough_stewart as gs
-from tests.support.snippets import ROOT
+from tests.support.snippets import BLOCKS, ROOT
 
 # The promise to users. A name that goes, or comes, is a line in the changelog.
 NAMES = [
@@ -70,6 +71,20 @@ def python(code: str) -> str:
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def test_pages_and_examples_use_nothing_else() -> None:
+    """Expected: no module of the package but itself is imported in a code block or an example."""
+    programs = {path.name: path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py")}
+    programs |= {block.place: block.text for block in BLOCKS if block.language == "python"}
+    assert len(programs) > 15
+    deep = re.compile(r"^\s*(?:from|import) gough_stewart[. ](?!as gs$).*", re.MULTILINE)
+    assert {place: deep.findall(text) for place, text in programs.items() if deep.search(text)} == {}
+
+
+def test_the_closed_loop_of_the_readme_takes_three_imports_at_most() -> None:
+    (block,) = [b for b in BLOCKS if b.page == "README.md" and "gs.gains_from_bandwidth" in b.text]
+    assert len(re.findall(r"^(?:from|import) ", block.text, re.MULTILINE)) <= 3
 
 
 def test_the_names_are_those_promised() -> None:
