@@ -130,6 +130,7 @@ VARIABLES: tuple[Variable, ...] = (
         lower_bound=">= 0",
     ),
 )
+"""Every variable of the plant: `name`, `shape`, `unit`, `causality`, `variability`, `description`; see notation."""
 
 BY_NAME: Mapping[str, Variable] = {v.name: v for v in VARIABLES}
 INPUTS = tuple(v for v in VARIABLES if v.causality == "input")
