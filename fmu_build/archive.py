@@ -9,6 +9,11 @@ _DATE = (1980, 1, 1, 0, 0, 0)
 _FIRST = "modelDescription.xml"
 
 
+def file_name(fmi_version: str) -> str:
+    """`gough_stewart_fmi2.fmu` or `gough_stewart_fmi3.fmu`."""
+    return f"gough_stewart_fmi{fmi_version[0]}.fmu"
+
+
 def to_zip(contents: Mapping[str, bytes]) -> bytes:
     """A zip archive of files by their path inside, with slashes; the model description first."""
     stream = io.BytesIO()

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from gough_stewart.fmu_build.archive import to_zip
+from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.companions import build_description, terminals_and_icons
 from gough_stewart.fmu_build.documentation import documentation_page
 from gough_stewart.fmu_build.drawing import icon_png, icon_svg
@@ -85,11 +85,6 @@ def build(
     for path, content in archives.items():
         write_whole(path, content)
     return list(archives)
-
-
-def file_name(fmi_version: str) -> str:
-    """`gough_stewart_fmi2.fmu` or `gough_stewart_fmi3.fmu`."""
-    return f"{LIBRARY}_fmi{fmi_version[0]}.fmu"
 
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:

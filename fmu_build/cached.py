@@ -7,7 +7,7 @@ from importlib.metadata import version
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from gough_stewart.fmu_build.build import build, file_name
+from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.toolchain import cache_folder
 from gough_stewart.model.files import write_files
 from gough_stewart.model.progress import StepProgress
@@ -35,6 +35,8 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
     """
     path = cache_folder() / "fmus" / _digest() / file_name(fmi_version)
     if not path.is_file():
+        from gough_stewart.fmu_build.build import build  # CasADi, and all else that a unit of the cache needs no more
+
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
             (built,) = build(folder, fmi=[fmi_version], progress=progress)
             write_files(path.parent, {path.name: built.read_bytes()})

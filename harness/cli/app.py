@@ -3,7 +3,6 @@
 import gc
 import io
 import sys
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
@@ -29,6 +28,8 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         typer.echo(f"gough-stewart {version('gough-stewart')}")
         raise typer.Exit
 

@@ -1,4 +1,7 @@
-"""Options that several commands have, and what they choose."""
+"""Options that several commands have, and what they choose.
+
+Commands import what they work with inside of their functions: --help and a mistyped command need not wait for NumPy.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,12 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gough_stewart.harness.cli.terminal import UsageError
-from gough_stewart.model.formulations import cases
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_platform, load_preset
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
+    from gough_stewart.model.platform import Platform
 
 PresetOption = Annotated[
     str | None,
@@ -35,7 +36,7 @@ ReportOption = Annotated[
 ]
 
 
-def chosen_platform(preset: str | None, platform: Path | None) -> Platform:
+def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
     """The platform of a preset or a file; the paper's if there is neither.
 
     Raises
@@ -45,6 +46,9 @@ def chosen_platform(preset: str | None, platform: Path | None) -> Platform:
     """
     if preset is not None and platform is not None:
         raise UsageError("--preset and --platform exclude each other; give one")
+    from gough_stewart.model.formulations import cases
+    from gough_stewart.model.platform_toml import load_platform, load_preset
+
     if platform is not None:
         return load_platform(platform)
     return load_preset(cases.PAPER_PRESET if preset is None else preset)

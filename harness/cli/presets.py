@@ -7,8 +7,6 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.harness.cli.terminal import clear_errors
-from gough_stewart.model import kinematics
-from gough_stewart.model.platform_toml import load_preset, preset_names, preset_text
 
 
 def presets_command(
@@ -16,6 +14,9 @@ def presets_command(
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
+        from gough_stewart.model import kinematics
+        from gough_stewart.model.platform_toml import load_preset, preset_names, preset_text
+
         if name is not None:
             typer.echo(preset_text(name), nl=False)
             return

@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -10,7 +10,9 @@ from rich.console import Console
 from gough_stewart.harness.cli.options import PlatformOption, PresetOption, ReportOption, chosen_platform
 from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.formulations import cases
+
+if TYPE_CHECKING:
+    from gough_stewart.model.formulations.cases import OpenLoopCase
 
 
 class Order(StrEnum):
@@ -57,7 +59,6 @@ def reproduce_command(
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
     with clear_errors():
-        # here, not above: --help need not wait for CasADi and matplotlib
         from gough_stewart.harness.paper.report import to_terminal
         from gough_stewart.harness.paper.reproduce import FILES, reproduce
         from gough_stewart.harness.view.page import PAGE
@@ -74,7 +75,9 @@ def reproduce_command(
             raise GoughStewartError("a comparison misses its bound; see the table above and report.md")
 
 
-def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> cases.OpenLoopCase:
+def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> "OpenLoopCase":
+    from gough_stewart.model.formulations import cases
+
     chosen = chosen_platform(preset, platform)
     if order is None:
         return cases.case_of(chosen)

@@ -9,7 +9,6 @@ from rich.console import Console
 
 from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform
 from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors, progress_bar
-from gough_stewart.harness.quantities import number
 
 FILES = ("workspace.csv", "workspace.png", "workspace.svg", "workspace.html")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
@@ -62,7 +61,6 @@ def workspace_command(
     with clear_errors():
         ranges, fixed = _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
-        # here, not above: --help need not wait for matplotlib
         from gough_stewart.harness.output.tables import to_terminal
         from gough_stewart.harness.workspace.figures import workspace_figures
         from gough_stewart.harness.workspace.page import workspace_page
@@ -138,6 +136,7 @@ def _check_name(option: str, given: str, name: str) -> None:
 
 
 def _quantity(option: str, given: str, name: str, text: str) -> float:
+    from gough_stewart.harness.quantities import number
     from gough_stewart.model.workspace_grid import COORDINATES
 
     unit = COORDINATES[name]

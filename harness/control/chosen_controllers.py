@@ -9,7 +9,8 @@ import numpy as np
 from gough_stewart.harness.control.choice import PD, PID
 from gough_stewart.harness.control.gains import DAMPING_RATIO, gains_from_bandwidth
 from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
-from gough_stewart.harness.control.pid import Gains, pid, sampled
+from gough_stewart.harness.control.pid import Gains, pid_matrices
+from gough_stewart.harness.control.state_space import discretised
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model.platform import Platform
 
@@ -29,8 +30,8 @@ def system_of(choice: PD, platform: Platform, sample_time: float) -> LinearContr
             f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since a "
             "controller hears of the limits one sample late"
         )
-    continuous = pid(gains, choice.derivative_on)
-    return LinearController(sampled(continuous, sample_time, choice.discretisation), space=choice.space)
+    continuous = pid_matrices(gains, choice.derivative_on)
+    return LinearController(discretised(continuous, sample_time, choice.discretisation), space=choice.space)
 
 
 def gains_of(choice: PD, platform: Platform) -> Gains:

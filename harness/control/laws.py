@@ -4,11 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
-import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
+from gough_stewart.harness.control.state_space import is_control_system, state_space_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
@@ -56,12 +55,7 @@ class LinearController:
     space: Space = "leg"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.system, control.StateSpace | control.TransferFunction):
-            raise ControllerError(
-                f"controller is {type(self.system).__name__}; expected a control.StateSpace or TransferFunction in "
-                "discrete time, or a function of a Sample"
-            )
-        object.__setattr__(self, "system", _state_space(self.system))
+        object.__setattr__(self, "system", state_space_of(self.system))
         object.__setattr__(self, "signals", tuple([self.signals] if isinstance(self.signals, str) else self.signals))
         if self.space not in ("leg", "task"):
             raise ControllerError(f"space is {self.space!r}; expected 'leg' or 'task'")
@@ -75,7 +69,7 @@ class LinearController:
                 f"signals {', '.join(self.signals)} {sizes[0]} inputs (errors), {sizes[1]} (references, measurements) "
                 f"or {sizes[2]} (and what the limits cut off), and {N_LEGS} outputs (forces)"
             )
-        if self.system.nstates and not self.system.isdtime(strict=True):
+        if self.system.nstates and not self.system.dt:
             raise ControllerError(
                 "controller is in continuous time; expected discrete time: sample it, for instance by "
                 "control.sample_system(controller, 1e-3, method='tustin')"
@@ -134,7 +128,7 @@ def controller_of(given: Any) -> Controller:
     if isinstance(given, LinearController):
         return given
     # python-control's systems can be called, too: with a frequency
-    if callable(given) and not isinstance(given, control.InputOutputSystem):
+    if callable(given) and not is_control_system(given):
         return given  # type: ignore[no-any-return]
     return LinearController(given)
 
@@ -272,26 +266,6 @@ def _rest(A: FloatArray, forcing: FloatArray) -> FloatArray:
     R, L = Vt[null].T, U[:, null]
     P = R @ np.linalg.solve(L.T @ R, L.T)
     return np.asarray(np.linalg.solve(N + P, forcing - P @ forcing))
-
-
-def _state_space(system: Any) -> Any:
-    """A state space of a system; of a matrix of transfer functions element by element.
-
-    python-control converts such a matrix only with slycot, which would find fewer states.
-    """
-    if not isinstance(system, control.TransferFunction) or system.issiso():
-        return control.ss(system)
-    m, n = system.noutputs, system.ninputs
-    elements = [
-        [control.ss(control.tf(system.num[i][j], system.den[i][j], system.dt)) for j in range(n)] for i in range(m)
-    ]
-    # state (i, j) is driven by input j and seen at output i
-    flat = [(i, j, elements[i][j]) for i in range(m) for j in range(n)]
-    A = block_diag(*(each.A for _, _, each in flat))
-    B = np.vstack([np.outer(each.B[:, 0], np.eye(n)[j]) for _, j, each in flat])
-    C = np.hstack([np.outer(np.eye(m)[i], each.C[0]) for i, _, each in flat])
-    D = np.array([[elements[i][j].D[0, 0] for j in range(n)] for i in range(m)])
-    return control.ss(A, B, C, D, system.dt)
 
 
 def _as_slice(positions: NDArray[np.intp]) -> slice | NDArray[np.intp]:

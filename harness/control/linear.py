@@ -1,23 +1,28 @@
-"""The platform as a python-control object: nonlinear, linearised exactly, at rest, and its modes."""
+"""The platform as a python-control object: nonlinear, linearised exactly, at rest, and its modes.
+
+python-control and the compiled kernel are imported where systems are made: those who only want the mass that legs feel
+should not wait for them.
+"""
 
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import mass_matrix, solve_leg_forces, static_leg_forces
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array, FloatArray
+
+if TYPE_CHECKING:
+    import control
 
 OUTPUTS = tuple(v.name for v in interface.OUTPUTS)
 STATE_NAMES = [name for v in interface.STATES for name in v.scalar_names]
@@ -39,7 +44,7 @@ class Mode(NamedTuple):
     damping_ratio: float  # −Re / |eigenvalue|; negative where it grows
 
 
-def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> control.NonlinearIOSystem:
+def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "control.NonlinearIOSystem":
     """The platform as python-control's nonlinear system: ẋ = f(x, u), y = g(x, u).
 
     States, inputs and outputs carry the interface's scalar names: `position[1]`, `actuator_force[6]`, `leg_length[3]`.
@@ -57,6 +62,10 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> contro
     InterfaceError
         A name that is none of these, a name twice, or no name.
     """
+    from control import nlsys
+
+    from gough_stewart.model.kernel import Kernel, parameter_vector
+
     kernel, p = Kernel(), parameter_vector(platform)
     names, rows = _rows(outputs)
 
@@ -66,7 +75,7 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> contro
     def output(_t: float, x: Any, u: Any, _params: Any) -> FloatArray:
         return np.asarray(kernel.outputs(x, u, p)[rows])
 
-    return control.nlsys(update, output, states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
+    return nlsys(update, output, states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
 
 
 def trim(
@@ -100,7 +109,7 @@ def linearise(
     outputs: Iterable[str] = OUTPUTS,
     *,
     coulomb_friction: bool = False,
-) -> control.StateSpace:
+) -> "control.StateSpace":
     """Linear model δẋ = A δx + B δu, δy = C δx + D δu about rest in a pose (default: home), by exact Jacobians.
 
     Signals are named as in `plant_system`.
@@ -116,12 +125,16 @@ def linearise(
     InterfaceError, SingularPoseError
         As `plant_system` and `trim`.
     """
+    from control import ss
+
+    from gough_stewart.model.kernel import Kernel, parameter_vector
+
     names, rows = _rows(outputs)
     if not coulomb_friction:
         platform = replace(platform, leg_coulomb_friction=0.0)
     point = trim(platform, position, orientation)
     A, B, C, D = (block.copy() for block in Kernel().jacobians(*point, parameter_vector(platform)))
-    return control.ss(A, B, C[rows], D[rows], states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
+    return ss(A, B, C[rows], D[rows], states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
 
 
 def modes(system: Any) -> list[Mode]:

@@ -10,19 +10,20 @@ error as e [m, rad] and a wrench [N, N m] in the place of F.
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gough_stewart.harness.control.state_space import Method, StateSpace, discretised
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
 
+if TYPE_CHECKING:
+    import control
+
 DerivativeOn = Literal["error", "measurement"]
-Method = Literal["tustin", "backward_diff", "zoh"]
-METHODS: tuple[Method, ...] = ("tustin", "backward_diff", "zoh")
 N_CHANNELS = 6
 # A filter of the derivative this much faster than the derivative itself (N of the textbooks).
 FILTER_RATIO = 20.0
@@ -69,7 +70,7 @@ class Gains:
         return np.where(kd > 0, np.sqrt(integral_time * kd / kp), integral_time)
 
 
-def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> control.StateSpace:
+def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSpace":
     """Six channels of PD, or of PID with anti-windup where a gain is integral; continuous.
 
     Inputs: reference_leg_length[1..6], leg_length[1..6], and of PID limit_excess[1..6] (force after the limits minus
@@ -80,50 +81,73 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> control.StateSpa
     ControllerError
         `derivative_on` is neither "error" nor "measurement".
     """
-    if derivative_on not in ("error", "measurement"):
-        raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
-    with_integral = bool(np.any(np.asarray(gains.integral) > 0))
-    channels = [_channel(gains, k, derivative_on, with_integral) for k in range(N_CHANNELS)]
-    together = control.append(*channels)
-    # append has the inputs channel by channel; wanted are all references, then all measurements, …
-    n = channels[0].ninputs
-    order = np.arange(n * N_CHANNELS).reshape(N_CHANNELS, n).T.ravel()
-    kinds = ["reference_leg_length", "leg_length", "limit_excess"][:n]
-    return control.ss(
-        together.A,
-        together.B[:, order],
-        together.C,
-        together.D[:, order],
+    from control import ss
+
+    system = pid_matrices(gains, derivative_on)
+    kinds = ["reference_leg_length", "leg_length", "limit_excess"][: system.B.shape[1] // N_CHANNELS]
+    return ss(
+        system.A,
+        system.B,
+        system.C,
+        system.D,
         inputs=[f"{kind}[{k + 1}]" for kind in kinds for k in range(N_CHANNELS)],
         outputs=list(interface.BY_NAME["actuator_force"].scalar_names),
         name="controller",
     )
 
 
-def sampled(system: Any, sample_time: float, method: Method = "tustin") -> control.StateSpace:
-    """The continuous system at a sample time [s], by python-control's `sample_system`; names are kept.
+def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSpace:
+    """The same without python-control.
+
+    A channel's states are the filter's, ż = v − z/Tf with v = e or −y, whose derivative kd s/(Tf s + 1) v is
+    kd/Tf (v − z/Tf); and x. It has those for which it has a gain.
+    """
+    if derivative_on not in ("error", "measurement"):
+        raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
+    with_integral = bool(np.any(np.asarray(gains.integral) > 0))
+    n_kinds = 3 if with_integral else 2
+    # inputs (r, y, excess) of a channel; the derivative acts on v = d · (r, y, excess)
+    error = np.array([1.0, -1.0, 0.0])[:n_kinds]
+    d = error if derivative_on == "error" else np.array([0.0, -1.0, 0.0])[:n_kinds]
+    one = np.eye(N_CHANNELS)
+    poles, B, C, D = [], [], [], np.zeros((N_CHANNELS, n_kinds, N_CHANNELS))
+    for k in range(N_CHANNELS):
+        kp, kd, ki = (np.asarray(v)[k] for v in (gains.proportional, gains.derivative, gains.integral))
+        D[k, :, k] = kp * error
+        if kd > 0:
+            high, pole = kd / gains.filter_time, -1 / gains.filter_time
+            D[k, :, k] += high * d
+            poles.append(pole)
+            B.append(np.outer(d, one[k]))
+            C.append(high * pole * one[k])
+        if ki > 0:
+            poles.append(0.0)
+            B.append(np.outer([ki, -ki, 1 / gains.tracking_time[k]], one[k]))
+            C.append(one[k])
+    n, m = len(poles), n_kinds * N_CHANNELS
+    return StateSpace(
+        np.diag(poles),
+        # all references, then all measurements, then all excesses
+        np.reshape(B, (n, m)),
+        np.reshape(C, (n, N_CHANNELS)).T,
+        D.reshape(N_CHANNELS, m),
+    )
+
+
+def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "control.StateSpace":
+    """The continuous system at a sample time [s], as python-control's `sample_system` has it; names are kept.
 
     Raises
     ------
     ControllerError
-        The sample time is not > 0, the method is unknown, or a pole of the system is faster than the samples can tell:
-        by Tustin's rule it would ring from sample to sample.
+        As `discretised`.
     """
-    if not (np.isfinite(sample_time) and sample_time > 0):
-        raise ControllerError(f"sample_time is {sample_time!r}; expected a time > 0 s")
-    if method not in METHODS:
-        raise ControllerError(f"discretisation is {method!r}; expected one of {', '.join(METHODS)}")
-    system = control.ss(system)
-    poles = system.poles()
-    fastest = float(np.abs(poles).max(initial=0.0))
-    if method == "tustin" and fastest * sample_time > 2:
-        raise ControllerError(
-            f"the controller has a time constant of {1 / fastest:.3g} s, shorter than half its sample time of "
-            f"{sample_time:g} s; expected a derivative_filter of at least {sample_time / 2:.3g} s, a shorter "
-            "sample_time, or discretisation = 'backward_diff'"
-        )
-    discrete = control.sample_system(system, sample_time, method=method)
-    return control.ss(
+    from control import ss
+
+    system = ss(system)
+    matrices = StateSpace(system.A, system.B, system.C, system.D, system.dt or 0.0)
+    discrete = discretised(matrices, sample_time, method)
+    return ss(
         discrete.A,
         discrete.B,
         discrete.C,
@@ -133,23 +157,6 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> contr
         outputs=system.output_labels,
         name=system.name,
     )
-
-
-def _channel(gains: Gains, k: int, derivative_on: DerivativeOn, with_integral: bool) -> Any:
-    kp, kd, ki = (np.asarray(v)[k] for v in (gains.proportional, gains.derivative, gains.integral))
-    # inputs (r, y); the derivative acts on v = d · (r, y)
-    error, d = np.array([[1.0, -1.0]]), np.array([[1.0, -1.0]] if derivative_on == "error" else [[0.0, -1.0]])
-    rate = control.ss(control.tf([kd, 0], [gains.filter_time, 1]))
-    system = control.ss([], [], [], kp * error)
-    if kd > 0:
-        system = system + control.ss(rate.A, rate.B @ d, rate.C, rate.D @ d)
-    if not with_integral:
-        return system
-    # inputs (r, y, excess)
-    padded = control.ss(system.A, np.pad(system.B, ((0, 0), (0, 1))), system.C, np.pad(system.D, ((0, 0), (0, 1))))
-    if not ki > 0:
-        return padded
-    return padded + control.ss([[0.0]], [[ki, -ki, 1 / gains.tracking_time[k]]], [[1.0]], [[0.0, 0.0, 0.0]])
 
 
 def _channels(name: str, value: Any) -> FloatArray:

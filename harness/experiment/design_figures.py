@@ -19,7 +19,8 @@ from gough_stewart.harness.control.margins import (
     response,
     sensitivities,
 )
-from gough_stewart.harness.output.plotting import COLOURS, DASHES, entitle, label, pictures
+from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.plotting import DASHES, entitle, label, pictures
 from gough_stewart.model.vectors import FloatArray
 
 _POINTS = 500

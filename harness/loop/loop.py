@@ -14,8 +14,8 @@ from gough_stewart.harness.loop.actuators import Actuators, Drives
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.kernel import N_INPUTS, N_RESULTS
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
@@ -207,11 +207,12 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
         The plant refuses what it is asked for.
     """
     n, times = loop.timing.steps, loop.timing.times
+    n_results, n_inputs = interface.size_of(interface.RESULTS), interface.size_of(interface.INPUTS)
     drives = Drives(loop.actuators, loop.start_force, loop.timing.sample_time, loop.timing.plant_step)
     sampler, changes = _Sampler(loop, law_from, drives), _by_row(loop)
-    results, inputs = np.zeros((n + 1, N_RESULTS)), np.zeros((n + 1, N_INPUTS))
+    results, inputs = np.zeros((n + 1, n_results)), np.zeros((n + 1, n_inputs))
     rate_limited = np.zeros((n + 1, 6), dtype=bool)
-    acting = np.append(loop.start_force, np.zeros(N_INPUTS - 6))
+    acting = np.append(loop.start_force, np.zeros(n_inputs - 6))
     outcome: Outcome | None = None
     rows = 0
     try:

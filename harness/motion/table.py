@@ -3,16 +3,18 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars
-from scipy.interpolate import BSpline, make_interp_spline
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion, motion_of
 from gough_stewart.harness.motion.references import ROUNDING
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 _SPLINE_DEGREE = 5
 
@@ -48,6 +50,8 @@ class FromTable:
             raise MotionError(
                 f"time goes from {self.time[k]:g} to {self.time[k + 1]:g} s in row {k + 2}; expected increasing times"
             )
+        from scipy.interpolate import make_interp_spline  # half a second of imports that other motions do without
+
         pose = np.hstack([self.position, self.orientation])
         object.__setattr__(self, "_spline", make_interp_spline(self.time, pose, k=_SPLINE_DEGREE))
 
@@ -79,6 +83,8 @@ def read_reference(path: Path | str) -> FromTable:
     MotionError
         The file cannot be read, a column is missing or holds no numbers, or as `FromTable`; names file, column and row.
     """
+    import polars  # the schema of experiments, which knows of tables, does without
+
     names = ["time", *(f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3))]
     try:
         # as texts, so that true is no number; without patterns, so that * and [1] are parts of a name

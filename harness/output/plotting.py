@@ -9,8 +9,6 @@ import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Distinct in print and for colour-blind readers (Okabe & Ito, Color Universal Design, 2008).
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 DASHES = ("-", "--", "-.", "-", "--", "-.")
 STYLE: dict[str, Any] = {
     "figure.dpi": 150,

@@ -1,4 +1,7 @@
-"""The plant of a run by its kind: in process, or as FMU, which is built where none is given."""
+"""The plant of a run by its kind: in process, or as FMU, which is built where none is given.
+
+Each kind is imported when it is opened: the model brings CasADi and SciPy's integrators, the FMU FMPy.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,9 +9,8 @@ from pathlib import Path
 
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
-from gough_stewart.harness.plants.plant import TOLERANCE, ModelPlant, Plant
+from gough_stewart.harness.plants.plant import TOLERANCE, Plant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.progress import StepProgress
 from gough_stewart.model.state import State
@@ -38,11 +40,15 @@ def open_plant(
         if fmu is not None or fixed_step_size:
             what = f"the file {fmu}" if fmu is not None else f"fixed_step_size {fixed_step_size:g} s"
             raise PlantError(f"plant 'model' has no use for {what}; choose the plant fmu2 or fmu3")
+        from gough_stewart.harness.plants.model import ModelPlant
+
         with ModelPlant(platform, start, tolerance) as plant:
             yield plant
         return
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
+    from gough_stewart.harness.plants.fmu import FmuPlant
+
     version = FMI_VERSIONS[kind]
     file = cached_build(version, progress) if fmu is None else fmu
     with FmuPlant(file, platform, start, tolerance, fixed_step_size) as unit:

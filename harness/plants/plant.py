@@ -1,13 +1,9 @@
-"""What the loop asks of a plant, and the plant in process."""
+"""What the loop asks of a plant."""
 
 from collections.abc import Mapping
 from types import TracebackType
 from typing import Protocol, Self
 
-from gough_stewart.model import interface
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
-from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.vectors import FloatArray
 
 TOLERANCE = 1e-8  # of the integration, for all plants alike
@@ -55,31 +51,3 @@ class Plant(Protocol):
     ) -> None:
         """Rule 8."""
         self.close()
-
-
-class ModelPlant(Plant):
-    """The stepping model as a `Plant`."""
-
-    def __init__(self, platform: Platform, start: State | None = None, tolerance: float = TOLERANCE) -> None:
-        self._model = SteppingModel(platform, tolerance)
-        if start is not None:
-            self._model.set_many(start._asdict())
-
-    def set_inputs(self, inputs: FloatArray) -> None:
-        """Rule 2."""
-        self._model.set_many(interface.unpack(interface.INPUTS, inputs))
-
-    def set_parameters(self, values: Mapping[str, object]) -> None:
-        """Rule 3."""
-        self._model.set_many(values)
-
-    def results(self) -> FloatArray:
-        """Rule 4."""
-        return self._model.result_vector()
-
-    def do_step(self, time: float, step: float) -> None:
-        """Rules 5 and 6."""
-        self._model.do_step(time, step)
-
-    def close(self) -> None:
-        """Rule 8; there is nothing to free."""

@@ -15,8 +15,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
-from gough_stewart.harness.output.plotting import COLOURS, entitle, pictures
+from gough_stewart.harness.output.plotting import entitle, pictures
 from gough_stewart.harness.results.record import Record, outcome_text
 from gough_stewart.model.vectors import FloatArray
 

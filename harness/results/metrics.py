@@ -125,17 +125,17 @@ def _step_response(axis: str, time: FloatArray, wanted: FloatArray, actual: Floa
 
 
 def _step_numbers(time: FloatArray, response: FloatArray) -> dict[str, float | None]:
-    # step_info has no answer for a response that does not rise; it tells one that does not settle by NaN
-    if not response.max() >= 0.9:
+    """Of a response from 0 to 1, as python-control's `step_info` has them."""
+    highest = response.max()
+    if not highest >= 0.9:
         return {"overshoot_percent": 0.0, "rise_time": None, "settling_time": None}
-    # takes a second
-    from control import step_info
-
-    info = step_info(response, T=time, yfinal=1.0)
+    low, high = (int((response >= level).argmax()) for level in (0.1, 0.9))
+    outside = np.flatnonzero(np.abs(response - 1) >= 0.02)
+    settled = int(outside[-1]) + 1 if outside.size else 0
     return {
-        "overshoot_percent": _number(info["Overshoot"]),
-        "rise_time": _number(info["RiseTime"]),
-        "settling_time": _number(info["SettlingTime"]),
+        "overshoot_percent": _number(100 * max(highest - 1, 0.0)),
+        "rise_time": _number(time[high] - time[low]),
+        "settling_time": _number(time[settled]) if settled < len(time) else None,
     }
 
 

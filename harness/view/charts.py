@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.pages import packed
-from gough_stewart.harness.output.plotting import COLOURS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, library, plotly
-from gough_stewart.harness.output.plotting import COLOURS
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.results.metrics import finite_part, metrics
 from gough_stewart.harness.results.record import Record, outcome_text, platform_of

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.output.pages import packed
 from gough_stewart.harness.results.record import Record
@@ -97,6 +96,8 @@ def _nearness(record: Record, platform: Platform) -> dict[str, Any] | None:
 def _pose(record: Record, prefix: str) -> FloatArray:
     """Position and quaternion (x, y, z, w) of the platform (n, 7)."""
     rotation = matrix_from_orientation(record[f"{prefix}orientation"])
+    from scipy.spatial.transform import Rotation  # only pages need it; its import takes a fifth of a second
+
     return np.concatenate([record[f"{prefix}position"], Rotation.from_matrix(rotation).as_quat()], axis=1)
 
 

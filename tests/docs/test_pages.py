@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build.build import file_name
+from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.model import interface
 from tests.support.c_hosts import ZIG

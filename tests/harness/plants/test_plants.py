@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
-from gough_stewart.harness.plants.plant import ModelPlant, Plant
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.platform import Platform

@@ -1,0 +1,142 @@
+"""Linear systems as plain matrices: all that a controller in a run needs.
+
+python-control makes and analyses systems; importing it takes as long as a run of ten seconds.
+"""
+
+import sys
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.model.vectors import FloatArray
+
+Method = Literal["tustin", "backward_diff", "zoh"]
+METHODS: tuple[Method, ...] = ("tustin", "backward_diff", "zoh")
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """ẋ = A x + B u or, at a sample time dt > 0 [s], x⁺ = A x + B u; y = C x + D u."""
+
+    A: FloatArray  # (n, n)
+    B: FloatArray  # (n, inputs)
+    C: FloatArray  # (outputs, n)
+    D: FloatArray  # (outputs, inputs)
+    dt: float = 0.0
+
+    @property
+    def nstates(self) -> int:
+        """As python-control calls it, and the next two."""
+        return len(self.A)
+
+    @property
+    def ninputs(self) -> int:
+        """Number of inputs."""
+        return int(self.D.shape[1])
+
+    @property
+    def noutputs(self) -> int:
+        """Number of outputs."""
+        return int(self.D.shape[0])
+
+
+def is_control_system(value: Any) -> bool:
+    """Whether it is a system of python-control."""
+    # nobody has one without having imported the package, and nobody else should wait for that
+    package = sys.modules.get("control")
+    return package is not None and isinstance(value, package.InputOutputSystem)
+
+
+def state_space_of(system: Any) -> Any:
+    """The state space of a linear system: itself, ours or python-control's, or that of a transfer function.
+
+    Raises
+    ------
+    ControllerError
+        Another kind of system, or none.
+    """
+    if isinstance(system, StateSpace):
+        return system
+    if is_control_system(system):
+        import control
+
+        if isinstance(system, control.StateSpace):
+            return system
+        if isinstance(system, control.TransferFunction):
+            return control.ss(system) if system.issiso() else _by_elements(system)
+    raise ControllerError(
+        f"controller is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
+        "or a function of a Sample"
+    )
+
+
+def discretised(system: StateSpace, sample_time: float, method: Method = "tustin") -> StateSpace:
+    """The continuous system at a sample time T [s].
+
+    tustin: s = 2/T (z − 1)/(z + 1); backward_diff: s = (z − 1)/(T z); zoh: exact under inputs that are held. The states
+    are those of python-control's `sample_system`.
+
+    Raises
+    ------
+    ControllerError
+        The system is sampled already, the sample time is not > 0, the method is unknown, or a pole of the system is
+        faster than the samples can tell: by Tustin's rule it would ring from sample to sample.
+    """
+    if system.dt:
+        raise ControllerError(f"the system is sampled already, every {system.dt:g} s; expected a continuous one")
+    if not (np.isfinite(sample_time) and sample_time > 0):
+        raise ControllerError(f"sample_time is {sample_time!r}; expected a time > 0 s")
+    if method not in METHODS:
+        raise ControllerError(f"discretisation is {method!r}; expected one of {', '.join(METHODS)}")
+    fastest = float(np.abs(np.linalg.eigvals(system.A)).max(initial=0.0))
+    if method == "tustin" and fastest * sample_time > 2:
+        raise ControllerError(
+            f"the controller has a time constant of {1 / fastest:.3g} s, shorter than half its sample time of "
+            f"{sample_time:g} s; expected a derivative_filter of at least {sample_time / 2:.3g} s, a shorter "
+            "sample_time, or discretisation = 'backward_diff'"
+        )
+    if method == "zoh":
+        return _held(system, sample_time)
+    return _by_differences(system, sample_time, 0.5 if method == "tustin" else 1.0)
+
+
+def _by_differences(system: StateSpace, T: float, alpha: float) -> StateSpace:
+    """x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit."""
+    one = np.eye(len(system.A))
+    implicit = one - alpha * T * system.A
+    A: Any = np.linalg.solve(implicit, one + (1 - alpha) * T * system.A)
+    B: Any = np.linalg.solve(implicit, T * system.B)
+    C: Any = np.linalg.solve(implicit.T, system.C.T)
+    return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
+
+
+def _held(system: StateSpace, T: float) -> StateSpace:
+    """[A_d B_d; 0 1] = exp([A B; 0 0] T)."""
+    from scipy.linalg import expm  # a rare method; its import takes longer than all else here
+
+    n, m = system.B.shape
+    both = expm(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T)
+    return StateSpace(both[:n, :n], both[:n, n:], system.C, system.D, T)
+
+
+def _by_elements(matrix: Any) -> Any:
+    """Of a matrix of transfer functions.
+
+    python-control converts one only with slycot, which would find fewer states.
+    """
+    import control
+    from scipy.linalg import block_diag
+
+    m, n = matrix.noutputs, matrix.ninputs
+    elements = [
+        [control.ss(control.tf(matrix.num[i][j], matrix.den[i][j], matrix.dt)) for j in range(n)] for i in range(m)
+    ]
+    # state (i, j) is driven by input j and seen at output i
+    flat = [(i, j, elements[i][j]) for i in range(m) for j in range(n)]
+    A = block_diag(*(each.A for _, _, each in flat))
+    B = np.vstack([np.outer(each.B[:, 0], np.eye(n)[j]) for _, j, each in flat])
+    C = np.hstack([np.outer(np.eye(m)[i], each.C[0]) for i, _, each in flat])
+    D = np.array([[elements[i][j].D[0, 0] for j in range(n)] for i in range(m)])
+    return control.ss(A, B, C, D, matrix.dt)

@@ -1,0 +1,38 @@
+"""The stepping model as a plant, in process."""
+
+from collections.abc import Mapping
+
+from gough_stewart.harness.plants.plant import TOLERANCE, Plant
+from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.vectors import FloatArray
+
+
+class ModelPlant(Plant):
+    """The stepping model as a `Plant`."""
+
+    def __init__(self, platform: Platform, start: State | None = None, tolerance: float = TOLERANCE) -> None:
+        self._model = SteppingModel(platform, tolerance)
+        if start is not None:
+            self._model.set_many(start._asdict())
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        """Rule 2."""
+        self._model.set_many(interface.unpack(interface.INPUTS, inputs))
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        """Rule 3."""
+        self._model.set_many(values)
+
+    def results(self) -> FloatArray:
+        """Rule 4."""
+        return self._model.result_vector()
+
+    def do_step(self, time: float, step: float) -> None:
+        """Rules 5 and 6."""
+        self._model.do_step(time, step)
+
+    def close(self) -> None:
+        """Rule 8; there is nothing to free."""
