@@ -125,7 +125,7 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
         wanted=wanted,
         feedforward=planned,
         start_force=np.clip(first, -(force_limit or np.inf), force_limit or np.inf),
-        sensors=Sensors(experiment.sensors.noise, experiment.sensors.quantisation, experiment.sensors.seed),
+        sensors=Sensors(experiment.sensors.noise, experiment.sensors.quantisation, seed=experiment.sensors.seed),
         actuators=Actuators(force_limit, experiment.actuators.rate_limit, experiment.actuators.lag, clocks.delay),
         limits=_limits(experiment, platform, is_closed),
         changes=tuple(changes),
