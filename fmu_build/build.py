@@ -16,7 +16,7 @@ from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.model_description import Identity
 from gough_stewart.fmu_build.package import package_license
-from gough_stewart.fmu_build.reference_results import reference_files
+from gough_stewart.fmu_build.reference_results import ReferenceRuns, reference_files, reference_runs
 from gough_stewart.fmu_build.sources import Sources, sources, standard_headers, standard_license
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import LIBRARY, compile_library, universal_binary
@@ -75,10 +75,10 @@ def build(
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     chosen = load_preset(DEFAULT_PRESET) if platform is None else platform
     check_output_folder(folder, [file_name(version) for version in versions])
-    archives = {}
+    archives, runs = {}, reference_runs(chosen)
     for version in versions:
         told(f"FMI {version}: sources and documents")
-        unit = unit_of(chosen, version)
+        unit = unit_of(chosen, version, runs)
         libraries = _compile(unit, systems, told)
         archives[folder / file_name(version)] = to_zip(contents(unit, libraries))
     folder.mkdir(parents=True, exist_ok=True)
@@ -109,8 +109,8 @@ def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
     return tuple(version for version in VERSIONS if version in wanted)
 
 
-def unit_of(platform: Platform, fmi_version: str) -> Unit:
-    """Sources and documents of a unit; its token is a digest of both."""
+def unit_of(platform: Platform, fmi_version: str, runs: ReferenceRuns) -> Unit:
+    """Sources and documents of a unit, with reference results; its token is a digest of sources and description."""
     describe = _DESCRIPTIONS[fmi_version]
     blank = sources(platform, fmi_version, "")
     token = _token(blank, describe(platform, Identity("", blank.unit_names)), fmi_version)
@@ -127,7 +127,7 @@ def unit_of(platform: Platform, fmi_version: str) -> Unit:
         "terminalsAndIcons/icon.svg": icon_svg(platform),
         "sources/buildDescription.xml": build_description(own.unit_names),
         **{f"sources/{name}": text.encode() for name, text in {**own.units, **own.headers}.items()},
-        **reference_files(platform, fmi_version),
+        **reference_files(runs, fmi_version),
     }
     if fmi_version == "2.0":
         documents["model.png"] = icon

@@ -18,7 +18,7 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import State
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +36,9 @@ class ReferenceCase:
     start: State
     time: FloatArray  # (n,) [s]
     inputs: FloatArray  # (n, N_INPUTS), linear in between
+
+
+ReferenceRuns = tuple[tuple[ReferenceCase, FloatArray], ...]
 
 
 def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
@@ -86,12 +89,17 @@ def reference_results(case: ReferenceCase) -> FloatArray:
     return np.array(rows)
 
 
-def reference_files(platform: Platform, fmi_version: str) -> dict[str, bytes]:
+def reference_runs(platform: Platform) -> ReferenceRuns:
+    """All cases with their results, which are the same for every FMI version."""
+    return tuple((case, reference_results(case)) for case in reference_cases(platform))
+
+
+def reference_files(runs: ReferenceRuns, fmi_version: str) -> dict[str, bytes]:
     """All reference files by their path in the archive."""
     files = {f"{FOLDER}/README.txt": _README.encode()}
-    for case in reference_cases(platform):
+    for case, values in runs:
         stem = f"{FOLDER}/{case.name}/{MODEL_IDENTIFIER}"
-        results = interface.unpack(interface.RESULTS, reference_results(case))
+        results = interface.unpack(interface.RESULTS, values)
         inputs = interface.unpack(interface.INPUTS, case.inputs)
         files[f"{stem}_in.csv"] = _csv(case.time, inputs, fmi_version)
         outputs = {v.name: results[v.name] for v in interface.OUTPUTS}
@@ -100,11 +108,6 @@ def reference_files(platform: Platform, fmi_version: str) -> dict[str, bytes]:
         starts = {name: value[None] for name, value in case.start._asdict().items()}
         files[f"{stem}_start.csv"] = _csv(case.time[:1], starts, fmi_version)
     return files
-
-
-def inputs_of(case: ReferenceCase) -> Inputs:
-    """Inputs over time, by name."""
-    return Inputs.from_vector(case.inputs)
 
 
 def _csv(time: FloatArray, columns: dict[str, FloatArray], fmi_version: str) -> bytes:

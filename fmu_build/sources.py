@@ -9,9 +9,11 @@ import fmpy
 
 from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.tables import model_header, model_source, token_source
+from gough_stewart.fmu_build.tables import model_header, model_source, plant_header, token_source
 from gough_stewart.model.platform import Platform
 
+# The FMI layers with what they share, and the component behind them.
+_ROOMS = ("unit", "plant")
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
 _STANDARD = {
     "2.0": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -35,15 +37,16 @@ class Sources:
 def sources(platform: Platform, fmi_version: str, token: str) -> Sources:
     """Everything that a compiler needs for one FMI version; `platform` gives the start values."""
     units, headers = {}, {}
-    for file in files("gough_stewart.fmu_build").joinpath("c").iterdir():
-        if file.name.endswith(".h"):
-            headers[file.name] = file.read_text()
-        elif file.name.endswith(".c") and file.name not in set(_LAYERS.values()) - {_LAYERS[fmi_version]}:
-            units[file.name] = file.read_text()
+    for room in _ROOMS:
+        for file in files("gough_stewart.fmu_build").joinpath("c", room).iterdir():
+            if file.name.endswith(".h"):
+                headers[file.name] = file.read_text()
+            elif file.name.endswith(".c") and file.name not in set(_LAYERS.values()) - {_LAYERS[fmi_version]}:
+                units[file.name] = file.read_text()
     units["kernel.c"] = _kernel_source()
     units["model.c"] = model_source(platform)
     units["token.c"] = token_source(token)
-    headers["model.h"] = model_header()
+    headers |= {"model.h": model_header(), "plant_table.h": plant_header()}
     headers |= standard_headers(fmi_version)
     return Sources(units, headers)
 

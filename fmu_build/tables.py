@@ -1,4 +1,4 @@
-"""`model.h` and `model.c`: sizes, slots, limits, the variable table and start values, for the C core."""
+"""The tables of the C core: `model.h` and `model.c`, which any component has, and the plant's own `plant_table.h`."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
@@ -9,12 +9,16 @@ import numpy as np
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import BY_NAME, ROWS, Role, Row
 from gough_stewart.model import integrator, interface, kernel, platform, platform_checks, pose_limits
+from gough_stewart.model.interface import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array
 
 DEFAULT_TOLERANCE = 1e-8
 # A second in steps of a microsecond: four seconds of computing.
 MOST_FIXED_STEPS = 1_000_000
+
+
+_GENERATED = "/* Generated from the interface table, gough_stewart.model.interface: do not edit. */"
 
 
 def start_values(row: Row, chosen: Platform) -> Array | None:
@@ -43,36 +47,15 @@ def model_header() -> str:
         "N_SLOTS": layout.N_SLOTS,
         "N_VARIABLES": len(ROWS),
     }
-    parameters, results = interface.PLATFORM_PARAMETERS[0].name, interface.RESULTS[0].name
     slots = {
-        "FIRST_INPUT": BY_NAME[interface.INPUTS[0].name].first,
-        "FIRST_RESULT": BY_NAME[results].first,
-        "FIRST_PARAMETER": BY_NAME[parameters].first,
-        "FIXED_STEP_SIZE": BY_NAME["fixed_step_size"].first,
+        "FIRST_INPUT": _first(interface.INPUTS),
+        "FIRST_STATE": _first(interface.STATES),
+        "FIRST_RESULT": _first(interface.RESULTS),
+        "FIRST_PARAMETER": _first(interface.PLATFORM_PARAMETERS),
         "FIRST_DERIVATIVE": layout.of_role(Role.DERIVATIVE)[0].first,
         "TIME": layout.TIME.first,
     }
-    places = {
-        "R_LEG_LENGTH": BY_NAME["leg_length"].first - BY_NAME[results].first,
-        **{
-            f"P_{name.upper()}": BY_NAME[name].first - BY_NAME[parameters].first
-            for name in ("base_points", "platform_points", "platform_inertia", "leg_lower_com", "leg_upper_com")
-        },
-    }
-    limits = {
-        "DEFAULT_TOLERANCE": DEFAULT_TOLERANCE,
-        "SMALLEST_TOLERANCE": integrator.TOLERANCES[0],
-        "LARGEST_TOLERANCE": integrator.TOLERANCES[1],
-        "MOST_INTERNAL_STEPS": integrator.MOST_INTERNAL_STEPS,
-        "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
-        "LARGEST_PITCH": pose_limits.LARGEST_PITCH,
-        "SHORTEST_LEG": pose_limits.SHORTEST_LEG,
-        "SINGULAR_CONDITION_NUMBER": pose_limits.SINGULAR_CONDITION_NUMBER,
-        "INERTIA_SLACK": platform_checks.INERTIA_SLACK,
-        "COINCIDENCE": platform_checks.COINCIDENCE,
-        "LARGEST_NUMBER": platform.LARGEST_NUMBER,
-    }
-    return f"""/* Generated from the interface table, gough_stewart.model.interface: do not edit. */
+    return f"""{_GENERATED}
 #ifndef MODEL_H
 #define MODEL_H
 
@@ -83,14 +66,12 @@ def model_header() -> str:
 
 {_defines(sizes)}
 
-/* slots: inputs, results (states first), parameters, the step size, derivatives, time */
+/* slots: inputs, results (states first), parameters, others, derivatives, time */
 {_defines(slots)}
 
-/* places in the vectors of results and of parameters */
-{_defines(places)}
-
-/* as in gough_stewart.model: lengths in m, angles in rad, the shortest leg relative to the size of the platform */
-{_defines(limits)}
+/* of an experiment that names none; what a value may be at most */
+#define DEFAULT_TOLERANCE {DEFAULT_TOLERANCE!r}
+#define LARGEST_NUMBER {platform.LARGEST_NUMBER!r}
 
 INTERNAL_BEGIN
 extern const variable VARIABLES[N_VARIABLES];
@@ -104,6 +85,41 @@ extern const char *const TOKEN;
 /* of the variables that a saved state holds */
 extern const uint64_t LAYOUT;
 INTERNAL_END
+
+#endif
+"""
+
+
+def plant_header() -> str:
+    """`plant_table.h`: where the plant's variables lie in the kernel's vectors, and what limits it."""
+    results, parameters = interface.RESULTS, interface.PLATFORM_PARAMETERS
+    places = {f"X_{v.name.upper()}": _place(v, interface.STATES) for v in interface.STATES}
+    places["X_PITCH"] = places["X_ORIENTATION"] + 1
+    places |= {f"R_{v.name.upper()}": _place(v, results) for v in results if not v.is_state}
+    places |= {f"P_{v.name.upper()}": _place(v, parameters) for v in parameters}
+    limits = {
+        "SMALLEST_TOLERANCE": integrator.TOLERANCES[0],
+        "LARGEST_TOLERANCE": integrator.TOLERANCES[1],
+        "MOST_INTERNAL_STEPS": integrator.MOST_INTERNAL_STEPS,
+        "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
+        "LARGEST_PITCH": pose_limits.LARGEST_PITCH,
+        "SHORTEST_LEG": pose_limits.SHORTEST_LEG,
+        "SINGULAR_CONDITION_NUMBER": pose_limits.SINGULAR_CONDITION_NUMBER,
+        "INERTIA_SLACK": platform_checks.INERTIA_SLACK,
+        "COINCIDENCE": platform_checks.COINCIDENCE,
+    }
+    return f"""{_GENERATED}
+#ifndef PLANT_TABLE_H
+#define PLANT_TABLE_H
+
+#define N_LEGS {interface.BY_NAME["leg_length"].size}
+#define FIXED_STEP_SIZE {BY_NAME["fixed_step_size"].first} /* its slot */
+
+/* places in the vectors of states, results and parameters */
+{_defines(places)}
+
+/* as in gough_stewart.model: lengths in m, angles in rad, the shortest leg relative to the size of the platform */
+{_defines(limits)}
 
 #endif
 """
@@ -127,7 +143,7 @@ def model_source(chosen: Platform) -> str:
         return _numbers(v for value in values if value is not None for v in value)
 
     own = tuple(BY_NAME[v.name] for v in interface.PLATFORM_PARAMETERS)
-    return f"""/* Generated from the interface table, gough_stewart.model.interface: do not edit. */
+    return f"""{_GENERATED}
 #include "model.h"
 
 const variable VARIABLES[N_VARIABLES] = {{
@@ -154,6 +170,16 @@ const double NOMINAL_STATES[N_STATES] = {{
 
 const uint64_t LAYOUT = UINT64_C({layout_number():#x});
 """
+
+
+def _first(variables: tuple[Variable, ...]) -> int:
+    """Slot of the first of them."""
+    return BY_NAME[variables[0].name].first
+
+
+def _place(variable: Variable, variables: tuple[Variable, ...]) -> int:
+    """Where it begins in the vector of these variables."""
+    return BY_NAME[variable.name].first - _first(variables)
 
 
 _RANGES = {None: "ANY", ">= 0": "NOT_NEGATIVE", "> 0": "POSITIVE"}

@@ -14,11 +14,11 @@ import pytest
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import sources, targets, toolchain
+from gough_stewart.fmu_build import reference_results, sources, targets, toolchain
 from gough_stewart.fmu_build.archive import to_zip
 from gough_stewart.fmu_build.build import build, contents, number_of_steps, unit_of
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.reference_results import reference_cases, reference_results
+from gough_stewart.fmu_build.reference_results import ReferenceCase, reference_cases
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets
 from gough_stewart.model import interface
 from gough_stewart.model.errors import OutputError
@@ -164,9 +164,22 @@ def integrate_from_outside(
 def test_the_reference_of_the_open_loop_is_the_kernels_trajectory() -> None:
     """Expected: one integration over the whole case, instead of row by row."""
     case = reference_cases(load_preset("liu2000"))[0]
-    results = interface.unpack(interface.RESULTS, reference_results(case))
+    results = interface.unpack(interface.RESULTS, reference_results.reference_results(case))
     states = np.concatenate([results[v.name] for v in interface.STATES], axis=1)
     assert states == pytest.approx(reference(paper_case()), abs=1e-9)
+
+
+def test_the_reference_is_integrated_once_for_both_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cases: list[str] = []
+
+    def integrate(case: ReferenceCase) -> np.ndarray:
+        cases.append(case.name)
+        return np.zeros((len(case.time), interface.size_of(interface.RESULTS)))
+
+    monkeypatch.setattr(reference_results, "reference_results", integrate)
+    monkeypatch.setattr(sys.modules[build.__module__], "compile_library", lambda *_: b"")
+    assert len(build(tmp_path)) == 2
+    assert cases == ["open_loop", "varying_inputs"]
 
 
 def test_another_platform_gives_other_start_values(tmp_path: Path) -> None:
@@ -225,7 +238,7 @@ def fake_libraries(*names: str) -> dict[targets.Target, bytes]:
 
 
 def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
-    unit = unit_of(load_preset("liu2000"), "3.0")
+    unit = unit_of(load_preset("liu2000"), "3.0", runs=())
     binaries = {n for n in contents(unit, fake_libraries(*BY_NAME)) if n.startswith("binaries/")}
     assert binaries == {
         "binaries/x86_64-linux/gough_stewart.so",
@@ -234,11 +247,11 @@ def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
         "binaries/x86_64-darwin/gough_stewart.dylib",
         "binaries/aarch64-darwin/gough_stewart.dylib",
     }
-    assert fmu3.token == unit_of(load_preset("liu2000"), "3.0").sources.units["token.c"].split('"')[-2]
+    assert fmu3.token == unit_of(load_preset("liu2000"), "3.0", runs=()).sources.units["token.c"].split('"')[-2]
 
 
 def test_fmi2_has_a_folder_for_every_system_and_one_file_for_apples_processors() -> None:
-    unit = unit_of(load_preset("liu2000"), "2.0")
+    unit = unit_of(load_preset("liu2000"), "2.0", runs=())
     everything = contents(unit, fake_libraries(*BY_NAME))
     assert {n for n in everything if n.startswith("binaries/")} == {
         "binaries/linux64/gough_stewart.so",

@@ -1,13 +1,14 @@
 """The kernel as C: complete, with plain signatures, and refused where it is not straight-line code."""
 
 import re
+from pathlib import Path
 
 import casadi
 import pytest
 
 from gough_stewart.fmu_build import codegen, layout, tables
 from gough_stewart.fmu_build.layout import ROWS
-from gough_stewart.fmu_build.sources import sources
+from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
@@ -29,6 +30,17 @@ def test_the_code_is_arithmetic_only() -> None:
         *("sin", "cos", "tanh", "sqrt", "sq", "kernel_forward", "kernel_reverse")
     }
     assert not re.search(r"\b(if|for|while|goto|static)\b|\?|\*\w+\s*=", body)
+
+
+def test_the_unit_knows_a_component_by_its_interface_only() -> None:
+    """Expected: what files of c/unit include is there too, or generated for any component, or a standard's."""
+    room = Path(tables.__file__).parent / "c" / "unit"
+    own = {file.name for file in room.glob("*.h")}
+    headers = own | {"model.h"} | set(standard_headers("2.0")) | set(standard_headers("3.0"))
+    for file in room.iterdir():
+        included = set(re.findall(r'#include "(.*?)"', file.read_text()))
+        assert included <= headers, file.name
+    assert "component.h" in own
 
 
 def test_code_that_branches_is_refused() -> None:

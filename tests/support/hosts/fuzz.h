@@ -19,8 +19,8 @@ enum { OK, WARNING, DISCARD, ERROR, FATAL };
 /* An importer of one instance. */
 typedef struct {
     int version; /* 2 or 3 */
-    kind kind;
-    mode mode; /* what the standard says after the calls that returned OK */
+    fmi_kind kind;
+    fmi_mode mode; /* what the standard says after the calls that returned OK */
     void *unit;
     double time;
     enum { SILENT, SOME_CATEGORIES, ALL_CATEGORIES } logging;

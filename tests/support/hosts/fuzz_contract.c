@@ -1,4 +1,4 @@
-/* What must hold after every call, by the standards and by fmu_build/c/instance.h. */
+/* What must hold after every call, by the standards and by fmu_build/c/unit/instance.h. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -180,7 +180,7 @@ static void follow_mode(host *h, const char *name)
             if (RULES[k].next == (EVENT | STEP))
                 h->mode = h->kind == MODEL_EXCHANGE ? EVENT : STEP;
             else if (RULES[k].next)
-                h->mode = (mode)RULES[k].next;
+                h->mode = (fmi_mode)RULES[k].next;
         }
 }
 

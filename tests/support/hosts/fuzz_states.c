@@ -9,8 +9,8 @@ enum { N_SAVED = 4, MOST_BYTES = 2000 };
 /* Of all instances of the sequence: a state knows no owner. */
 static struct {
     void *state;
-    kind kind;
-    mode mode;
+    fmi_kind kind;
+    fmi_mode mode;
     double time;
 } saved[N_SAVED];
 
@@ -98,7 +98,7 @@ static void serialize(host *h)
     blob.size = size;
 }
 
-/* The serial form is that of fmu_build/c/saved.c: header of 32 bytes with kind and mode, numbers, checksum. */
+/* The serial form is that of fmu_build/c/unit/saved.c: header of 32 bytes with kind and mode, numbers, checksum. */
 enum { HEADER = 32, KIND_AT = 12, MODE_AT = 16 };
 
 /* The state of another program that knows the checksum, or of a later version with other limits. */
@@ -147,8 +147,8 @@ static void deserialize(host *h)
         return;
     saved[k].state = made;
     require(is_whole, "damaged bytes are refused");
-    saved[k].kind = (kind)changed[KIND_AT];
-    saved[k].mode = (mode)changed[MODE_AT];
+    saved[k].kind = (fmi_kind)changed[KIND_AT];
+    saved[k].mode = (fmi_mode)changed[MODE_AT];
     memcpy(&saved[k].time, changed + HEADER, sizeof(double));
 }
 

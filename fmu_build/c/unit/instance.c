@@ -19,7 +19,7 @@ static const struct {
 #undef AS_PERMISSION
 };
 
-static const char *name_of_mode(mode mode)
+static const char *name_of_mode(fmi_mode mode)
 {
     switch (mode) {
     case INSTANTIATED: return "instantiated";
@@ -33,7 +33,7 @@ static const char *name_of_mode(mode mode)
     return "no mode";
 }
 
-status report(const instance *i, status status, const char *format, ...)
+fmi_status report(const fmi_instance *i, fmi_status status, const char *format, ...)
 {
     int category = status == STATUS_ERROR ? 2 : status == STATUS_DISCARD ? 1 : 0;
     if (i->logs && i->logger && i->categories >> category & 1) {
@@ -42,17 +42,17 @@ status report(const instance *i, status status, const char *format, ...)
         va_start(arguments, format);
         write_message_of(message, format, arguments);
         va_end(arguments);
-        i->version->deliver(i, status, CATEGORIES[category], message);
+        i->layer->deliver(i, status, CATEGORIES[category], message);
     }
     return status;
 }
 
-int allows(const instance *i, call call)
+int allows(const fmi_instance *i, fmi_call call)
 {
     return ALLOWED[call].kinds & (int)i->kind && ALLOWED[call].modes & (int)i->mode;
 }
 
-int is_allowed(const instance *i, const char *function, call call)
+int is_allowed(const fmi_instance *i, const char *function, fmi_call call)
 {
     if (!i)
         return 0;
@@ -68,16 +68,16 @@ int is_allowed(const instance *i, const char *function, call call)
     return 0;
 }
 
-status conclude(const instance *i, const char *function, outcome outcome)
+fmi_status conclude(const fmi_instance *i, const char *function, outcome found)
 {
-    if (outcome == DONE)
+    if (found == DONE)
         return STATUS_OK;
     /* within an intermediate update nothing may be discarded */
-    int is_error = outcome == MISUSE || i->mode == INTERMEDIATE;
-    return report(i, is_error ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, i->component.message);
+    int is_error = found == MISUSE || i->mode == INTERMEDIATE;
+    return report(i, is_error ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, component_message(i->core));
 }
 
-int has_array(const instance *i, const char *function, const void *array, size_t n, const char *name)
+int has_array(const fmi_instance *i, const char *function, const void *array, size_t n, const char *name)
 {
     if (array || n == 0)
         return 1;
@@ -85,16 +85,16 @@ int has_array(const instance *i, const char *function, const void *array, size_t
     return 0;
 }
 
-int has_length(const instance *i, const char *function, size_t given, size_t expected, const char *name)
+int has_length(const fmi_instance *i, const char *function, size_t found, size_t expected, const char *name)
 {
-    if (given == expected || given == ONE_EACH)
+    if (found == expected || found == ONE_EACH)
         return 1;
-    report(i, STATUS_ERROR, "%s: %lu %s given; expected %lu", function, (unsigned long)given, name,
+    report(i, STATUS_ERROR, "%s: %lu %s given; expected %lu", function, (unsigned long)found, name,
            (unsigned long)expected);
     return 0;
 }
 
-status set_logging(instance *i, const char *function, int on, size_t n, const char *const categories[])
+fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, const char *const categories[])
 {
     unsigned chosen = n ? 0 : ALL;
     if (!is_allowed(i, function, CALL_SET_LOGGING) || !has_array(i, function, categories, n, "categories"))
@@ -122,10 +122,10 @@ static int is_blank(const char *text)
     return text[strspn(text, " \t\r\n")] == 0;
 }
 
-instance *new_instance(const instance *given, const char *name, const char *token)
+fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token)
 {
-    instance speaker = *given;
-    speaker.logs = 1; /* the importer has to learn why there is no instance */
+    fmi_instance speaker = *request;
+    speaker.logs = 1; /* the importer has to learn why there is no fmi_instance */
     speaker.categories = ALL;
     speaker.name = name ? name : "";
     if (!name || is_blank(name)) {
@@ -139,47 +139,48 @@ instance *new_instance(const instance *given, const char *name, const char *toke
         return NULL;
     }
     size_t length = strlen(name) + 1;
-    instance *i = malloc(sizeof *i + length);
+    fmi_instance *i = malloc(sizeof *i + COMPONENT_SIZE + length);
     if (!i) {
         report(&speaker, STATUS_ERROR, "instantiation: out of memory");
         return NULL;
     }
-    *i = *given;
+    *i = *request;
     i->mode = INSTANTIATED;
     i->categories = ALL;
-    i->name = memcpy(i + 1, name, length);
-    component_reset(&i->component);
+    i->core = (component *)(void *)(i + 1);
+    i->name = memcpy((char *)(i + 1) + COMPONENT_SIZE, name, length);
+    component_reset(i->core);
     i->step_status = STATUS_OK;
     i->last_successful_time = 0;
     return i;
 }
 
-status set_experiment(instance *i, const char *function, call call, int tolerance_defined, double tolerance,
-                      double start_time, int stop_time_defined, double stop_time)
+fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, int tolerance_defined, double tolerance,
+                          double start_time, int stop_time_defined, double stop_time)
 {
     if (!is_allowed(i, function, call))
         return STATUS_ERROR;
     /* in Model Exchange the tolerance is the importer's own business */
     int is_used = tolerance_defined && i->kind == CO_SIMULATION;
-    status done = conclude(i, function,
-                           component_set_experiment(&i->component, is_used ? tolerance : DEFAULT_TOLERANCE, start_time,
+    fmi_status done = conclude(i, function,
+                               component_set_experiment(i->core, is_used ? tolerance : DEFAULT_TOLERANCE, start_time,
                                                     stop_time_defined ? stop_time : INFINITY));
     if (done == STATUS_OK)
         i->last_successful_time = start_time;
     return done;
 }
 
-status exit_initialization(instance *i, const char *function)
+fmi_status exit_initialization(fmi_instance *i, const char *function)
 {
     if (!is_allowed(i, function, CALL_EXIT_INITIALIZATION))
         return STATUS_ERROR;
-    if (component_begin(&i->component) != DONE)
-        return report(i, STATUS_ERROR, "%s: %s", function, i->component.message);
+    if (component_begin(i->core) != DONE)
+        return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
     i->mode = i->kind == MODEL_EXCHANGE ? EVENT : STEP;
     return STATUS_OK;
 }
 
-status change_mode(instance *i, const char *function, call call, mode next)
+fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next)
 {
     if (!is_allowed(i, function, call))
         return STATUS_ERROR;
@@ -187,75 +188,75 @@ status change_mode(instance *i, const char *function, call call, mode next)
     return STATUS_OK;
 }
 
-status enter_continuous(instance *i, const char *function)
+fmi_status enter_continuous(fmi_instance *i, const char *function)
 {
     if (!is_allowed(i, function, CALL_ENTER_CONTINUOUS))
         return STATUS_ERROR;
-    if (component_check_inertia(&i->component) != DONE)
-        return report(i, STATUS_ERROR, "%s: %s", function, i->component.message);
+    if (component_check_parameters(i->core) != DONE)
+        return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
     i->mode = CONTINUOUS;
     return STATUS_OK;
 }
 
-status reset(instance *i, const char *function)
+fmi_status reset(fmi_instance *i, const char *function)
 {
     if (!is_allowed(i, function, CALL_RESET))
         return STATUS_ERROR;
-    component_reset(&i->component);
+    component_reset(i->core);
     i->mode = INSTANTIATED;
     i->step_status = STATUS_OK;
     i->last_successful_time = 0;
     return STATUS_OK;
 }
 
-status do_step(instance *i, const char *function, double time, double step, const observer *observer)
+fmi_status do_step(fmi_instance *i, const char *function, double time, double step, const step_observer *observer)
 {
     if (!is_allowed(i, function, CALL_DO_STEP))
         return STATUS_ERROR;
-    outcome stepped = component_step(&i->component, time, step, observer, &i->last_successful_time);
+    outcome stepped = component_step(i->core, time, step, observer, &i->last_successful_time);
     i->mode = STEP; /* after callbacks */
     return i->step_status = conclude(i, function, stepped);
 }
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
 
-status set_time(instance *i, const char *function, double time)
+fmi_status set_time(fmi_instance *i, const char *function, double time)
 {
     if (!is_allowed(i, function, CALL_SET_TIME))
         return STATUS_ERROR;
-    return conclude(i, function, component_set_time(&i->component, time));
+    return conclude(i, function, component_set_time(i->core, time));
 }
 
 /* For the functions about all states: is the call allowed, with a vector of N_STATES? */
-static int has_states(const instance *i, const char *function, call call, const void *x, size_t n)
+static int has_states(const fmi_instance *i, const char *function, fmi_call call, const void *x, size_t n)
 {
     return is_allowed(i, function, call) && has_length(i, function, n, N_STATES, "continuous states") &&
            has_array(i, function, x, n, "the vector");
 }
 
-status set_continuous_states(instance *i, const char *function, const double x[], size_t n)
+fmi_status set_continuous_states(fmi_instance *i, const char *function, const double x[], size_t n)
 {
     if (!has_states(i, function, CALL_SET_CONTINUOUS_STATES, x, n))
         return STATUS_ERROR;
-    return conclude(i, function, component_set_states(&i->component, x));
+    return conclude(i, function, component_set_states(i->core, x));
 }
 
-status get_continuous_states(instance *i, const char *function, double x[], size_t n)
+fmi_status get_continuous_states(fmi_instance *i, const char *function, double x[], size_t n)
 {
     if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, x, n))
         return STATUS_ERROR;
-    memcpy(x, i->component.s.x, sizeof i->component.s.x);
+    component_get_states(i->core, x);
     return STATUS_OK;
 }
 
-status get_derivatives(instance *i, const char *function, double xdot[], size_t n)
+fmi_status get_derivatives(fmi_instance *i, const char *function, double xdot[], size_t n)
 {
     if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, xdot, n))
         return STATUS_ERROR;
-    return conclude(i, function, component_derivatives(&i->component, xdot));
+    return conclude(i, function, component_derivatives(i->core, xdot));
 }
 
-status get_nominals(instance *i, const char *function, double nominals[], size_t n)
+fmi_status get_nominals(fmi_instance *i, const char *function, double nominals[], size_t n)
 {
     if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, nominals, n))
         return STATUS_ERROR;
@@ -263,7 +264,7 @@ status get_nominals(instance *i, const char *function, double nominals[], size_t
     return STATUS_OK;
 }
 
-status get_event_indicators(instance *i, const char *function, const double indicators[], size_t n)
+fmi_status get_event_indicators(fmi_instance *i, const char *function, const double indicators[], size_t n)
 {
     (void)indicators; /* there are none */
     if (!is_allowed(i, function, CALL_GET_CONTINUOUS_STATES) || !has_length(i, function, n, 0, "event indicators"))
@@ -271,11 +272,11 @@ status get_event_indicators(instance *i, const char *function, const double indi
     return STATUS_OK;
 }
 
-status completed_step(instance *i, const char *function)
+fmi_status completed_step(fmi_instance *i, const char *function)
 {
     if (!is_allowed(i, function, CALL_COMPLETED_STEP))
         return STATUS_ERROR;
-    if (component_check_pose(&i->component) != DONE)
-        return report(i, STATUS_ERROR, "%s: %s", function, i->component.message);
+    if (component_check_state(i->core) != DONE)
+        return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
     return STATUS_OK;
 }

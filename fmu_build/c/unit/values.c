@@ -9,16 +9,16 @@ static int role_at(int slot)
 }
 
 /* Slots of a reference, or 0 and a message. */
-static int find_slots(const instance *i, const char *function, uint32_t reference, int *first, int *size)
+static int find_slots(const fmi_instance *i, const char *function, uint32_t reference, int *first, int *size)
 {
-    if (i->version->resolve(reference, first, size))
+    if (i->layer->resolve(reference, first, size))
         return 1;
     report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)reference);
     return 0;
 }
 
 /* All references are known, and their values as many as given; `total` is that number. */
-static int find_all(const instance *i, const char *function, const uint32_t references[], size_t n,
+static int find_all(const fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                     const void *values, size_t n_values, const char *name)
 {
     size_t total = 0;
@@ -33,16 +33,16 @@ static int find_all(const instance *i, const char *function, const uint32_t refe
     return has_length(i, function, n_values, total, name) && has_array(i, function, values, total, name);
 }
 
-status get_values(instance *i, const char *function, const uint32_t references[], size_t n, double values[],
-                  size_t n_values)
+fmi_status get_values(fmi_instance *i, const char *function, const uint32_t references[], size_t n, double values[],
+                      size_t n_values)
 {
     if (!is_allowed(i, function, CALL_GET) || !find_all(i, function, references, n, values, n_values, "values"))
         return STATUS_ERROR;
     int first, size;
     for (size_t k = 0; k < n; k++) {
-        i->version->resolve(references[k], &first, &size);
+        i->layer->resolve(references[k], &first, &size);
         for (int slot = first; slot < first + size; slot++) {
-            outcome got = component_get(&i->component, slot, values++);
+            outcome got = component_get(i->core, slot, values++);
             if (got != DONE)
                 return conclude(i, function, got);
         }
@@ -51,7 +51,7 @@ status get_values(instance *i, const char *function, const uint32_t references[]
 }
 
 /* Which row of the table of permissions a set of this slot falls under. */
-static call call_to_set(int slot)
+static fmi_call call_to_set(int slot)
 {
     switch (role_at(slot)) {
     case INPUT: return CALL_SET_INPUT;
@@ -63,13 +63,13 @@ static call call_to_set(int slot)
 }
 
 /* May this slot have this value now? Names are only made up for messages: sets happen in every step. */
-static status check_set(instance *i, const char *function, int slot, double value)
+static fmi_status check_set(fmi_instance *i, const char *function, int slot, double value)
 {
-    call needed = call_to_set(slot);
+    fmi_call needed = call_to_set(slot);
     if (allows(i, needed))
-        return conclude(i, function, component_check(&i->component, slot, value));
-    char name[80], what[160];
-    slot_name(slot, name, sizeof name);
+        return conclude(i, function, component_check(i->core, slot, value));
+    char name[NAME_SIZE], what[2 * NAME_SIZE];
+    write_slot_name(slot, name);
     if (needed == CALL_NOT_OFFERED)
         return report(i, STATUS_ERROR, "%s: %s is computed; only inputs, start values and parameters can be set",
                       function, name);
@@ -78,31 +78,31 @@ static status check_set(instance *i, const char *function, int slot, double valu
     return STATUS_ERROR;
 }
 
-status set_values(instance *i, const char *function, const uint32_t references[], size_t n, const double values[],
-                  size_t n_values)
+fmi_status set_values(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
+                      const double values[], size_t n_values)
 {
     if (!is_allowed(i, function, CALL_SET_INPUT) || !find_all(i, function, references, n, values, n_values, "values"))
         return STATUS_ERROR;
     int first, size;
     size_t at = 0;
     for (size_t k = 0; k < n; k++) {
-        i->version->resolve(references[k], &first, &size);
+        i->layer->resolve(references[k], &first, &size);
         for (int slot = first; slot < first + size; slot++) {
-            status checked = check_set(i, function, slot, values[at++]);
+            fmi_status checked = check_set(i, function, slot, values[at++]);
             if (checked != STATUS_OK)
                 return checked;
         }
     }
     at = 0;
     for (size_t k = 0; k < n; k++) {
-        i->version->resolve(references[k], &first, &size);
+        i->layer->resolve(references[k], &first, &size);
         for (int slot = first; slot < first + size; slot++)
-            component_put(&i->component, slot, values[at++]);
+            component_put(i->core, slot, values[at++]);
     }
     return STATUS_OK;
 }
 
-status no_such_type(const instance *i, const char *function, size_t n)
+fmi_status no_such_type(const fmi_instance *i, const char *function, size_t n)
 {
     if (!is_allowed(i, function, CALL_GET))
         return STATUS_ERROR;
@@ -125,9 +125,8 @@ static double *derivatives_of(by_slot *v) { return v->slots + FIRST_DERIVATIVE; 
 
 static int is_known(int slot)
 {
-    int role = role_at(slot);
-    return (role == INPUT || role == STATE || role == FIXED_PARAMETER || role == TUNABLE_PARAMETER) &&
-           slot != FIXED_STEP_SIZE;
+    int role = role_at(slot), parameter = slot - FIRST_PARAMETER;
+    return role == INPUT || role == STATE || (parameter >= 0 && parameter < N_PARAMETERS);
 }
 
 static int is_unknown(int slot)
@@ -137,12 +136,12 @@ static int is_unknown(int slot)
 }
 
 /* All references are of variables that may stand in this place. */
-static int have_roles(const instance *i, const char *function, const uint32_t references[], size_t n,
+static int have_roles(const fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                       int (*fits)(int slot), const char *place, const char *expected)
 {
     int first, size;
     for (size_t k = 0; k < n; k++) {
-        i->version->resolve(references[k], &first, &size);
+        i->layer->resolve(references[k], &first, &size);
         if (!fits(first)) {
             report(i, STATUS_ERROR, "%s: %s is no %s; expected %s", function, variable_of(first)->name, place,
                    expected);
@@ -152,7 +151,7 @@ static int have_roles(const instance *i, const char *function, const uint32_t re
     return 1;
 }
 
-static int may_differentiate(const instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
+static int may_differentiate(const fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
                              const void *of_unknowns, size_t n_of_unknowns, const uint32_t knowns[], size_t n_knowns,
                              const void *of_knowns, size_t n_of_knowns)
 {
@@ -166,52 +165,52 @@ static int may_differentiate(const instance *i, const char *function, const uint
 }
 
 /* Adds the values, in the order of the references, to their slots. */
-static void scatter(const instance *i, const uint32_t references[], size_t n, const double values[], by_slot *v)
+static void scatter(const fmi_instance *i, const uint32_t references[], size_t n, const double values[], by_slot *v)
 {
     int first, size;
     for (size_t k = 0; k < n; k++) {
-        i->version->resolve(references[k], &first, &size);
+        i->layer->resolve(references[k], &first, &size);
         for (int slot = first; slot < first + size; slot++)
             v->slots[slot] += *values++;
     }
 }
 
-static void gather(const instance *i, const uint32_t references[], size_t n, const by_slot *v, double values[])
+static void gather(const fmi_instance *i, const uint32_t references[], size_t n, const by_slot *v, double values[])
 {
     int first, size;
     for (size_t k = 0; k < n; k++) {
-        i->version->resolve(references[k], &first, &size);
+        i->layer->resolve(references[k], &first, &size);
         for (int slot = first; slot < first + size; slot++)
             *values++ = v->slots[slot];
     }
 }
 
-status get_directional_derivative(instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
-                                  const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
-                                  double sensitivity[], size_t n_sensitivity)
+fmi_status get_directional_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[],
+                                      size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
+                                      size_t n_seed, double sensitivity[], size_t n_sensitivity)
 {
     if (!may_differentiate(i, function, unknowns, n_unknowns, sensitivity, n_sensitivity, knowns, n_knowns, seed,
                            n_seed))
         return STATUS_ERROR;
     by_slot direction = {{0}}, change = {{0}};
     scatter(i, knowns, n_knowns, seed, &direction);
-    outcome found = component_forward(&i->component, results_of(&direction), inputs_of(&direction),
+    outcome found = component_forward(i->core, results_of(&direction), inputs_of(&direction),
                                       parameters_of(&direction), derivatives_of(&change), results_of(&change));
     if (found == DONE)
         gather(i, unknowns, n_unknowns, &change, sensitivity);
     return conclude(i, function, found);
 }
 
-status get_adjoint_derivative(instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
-                              const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
-                              double sensitivity[], size_t n_sensitivity)
+fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
+                                  const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
+                                  double sensitivity[], size_t n_sensitivity)
 {
     if (!may_differentiate(i, function, unknowns, n_unknowns, seed, n_seed, knowns, n_knowns, sensitivity,
                            n_sensitivity))
         return STATUS_ERROR;
     by_slot weights = {{0}}, gradient = {{0}};
     scatter(i, unknowns, n_unknowns, seed, &weights);
-    outcome found = component_reverse(&i->component, derivatives_of(&weights), results_of(&weights),
+    outcome found = component_reverse(i->core, derivatives_of(&weights), results_of(&weights),
                                       results_of(&gradient), inputs_of(&gradient), parameters_of(&gradient));
     if (found == DONE)
         gather(i, knowns, n_knowns, &gradient, sensitivity);
@@ -230,8 +229,8 @@ static int is_input(int slot)
     return role_at(slot) == INPUT;
 }
 
-status get_output_rates(instance *i, const char *function, const uint32_t references[], size_t n,
-                        const int32_t orders[], double values[], size_t n_values)
+fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
+                            const int32_t orders[], double values[], size_t n_values)
 {
     if (!is_allowed(i, function, CALL_GET_OUTPUT_RATES) ||
         !find_all(i, function, references, n, values, n_values, "values") ||
@@ -242,14 +241,14 @@ status get_output_rates(instance *i, const char *function, const uint32_t refere
         if (orders[k] != 1)
             return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is there", function, (long)orders[k]);
     by_slot rates = {{0}};
-    outcome found = component_result_rates(&i->component, results_of(&rates));
+    outcome found = component_result_rates(i->core, results_of(&rates));
     if (found == DONE)
         gather(i, references, n, &rates, values);
     return conclude(i, function, found);
 }
 
-status set_input_rates(instance *i, const char *function, const uint32_t references[], size_t n,
-                       const int32_t orders[], const double values[])
+fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
+                           const int32_t orders[], const double values[])
 {
     if (!is_allowed(i, function, CALL_SET_INPUT_RATES) ||
         !find_all(i, function, references, n, values, ONE_EACH, "values") ||
@@ -260,14 +259,14 @@ status set_input_rates(instance *i, const char *function, const uint32_t referen
     for (size_t k = 0; k < n; k++) {
         if (orders[k] != 1)
             return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is there", function, (long)orders[k]);
-        i->version->resolve(references[k], &first, &size);
-        status checked = conclude(i, function, component_check(&i->component, first, values[k]));
+        i->layer->resolve(references[k], &first, &size);
+        fmi_status checked = conclude(i, function, component_check(i->core, first, values[k]));
         if (checked != STATUS_OK)
             return checked;
     }
     for (size_t k = 0; k < n; k++) {
-        i->version->resolve(references[k], &first, &size);
-        i->component.s.input_rates[first - FIRST_INPUT] = values[k];
+        i->layer->resolve(references[k], &first, &size);
+        component_put_input_rate(i->core, first, values[k]);
     }
     return STATUS_OK;
 }

@@ -2,7 +2,7 @@
 #ifndef MODES_H
 #define MODES_H
 
-typedef enum { MODEL_EXCHANGE = 1, CO_SIMULATION = 2 } kind;
+typedef enum { MODEL_EXCHANGE = 1, CO_SIMULATION = 2 } fmi_kind;
 
 typedef enum {
     INSTANTIATED = 1,
@@ -12,7 +12,7 @@ typedef enum {
     STEP = 16,       /* co-simulation: "step mode", in FMI 2.0 "slave initialized" */
     INTERMEDIATE = 32, /* co-simulation, FMI 3.0: in the callback of a step */
     TERMINATED = 64
-} mode;
+} fmi_mode;
 
 #define BEFORE_START (INSTANTIATED | INITIALIZATION)
 #define RUNNING (EVENT | CONTINUOUS | STEP)
@@ -54,7 +54,7 @@ typedef enum {
 /* clang-format on */
 
 #define AS_NAME(name, kinds, modes) name,
-typedef enum { CALLS(AS_NAME) NUMBER_OF_CALLS } call;
+typedef enum { CALLS(AS_NAME) NUMBER_OF_CALLS } fmi_call;
 #undef AS_NAME
 
 #endif

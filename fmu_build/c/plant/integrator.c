@@ -6,6 +6,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "plant_table.h"
+
 #define STAGES 7
 
 /* the last row is the solution of order 5, so that stage 7 is the first of the next step */

@@ -1,28 +1,27 @@
 #include "saved.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 /* Serial form, all numbers little-endian: magic (8 bytes), format, kind, mode, number of doubles (4 bytes each),
-   layout of the variables (8), the doubles of component_state (8 each), checksum of all before (8). */
+   layout of the variables (8), the component's numbers (8 each), checksum of all before (8). */
 static const char MAGIC[8] = {'G', 'S', 'T', 'E', 'W', 'A', 'R', 'T'};
 
-enum {
-    FORMAT = 1,
-    N_NUMBERS = sizeof(component_state) / sizeof(double),
-    HEADER = 8 + 4 * 4 + 8,
-    SERIAL_SIZE = HEADER + 8 * N_NUMBERS + 8
-};
+enum { FORMAT = 1, HEADER = 8 + 4 * 4 + 8 };
 
 typedef struct {
     char magic[8];
-    kind kind;
-    mode mode;
-    component_state state;
+    fmi_kind kind;
+    fmi_mode mode;
+    double numbers[]; /* N_SAVED of them */
 } saved_state;
 
-static int is_saved_state(const instance *i, const char *function, const saved_state *saved)
+static size_t serial_size(void)
+{
+    return HEADER + 8 * N_SAVED + 8;
+}
+
+static int is_saved_state(const fmi_instance *i, const char *function, const saved_state *saved)
 {
     if (saved && memcmp(saved->magic, MAGIC, sizeof MAGIC) == 0)
         return 1;
@@ -30,31 +29,37 @@ static int is_saved_state(const instance *i, const char *function, const saved_s
     return 0;
 }
 
-/* Puts a state where `saved` points, over an earlier one if there is one. */
-static status keep(const instance *i, const char *function, void **saved, kind kind, mode mode,
-                   const component_state *state)
+static saved_state *new_saved_state(fmi_kind kind, fmi_mode mode)
 {
+    saved_state *s = malloc(sizeof *s + N_SAVED * sizeof s->numbers[0]);
+    if (s) {
+        memcpy(s->magic, MAGIC, sizeof MAGIC);
+        s->kind = kind;
+        s->mode = mode;
+    }
+    return s;
+}
+
+/* A state of the importer's is written over. */
+fmi_status save_state(fmi_instance *i, const char *function, void **saved)
+{
+    if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, saved, 1, "FMUState"))
+        return STATUS_ERROR;
     saved_state *s = *saved;
     if (s && !is_saved_state(i, function, s))
         return STATUS_ERROR;
     if (!s)
-        s = malloc(sizeof *s);
+        s = new_saved_state(i->kind, i->mode);
     if (!s)
         return report(i, STATUS_ERROR, "%s: out of memory", function);
-    *s = (saved_state){.kind = kind, .mode = mode, .state = *state};
-    memcpy(s->magic, MAGIC, sizeof MAGIC);
+    s->kind = i->kind;
+    s->mode = i->mode;
+    component_save(i->core, s->numbers);
     *saved = s;
     return STATUS_OK;
 }
 
-status save_state(instance *i, const char *function, void **saved)
-{
-    if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, saved, 1, "FMUState"))
-        return STATUS_ERROR;
-    return keep(i, function, saved, i->kind, i->mode, &i->component.s);
-}
-
-status restore_state(instance *i, const char *function, const void *saved)
+fmi_status restore_state(fmi_instance *i, const char *function, const void *saved)
 {
     const saved_state *s = saved;
     if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, s))
@@ -63,14 +68,13 @@ status restore_state(instance *i, const char *function, const void *saved)
         return report(i, STATUS_ERROR, "%s: the state is of %s; expected one of the instance's own kind", function,
                       s->kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation");
     i->mode = s->mode;
-    i->component.s = s->state;
-    component_forget_results(&i->component);
+    component_restore(i->core, s->numbers);
     i->step_status = STATUS_OK;
-    i->last_successful_time = s->state.time;
+    i->last_successful_time = component_time(i->core);
     return STATUS_OK;
 }
 
-status free_state(instance *i, const char *function, void **saved)
+fmi_status free_state(fmi_instance *i, const char *function, void **saved)
 {
     if (!is_allowed(i, function, CALL_FMU_STATE))
         return STATUS_ERROR;
@@ -108,59 +112,55 @@ static uint64_t checksum(const unsigned char *bytes, size_t n)
     return sum;
 }
 
-status serialized_size(const instance *i, const char *function, const void *saved, size_t *size)
+fmi_status serialized_size(const fmi_instance *i, const char *function, const void *saved, size_t *size)
 {
     if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, saved) ||
         !has_array(i, function, size, 1, "size"))
         return STATUS_ERROR;
-    *size = SERIAL_SIZE;
+    *size = serial_size();
     return STATUS_OK;
 }
 
-status serialize(const instance *i, const char *function, const void *saved, unsigned char bytes[], size_t size)
+fmi_status serialize(const fmi_instance *i, const char *function, const void *saved, unsigned char bytes[],
+                     size_t size)
 {
     const saved_state *s = saved;
     if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, s) ||
         !has_array(i, function, bytes, 1, "serializedState"))
         return STATUS_ERROR;
-    if (size < SERIAL_SIZE)
+    if (size < serial_size())
         return report(i, STATUS_ERROR, "%s: room for %lu bytes; expected %lu", function, (unsigned long)size,
-                      (unsigned long)SERIAL_SIZE);
-    double numbers[N_NUMBERS];
-    memcpy(numbers, &s->state, sizeof numbers);
+                      (unsigned long)serial_size());
     unsigned char *at = bytes;
     memcpy(at, MAGIC, sizeof MAGIC);
     at += sizeof MAGIC;
     put(&at, FORMAT, 4);
     put(&at, s->kind, 4);
     put(&at, s->mode, 4);
-    put(&at, N_NUMBERS, 4);
+    put(&at, N_SAVED, 4);
     put(&at, LAYOUT, 8);
-    for (int k = 0; k < N_NUMBERS; k++) {
+    for (size_t k = 0; k < N_SAVED; k++) {
         uint64_t bits;
-        memcpy(&bits, &numbers[k], sizeof bits);
+        memcpy(&bits, &s->numbers[k], sizeof bits);
         put(&at, bits, 8);
     }
-    put(&at, checksum(bytes, SERIAL_SIZE - 8), 8);
+    put(&at, checksum(bytes, (size_t)(at - bytes)), 8);
     return STATUS_OK;
 }
 
 /* 1 if an instance can be in this state: what the checksum cannot tell of bytes made by somebody else. */
-static int is_possible(kind kind, int mode, const component_state *s)
+static int is_possible(const saved_state *s)
 {
-    int modes = kind == MODEL_EXCHANGE ? BEFORE_START | EVENT | CONTINUOUS | TERMINATED : BEFORE_START | STEP | TERMINATED;
-    if ((kind != MODEL_EXCHANGE && kind != CO_SIMULATION) || !(mode & modes) || (mode & (mode - 1)))
+    int modes = s->kind == MODEL_EXCHANGE ? BEFORE_START | EVENT | CONTINUOUS | TERMINATED
+                                          : BEFORE_START | STEP | TERMINATED;
+    int mode = (int)s->mode;
+    if ((s->kind != MODEL_EXCHANGE && s->kind != CO_SIMULATION) || !(mode & modes) || (mode & (mode - 1)))
         return 0;
-    double numbers[N_NUMBERS];
-    memcpy(numbers, s, sizeof numbers);
-    for (int k = 0; k < N_NUMBERS; k++)
-        if (isnan(numbers[k]) || (isinf(numbers[k]) && k != offsetof(component_state, stop_time) / sizeof(double)))
-            return 0;
-    return s->tolerance >= SMALLEST_TOLERANCE && s->tolerance <= LARGEST_TOLERANCE && s->internal_step >= 0 &&
-           s->fixed_step_size >= 0;
+    return component_can_restore(s->numbers);
 }
 
-status deserialize(const instance *i, const char *function, const unsigned char bytes[], size_t size, void **saved)
+fmi_status deserialize(const fmi_instance *i, const char *function, const unsigned char bytes[], size_t size,
+                       void **saved)
 {
     if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, bytes, size, "serializedState") ||
         !has_array(i, function, saved, 1, "FMUState"))
@@ -172,26 +172,27 @@ status deserialize(const instance *i, const char *function, const unsigned char 
     unsigned long kind_number = (unsigned long)take(&at, 4), mode_number = (unsigned long)take(&at, 4);
     unsigned long n = (unsigned long)take(&at, 4);
     uint64_t layout = take(&at, 8);
-    if (format != FORMAT || layout != LAYOUT || n != N_NUMBERS)
+    if (format != FORMAT || layout != LAYOUT || n != N_SAVED)
         return report(i, STATUS_ERROR,
-                      "%s: a state of another version of this unit (format %lu, %lu numbers); expected format %d, %d "
+                      "%s: a state of another version of this unit (format %lu, %lu numbers); expected format %d, %lu "
                       "numbers, and the same variables",
-                      function, format, n, FORMAT, N_NUMBERS);
-    if (size != SERIAL_SIZE)
+                      function, format, n, FORMAT, (unsigned long)N_SAVED);
+    if (size != serial_size())
         return report(i, STATUS_ERROR, "%s: %lu bytes; expected %lu", function, (unsigned long)size,
-                      (unsigned long)SERIAL_SIZE);
-    double numbers[N_NUMBERS];
-    for (int k = 0; k < N_NUMBERS; k++) {
+                      (unsigned long)serial_size());
+    /* unlike for saving, the standards do not call the pointer an input */
+    saved_state *s = new_saved_state((fmi_kind)kind_number, (fmi_mode)mode_number);
+    if (!s)
+        return report(i, STATUS_ERROR, "%s: out of memory", function);
+    for (size_t k = 0; k < N_SAVED; k++) {
         uint64_t bits = take(&at, 8);
-        memcpy(&numbers[k], &bits, sizeof bits);
+        memcpy(&s->numbers[k], &bits, sizeof bits);
     }
-    component_state state;
-    memcpy(&state, numbers, sizeof state);
-    if (take(&at, 8) != checksum(bytes, SERIAL_SIZE - 8) || !is_possible((kind)kind_number, (int)mode_number, &state))
+    uint64_t sum = checksum(bytes, (size_t)(at - bytes));
+    if (take(&at, 8) != sum || !is_possible(s)) {
+        free(s);
         return report(i, STATUS_ERROR, "%s: the bytes are damaged (wrong checksum or impossible values)", function);
-    void *made = NULL; /* unlike for saving, the standards do not call the pointer an input */
-    status kept = keep(i, function, &made, (kind)kind_number, (mode)mode_number, &state);
-    if (kept == STATUS_OK)
-        *saved = made;
-    return kept;
+    }
+    *saved = s;
+    return STATUS_OK;
 }

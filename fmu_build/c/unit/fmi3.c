@@ -6,7 +6,7 @@
 #include "instance.h"
 #include "saved.h"
 
-#define AS_FMI3(call) ((fmi3Status)(call))
+#define AS_FMI3(result) ((fmi3Status)(result))
 
 static int slots_of_reference(uint32_t reference, int *first, int *size)
 {
@@ -17,12 +17,12 @@ static int slots_of_reference(uint32_t reference, int *first, int *size)
     return 1;
 }
 
-static void deliver(const instance *i, status status, const char *category, const char *message)
+static void deliver(const fmi_instance *i, fmi_status status, const char *category, const char *message)
 {
     ((fmi3LogMessageCallback)i->logger)(i->environment, AS_FMI3(status), category, message);
 }
 
-static const version VERSION_3 = {slots_of_reference, deliver};
+static const fmi_layer FMI_3 = {slots_of_reference, deliver};
 
 /* ---- life ----------------------------------------------------------------------------------------------------- */
 
@@ -44,12 +44,12 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
 {
     (void)resourcePath; /* nothing is read from there */
     (void)visible;
-    struct instance given = {.version = &VERSION_3,
+    fmi_instance request = {.layer = &FMI_3,
                              .kind = MODEL_EXCHANGE,
                              .environment = instanceEnvironment,
                              .logger = (any_function)logMessage,
                              .logs = loggingOn};
-    return new_instance(&given, instanceName, instantiationToken);
+    return new_instance(&request, instanceName, instantiationToken);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
@@ -63,7 +63,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
 {
     (void)resourcePath;
     (void)visible;
-    struct instance given = {.version = &VERSION_3,
+    fmi_instance request = {.layer = &FMI_3,
                              .kind = CO_SIMULATION,
                              .environment = instanceEnvironment,
                              .logger = (any_function)logMessage,
@@ -72,23 +72,23 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                              .logs = 1, /* until it is there */
                              .categories = ~0u};
     if (eventModeUsed) {
-        report(&given, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
+        report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
         return NULL;
     }
-    if (!has_array(&given, __func__, requiredIntermediateVariables, nRequiredIntermediateVariables,
+    if (!has_array(&request, __func__, requiredIntermediateVariables, nRequiredIntermediateVariables,
                    "requiredIntermediateVariables"))
         return NULL;
     for (size_t k = 0; k < nRequiredIntermediateVariables; k++) {
         fmi3ValueReference reference = requiredIntermediateVariables[k];
         if (reference >= N_VARIABLES || VARIABLES[reference].role > RESULT) {
-            report(&given, STATUS_ERROR,
+            report(&request, STATUS_ERROR,
                    "%s: value reference %lu is not available in intermediate updates; expected an input or output",
                    __func__, (unsigned long)reference);
             return NULL;
         }
     }
-    given.logs = loggingOn;
-    return new_instance(&given, instanceName, instantiationToken);
+    request.logs = loggingOn;
+    return new_instance(&request, instanceName, instantiationToken);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3String instantiationToken,
@@ -106,12 +106,12 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     (void)clockUpdate;
     (void)lockPreemption;
     (void)unlockPreemption;
-    struct instance given = {.version = &VERSION_3,
+    fmi_instance request = {.layer = &FMI_3,
                              .environment = instanceEnvironment,
                              .logger = (any_function)logMessage,
                              .logs = 1,
                              .categories = ~0u};
-    report(&given, STATUS_ERROR, "%s: not offered by this unit; it has Model Exchange and Co-Simulation", __func__);
+    report(&request, STATUS_ERROR, "%s: not offered by this unit; it has Model Exchange and Co-Simulation", __func__);
     return NULL;
 }
 
@@ -123,8 +123,8 @@ void fmi3FreeInstance(fmi3Instance instance)
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
-    status set = set_experiment(instance, __func__, CALL_ENTER_INITIALIZATION, toleranceDefined, tolerance, startTime,
-                                stopTimeDefined, stopTime);
+    fmi_status set = set_experiment(instance, __func__, CALL_ENTER_INITIALIZATION, toleranceDefined, tolerance,
+                                    startTime, stopTimeDefined, stopTime);
     return AS_FMI3(set == STATUS_OK ? change_mode(instance, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION) : set);
 }
 
@@ -206,7 +206,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
     return AS_FMI3(no_such_type(instance, __func__, nValueReferences + nValues));
 }
 
-static fmi3Status no_dimensions(instance *i, const char *function, fmi3ValueReference reference, size_t *n)
+static fmi3Status no_dimensions(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
 {
     int first, size;
     if (!is_allowed(i, function, CALL_GET) || !has_array(i, function, n, 1, "nDependencies"))
@@ -327,7 +327,7 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
                                        fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    struct instance *i = instance;
+    fmi_instance *i = instance;
     if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
         return fmi3Error;
@@ -368,7 +368,7 @@ fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 
     return AS_FMI3(get_nominals(instance, __func__, nominals, nContinuousStates));
 }
 
-static fmi3Status get_number(instance *i, const char *function, size_t *n, size_t number)
+static fmi3Status get_number(fmi_instance *i, const char *function, size_t *n, size_t number)
 {
     if (!is_allowed(i, function, CALL_GET_NUMBERS) || !has_array(i, function, n, 1, "the number"))
         return fmi3Error;
@@ -404,7 +404,7 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
 /* After an internal step: the importer may read, may set inputs, and may ask to return early. */
 static void intermediate_update(void *context, double time, double *end)
 {
-    instance *i = context;
+    fmi_instance *i = context;
     fmi3Boolean early_return = fmi3False;
     fmi3Float64 return_time = time;
     i->mode = INTERMEDIATE;
@@ -421,16 +421,16 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
                       fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    struct instance *i = instance;
+    fmi_instance *i = instance;
     if (!i || !has_array(i, __func__, eventHandlingNeeded, 1, "eventHandlingNeeded") ||
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation") ||
         !has_array(i, __func__, earlyReturn, 1, "earlyReturn") ||
         !has_array(i, __func__, lastSuccessfulTime, 1, "lastSuccessfulTime"))
         return fmi3Error;
-    observer asker = {i, intermediate_update};
+    step_observer asker = {i, intermediate_update};
     double end = currentCommunicationPoint + communicationStepSize;
-    status stepped = do_step(i, __func__, currentCommunicationPoint, communicationStepSize,
-                             i->intermediate_update ? &asker : NULL);
+    fmi_status stepped = do_step(i, __func__, currentCommunicationPoint, communicationStepSize,
+                                 i->intermediate_update ? &asker : NULL);
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = fmi3False;
     *earlyReturn = stepped == STATUS_OK && i->last_successful_time < end;
@@ -440,7 +440,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
 
 /* ---- what this unit has not: structural parameters, clocks, scheduled execution ------------------------------- */
 
-static fmi3Status not_offered(const instance *i, const char *function)
+static fmi3Status not_offered(const fmi_instance *i, const char *function)
 {
     is_allowed(i, function, CALL_NOT_OFFERED);
     return fmi3Error;

@@ -1,16 +1,17 @@
-/* A communication step: component_step of component.h. */
+#include "plant_step.h"
+
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-#include "component.h"
 #include "integrator.h"
 #include "kernel.h"
+#include "plant_table.h"
 
 /* One communication step on its way. */
 typedef struct {
     component *c;
-    const observer *observer;
+    const step_observer *observer;
     int interpolates;
     double since; /* time at which the inputs had the values of `from` */
     double from[N_INPUTS];
@@ -41,10 +42,10 @@ static int accept_internal_step(void *owner, double t, const double x[N_STATES],
     memcpy(c->s.x, x, sizeof c->s.x);
     memcpy(c->xdot, xdot, sizeof c->xdot);
     c->has_xdot = 1;
-    c->has_results = 0;
+    c->has_results = c->has_legs = 0;
     if (step->interpolates)
         inputs_at(step, t, c->s.inputs);
-    if (component_check_pose(c) != DONE)
+    if (component_check_state(c) != DONE)
         return 0;
     if (step->observer) {
         double wanted = *end, before[N_INPUTS];
@@ -104,12 +105,12 @@ static void explain_failure(component *c, integration how, double time, double e
                       time, c->s.fixed_step_size, remedy);
 }
 
-outcome component_step(component *c, double time, double step, const observer *observer, double *reached)
+outcome step_plant(component *c, double time, double step, const step_observer *observer, double *reached)
 {
     *reached = c->s.time;
     outcome checked = check_step(c, time, step);
     if (checked == DONE)
-        checked = component_check_inertia(c);
+        checked = component_check_parameters(c);
     integration_point at = {.t = c->s.time, .step = c->s.internal_step};
     if (checked == DONE)
         checked = component_derivatives(c, at.xdot);
@@ -117,7 +118,7 @@ outcome component_step(component *c, double time, double step, const observer *o
         return checked;
     memcpy(at.x, c->s.x, sizeof at.x);
 
-    component_state before = c->s;
+    plant_state before = c->s;
     communication_step run = {.c = c, .observer = observer, .since = before.time};
     memcpy(run.from, before.inputs, sizeof run.from);
     for (int i = 0; i < N_INPUTS; i++)
@@ -133,7 +134,7 @@ outcome component_step(component *c, double time, double step, const observer *o
         return DONE;
     }
     c->s = before;
-    component_forget_results(c);
+    forget_results(c);
     explain_failure(c, how, at.t, end);
     return NOT_POSSIBLE;
 }

@@ -4,8 +4,9 @@
 #include <string.h>
 
 #include "kernel.h"
+#include "plant_table.h"
 
-#define N 6
+#define N N_LEGS
 
 /* LU factors in place with partial pivoting, rows swapped as `order` says; the determinant. */
 static double factorise(double a[N][N], int order[N])
@@ -64,38 +65,41 @@ static double norm_of_inverse(double lu[N][N], const int order[N])
 
 /* In Frobenius norms: between the spectral condition number and six times it. Any upper bound below the limit may
    be given instead: kappa <= 2 / |det J| (|J|_F / sqrt n)^n (Guggenheimer, Edelman & Johnson 1995) costs less. */
-static double condition_number(double jacobian[N][N], double *determinant)
+static double condition_number(const double jacobian[N][N], double *determinant)
 {
     int order[N];
-    double squares = 0;
+    double factors[N][N], squares = 0;
     for (int i = 0; i < N; i++)
         for (int j = 0; j < N; j++)
             squares += jacobian[i][j] * jacobian[i][j];
-    *determinant = factorise(jacobian, order);
+    memcpy(factors, jacobian, sizeof factors);
+    *determinant = factorise(factors, order);
     double mean = squares / N, bound = 2 * mean * mean * mean / fabs(*determinant);
     if (bound < SINGULAR_CONDITION_NUMBER)
         return bound;
-    return *determinant == 0 ? INFINITY : sqrt(squares) * norm_of_inverse(jacobian, order);
+    return *determinant == 0 ? INFINITY : sqrt(squares) * norm_of_inverse(factors, order);
 }
 
-int check_pose(const double x[N_STATES], const double p[N_PARAMETERS], double handedness, leg_state *legs,
-               char message[MESSAGE_SIZE])
+void find_legs(const double x[N_STATES], const double p[N_PARAMETERS], leg_state *legs)
 {
-    double jacobian[N][N], rho, determinant, pitch = x[4];
-    kernel_legs(x, p, legs->length, legs->length_rate, jacobian[0], &rho);
-    legs->handedness = 0;
+    kernel_legs(x, p, legs->length, legs->length_rate, legs->jacobian[0], &legs->rho);
+}
+
+int check_pose(const leg_state *legs, double pitch, double *handedness, char message[MESSAGE_SIZE])
+{
     if (!(fabs(pitch) < LARGEST_PITCH)) {
-        write_message(message, "orientation[2] = %.6g rad: the pitch has reached 90 degrees", pitch);
+        char name[NAME_SIZE];
+        write_slot_name(FIRST_STATE + X_PITCH, name);
+        write_message(message, "%s = %.6g rad: the pitch has reached 90 degrees", name, pitch);
         return 0;
     }
-    for (int i = 0; i < N; i++)
-        if (!(legs->length[i] > SHORTEST_LEG * rho)) {
+    for (int i = 0; i < N_LEGS; i++)
+        if (!(legs->length[i] > SHORTEST_LEG * legs->rho)) {
             write_message(message, "leg_length[%d] = %.6g m: the leg has collapsed", i + 1, legs->length[i]);
             return 0;
         }
-    double number = condition_number(jacobian, &determinant);
-    legs->handedness = determinant > 0 ? 1 : -1;
-    if (handedness != 0 && handedness != legs->handedness) {
+    double determinant, number = condition_number(legs->jacobian, &determinant), side = determinant > 0 ? 1 : -1;
+    if (*handedness != 0 && *handedness != side) {
         write_message(message, "the platform has passed a singular pose, where the legs cannot hold it, since the "
                                "last internal step");
         return 0;
@@ -107,5 +111,6 @@ int check_pose(const double x[N_STATES], const double p[N_PARAMETERS], double ha
                       number);
         return 0;
     }
+    *handedness = side;
     return 1;
 }

@@ -1,6 +1,8 @@
-/* One row of the variable table that model.c holds. */
+/* One row of the variable table that model.c holds, and what it says of its slots. */
 #ifndef VARIABLE_H
 #define VARIABLE_H
+
+#include "internal.h"
 
 typedef enum { INPUT, STATE, RESULT, FIXED_PARAMETER, TUNABLE_PARAMETER, DERIVATIVE, INDEPENDENT } variable_role;
 typedef enum { ANY, NOT_NEGATIVE, POSITIVE } variable_range;
@@ -15,5 +17,16 @@ typedef struct {
     variable_role role;
     variable_range range;
 } variable;
+
+#define NAME_SIZE 80
+
+INTERNAL_BEGIN
+/* The variable a slot belongs to. */
+const variable *variable_of(int slot);
+/* `name[row,column]` of a slot, 1-based. */
+void write_slot_name(int slot, char name[NAME_SIZE]);
+/* What is expected of a slot that cannot have this value; NULL if it can. */
+const char *expected_of_slot(int slot, double value);
+INTERNAL_END
 
 #endif

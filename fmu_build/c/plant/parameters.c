@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "plant_table.h"
+
 /* Sylvester: a symmetric matrix is positive definite when its leading minors are positive. */
 static int is_positive_definite(double m[3][3])
 {
@@ -49,11 +51,11 @@ int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
     return 1;
 }
 
-static int joints_are_apart(const double points[18], const char *name, char message[MESSAGE_SIZE])
+static int joints_are_apart(const double points[3 * N_LEGS], const char *name, char message[MESSAGE_SIZE])
 {
     double nearest = INFINITY, farthest = 0;
     int one = 0, other = 0;
-    for (int i = 0; i < 6; i++)
+    for (int i = 0; i < N_LEGS; i++)
         for (int j = 0; j < i; j++) {
             double square = 0;
             for (int a = 0; a < 3; a++)
@@ -73,13 +75,13 @@ static int joints_are_apart(const double points[18], const char *name, char mess
     return 0;
 }
 
-int check_geometry(const double p[N_PARAMETERS], const double leg_length[6], char message[MESSAGE_SIZE])
+int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE])
 {
     if (!joints_are_apart(p + P_BASE_POINTS, "base_points", message) ||
         !joints_are_apart(p + P_PLATFORM_POINTS, "platform_points", message))
         return 0;
     double longest = 0;
-    for (int i = 0; i < 6; i++)
+    for (int i = 0; i < N_LEGS; i++)
         longest = fmax(longest, leg_length[i]);
     const double com[2] = {p[P_LEG_LOWER_COM], p[P_LEG_UPPER_COM]};
     for (int part = 0; part < 2; part++)

@@ -1,4 +1,4 @@
-#include "component.h"
+#include "plant.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -6,36 +6,27 @@
 
 #include "kernel.h"
 #include "parameters.h"
+#include "plant_step.h"
+#include "plant_table.h"
+
+const size_t COMPONENT_SIZE = sizeof(component);
+const size_t N_SAVED = sizeof(plant_state) / sizeof(double);
 
 /* ---- variables ------------------------------------------------------------------------------------------------ */
-
-void slot_name(int slot, char *name, int size)
-{
-    const variable *v = variable_of(slot);
-    int k = slot - v->first;
-    if (v->columns)
-        snprintf(name, (size_t)size, "%s[%d,%d]", v->name, k / v->columns + 1, k % v->columns + 1);
-    else if (v->role == DERIVATIVE) /* der(state[k]) */
-        snprintf(name, (size_t)size, "%.*s[%d])", (int)strlen(v->name) - 1, v->name, k + 1);
-    else if (v->size > 1)
-        snprintf(name, (size_t)size, "%s[%d]", v->name, k + 1);
-    else
-        snprintf(name, (size_t)size, "%s", v->name);
-}
 
 /* Where the value of a slot that can be set lies; NULL for a computed one. */
 static double *place_of(component *c, int slot)
 {
     if (slot < FIRST_INPUT + N_INPUTS)
         return &c->s.inputs[slot - FIRST_INPUT];
-    if (slot < FIRST_RESULT + N_STATES)
-        return &c->s.x[slot - FIRST_RESULT];
+    if (slot < FIRST_STATE + N_STATES)
+        return &c->s.x[slot - FIRST_STATE];
     if (slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS)
         return &c->s.p[slot - FIRST_PARAMETER];
     return slot == FIXED_STEP_SIZE ? &c->s.fixed_step_size : NULL;
 }
 
-void component_forget_results(component *c)
+void forget_results(component *c)
 {
     c->has_xdot = c->has_results = c->has_legs = 0;
     c->inertia_is_unchecked = 1;
@@ -43,34 +34,33 @@ void component_forget_results(component *c)
 
 void component_reset(component *c)
 {
-    memset(&c->s, 0, sizeof c->s);
+    memset(c, 0, sizeof *c);
     c->s.stop_time = INFINITY;
     c->s.tolerance = DEFAULT_TOLERANCE;
     c->s.fixed_step_size = START_FIXED_STEP_SIZE;
     memcpy(c->s.x, START_STATES, sizeof c->s.x);
     memcpy(c->s.p, START_PARAMETERS, sizeof c->s.p);
-    component_forget_results(c);
+    forget_results(c);
+}
+
+const char *component_message(const component *c)
+{
+    return c->message;
 }
 
 outcome component_check(component *c, int slot, double value)
 {
-    const variable *v = variable_of(slot);
-    char name[80];
-    const char *expected = NULL;
-    if (!isfinite(value))
-        expected = "a finite number";
-    else if (fabs(value) > LARGEST_NUMBER)
-        expected = "a number of a machine's size in SI units";
-    else if (v->range == POSITIVE && !(value > 0))
-        expected = "a value > 0";
-    else if (v->range == NOT_NEGATIVE && !(value >= 0))
-        expected = "a value >= 0";
-    else if (slot == FIRST_RESULT + 4 && !(fabs(value) < LARGEST_PITCH))
-        expected = "a pitch well within 90 degrees, at most 1.5698 rad";
+    char name[NAME_SIZE], pitch[80];
+    const char *expected = expected_of_slot(slot, value);
+    if (!expected && slot == FIRST_STATE + X_PITCH && !(fabs(value) < LARGEST_PITCH)) {
+        snprintf(pitch, sizeof pitch, "a pitch well within 90 degrees, at most %.5g rad", LARGEST_PITCH);
+        expected = pitch;
+    }
     if (!expected)
         return DONE;
-    slot_name(slot, name, sizeof name);
-    write_message(c->message, "%s = %g %s refused; expected %s", name, value, v->unit, expected);
+    write_slot_name(slot, name);
+    write_message(c->message, "%s = %g %s refused; expected %s", name, value, variable_of(slot)->unit,
+                  expected);
     return NOT_POSSIBLE;
 }
 
@@ -85,6 +75,11 @@ void component_put(component *c, int slot, double value)
         c->has_legs = 0;
     if (slot >= FIRST_PARAMETER)
         c->inertia_is_unchecked = 1;
+}
+
+void component_put_input_rate(component *c, int slot, double rate)
+{
+    c->s.input_rates[slot - FIRST_INPUT] = rate;
 }
 
 /* ---- results -------------------------------------------------------------------------------------------------- */
@@ -113,6 +108,31 @@ static outcome find_xdot(component *c)
     return all_finite(c->xdot, N_STATES) ? DONE : not_finite(c, "derivatives are");
 }
 
+static const leg_state *legs_of(component *c)
+{
+    if (!c->has_legs)
+        find_legs(c->s.x, c->s.p, &c->legs);
+    c->has_legs = 1;
+    return &c->legs;
+}
+
+/* Results beyond the states. Lengths and rates of the legs come without the dynamics, at a fifth of the cost. */
+static double find_result(component *c, int result)
+{
+    if (c->has_legs || !c->has_results) {
+        int length = result - R_LEG_LENGTH, rate = result - R_LEG_VELOCITY;
+        if (length >= 0 && length < N_LEGS)
+            return legs_of(c)->length[length];
+        if (rate >= 0 && rate < N_LEGS)
+            return legs_of(c)->length_rate[rate];
+    }
+    if (!c->has_results) {
+        kernel_outputs(c->s.x, c->s.inputs, c->s.p, c->results);
+        c->has_results = 1;
+    }
+    return c->results[result];
+}
+
 outcome component_get(component *c, int slot, double *value)
 {
     const double *place = place_of(c, slot);
@@ -126,33 +146,17 @@ outcome component_get(component *c, int slot, double *value)
             return found;
         *value = c->xdot[slot - FIRST_DERIVATIVE];
     } else {
-        int result = slot - FIRST_RESULT;
-        if (result < R_LEG_LENGTH + 12 && (c->has_legs || !c->has_results)) {
-            /* lengths and rates, without the dynamics */
-            if (!c->has_legs) {
-                char ignored[MESSAGE_SIZE];
-                check_pose(c->s.x, c->s.p, 0, &c->legs, ignored);
-                c->has_legs = 1;
-            }
-            int k = result - R_LEG_LENGTH;
-            *value = k < 6 ? c->legs.length[k] : c->legs.length_rate[k - 6];
-        } else {
-            if (!c->has_results) {
-                kernel_outputs(c->s.x, c->s.inputs, c->s.p, c->results);
-                c->has_results = 1;
-            }
-            *value = c->results[result];
-        }
+        *value = find_result(c, slot - FIRST_RESULT);
         if (!isfinite(*value)) {
-            char name[80];
-            slot_name(slot, name, sizeof name);
+            char name[NAME_SIZE];
+            write_slot_name(slot, name);
             return not_finite(c, name);
         }
     }
     return DONE;
 }
 
-outcome component_derivatives(component *c, double xdot[N_STATES])
+outcome component_derivatives(component *c, double xdot[])
 {
     outcome found = find_xdot(c);
     if (found == DONE)
@@ -176,7 +180,7 @@ outcome component_reverse(component *c, const double wxdot[], const double wy[],
                : not_finite(c, "sensitivities are");
 }
 
-outcome component_result_rates(component *c, double rates[N_RESULTS])
+outcome component_result_rates(component *c, double rates[])
 {
     static const double no_change[N_PARAMETERS] = {0};
     double dxdot[N_STATES];
@@ -204,17 +208,22 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
     return DONE;
 }
 
-outcome component_check_pose(component *c)
+static outcome check_present_pose(component *c, double *handedness)
 {
     char reason[MESSAGE_SIZE];
-    c->has_legs = 1;
-    if (check_pose(c->s.x, c->s.p, c->s.handedness, &c->legs, reason))
+    if (check_pose(legs_of(c), c->s.x[X_PITCH], handedness, reason))
         return DONE;
     write_message(c->message, "at time %.12g s: %s", c->s.time, reason);
     return NOT_POSSIBLE;
 }
 
-outcome component_check_inertia(component *c)
+outcome component_check_state(component *c)
+{
+    double handedness = c->s.handedness;
+    return check_present_pose(c, &handedness);
+}
+
+outcome component_check_parameters(component *c)
 {
     if (c->inertia_is_unchecked && !check_inertia(c->s.p, c->message))
         return NOT_POSSIBLE;
@@ -224,14 +233,20 @@ outcome component_check_inertia(component *c)
 
 outcome component_begin(component *c)
 {
-    outcome checked = component_check_inertia(c);
+    double handedness = c->s.handedness;
+    outcome checked = component_check_parameters(c);
     if (checked == DONE)
-        checked = component_check_pose(c);
-    if (checked == DONE && !check_geometry(c->s.p, c->legs.length, c->message))
+        checked = check_present_pose(c, &handedness);
+    if (checked == DONE && !check_geometry(c->s.p, legs_of(c)->length, c->message))
         checked = NOT_POSSIBLE;
     if (checked == DONE)
-        c->s.handedness = c->legs.handedness;
+        c->s.handedness = handedness;
     return checked;
+}
+
+double component_time(const component *c)
+{
+    return c->s.time;
 }
 
 outcome component_set_time(component *c, double time)
@@ -244,14 +259,48 @@ outcome component_set_time(component *c, double time)
     return DONE;
 }
 
-outcome component_set_states(component *c, const double x[N_STATES])
+void component_get_states(const component *c, double x[])
+{
+    memcpy(x, c->s.x, sizeof c->s.x);
+}
+
+outcome component_set_states(component *c, const double x[])
 {
     for (int i = 0; i < N_STATES; i++) {
-        outcome checked = component_check(c, FIRST_RESULT + i, x[i]);
+        outcome checked = component_check(c, FIRST_STATE + i, x[i]);
         if (checked != DONE)
             return checked;
     }
     for (int i = 0; i < N_STATES; i++)
-        component_put(c, FIRST_RESULT + i, x[i]);
+        component_put(c, FIRST_STATE + i, x[i]);
     return DONE;
+}
+
+outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached)
+{
+    return step_plant(c, time, step, observer, reached);
+}
+
+/* ---- saved states --------------------------------------------------------------------------------------------- */
+
+void component_save(const component *c, double saved[])
+{
+    memcpy(saved, &c->s, sizeof c->s);
+}
+
+int component_can_restore(const double saved[])
+{
+    plant_state s;
+    memcpy(&s, saved, sizeof s);
+    for (size_t k = 0; k < N_SAVED; k++)
+        if (isnan(saved[k]) || (isinf(saved[k]) && k != offsetof(plant_state, stop_time) / sizeof(double)))
+            return 0;
+    return s.tolerance >= SMALLEST_TOLERANCE && s.tolerance <= LARGEST_TOLERANCE && s.internal_step >= 0 &&
+           s.fixed_step_size >= 0;
+}
+
+void component_restore(component *c, const double saved[])
+{
+    memcpy(&c->s, saved, sizeof c->s);
+    forget_results(c);
 }

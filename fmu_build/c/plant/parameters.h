@@ -5,12 +5,13 @@
 #include "internal.h"
 #include "message.h"
 #include "model.h"
+#include "plant_table.h"
 
 INTERNAL_BEGIN
 /* 1 if a body can have this mass distribution, else 0 and the reason. */
 int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
 /* 1 if no two joints of one side coincide and the centres of mass lie on the legs, else 0 and the reason. */
-int check_geometry(const double p[N_PARAMETERS], const double leg_length[6], char message[MESSAGE_SIZE]);
+int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
 INTERNAL_END
 
 #endif

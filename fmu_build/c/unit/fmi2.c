@@ -7,7 +7,7 @@
 #include "instance.h"
 #include "saved.h"
 
-#define AS_FMI2(call) ((fmi2Status)(call))
+#define AS_FMI2(result) ((fmi2Status)(result))
 
 static int slots_of_reference(uint32_t reference, int *first, int *size)
 {
@@ -16,13 +16,13 @@ static int slots_of_reference(uint32_t reference, int *first, int *size)
     return reference < N_SLOTS;
 }
 
-static void deliver(const instance *i, status status, const char *category, const char *message)
+static void deliver(const fmi_instance *i, fmi_status status, const char *category, const char *message)
 {
     /* `message` is the format, and holds no '%' */
     ((fmi2CallbackLogger)i->logger)(i->environment, i->name, AS_FMI2(status), category, message);
 }
 
-static const version VERSION_2 = {slots_of_reference, deliver};
+static const fmi_layer FMI_2 = {slots_of_reference, deliver};
 
 /* ---- life ----------------------------------------------------------------------------------------------------- */
 
@@ -45,7 +45,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     if (!functions)
         return NULL;
     /* memory is the C library's, as modelDescription.xml says (canNotUseMemoryManagementFunctions) */
-    instance given = {.version = &VERSION_2,
+    fmi_instance request = {.layer = &FMI_2,
                       .kind = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
                       .environment = functions->componentEnvironment,
                       .logger = (any_function)functions->logger,
@@ -53,12 +53,12 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
                       .categories = ~0u,
                       .name = instanceName ? instanceName : ""};
     if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation) {
-        report(&given, STATUS_ERROR, "%s: no FMU type %d; expected Model Exchange or Co-Simulation", __func__,
+        report(&request, STATUS_ERROR, "%s: no FMU type %d; expected Model Exchange or Co-Simulation", __func__,
                (int)fmuType);
         return NULL;
     }
-    given.logs = loggingOn != fmi2False;
-    return new_instance(&given, instanceName, fmuGUID);
+    request.logs = loggingOn != fmi2False;
+    return new_instance(&request, instanceName, fmuGUID);
 }
 
 void fmi2FreeInstance(fmi2Component c)
@@ -175,7 +175,7 @@ fmi2Status fmi2EnterEventMode(fmi2Component c)
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
 {
-    instance *i = c;
+    fmi_instance *i = c;
     if (!is_allowed(i, __func__, CALL_UPDATE_DISCRETE) || !has_array(i, __func__, info, 1, "eventInfo"))
         return fmi2Error;
     memset(info, 0, sizeof *info); /* nothing happens at events */
@@ -191,7 +191,7 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
                                        fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    instance *i = c;
+    fmi_instance *i = c;
     if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
         return fmi2Error;
@@ -258,7 +258,7 @@ fmi2Status fmi2CancelStep(fmi2Component c)
 }
 
 /* A status of another type than the question, or a null pointer, or the wrong time to ask. */
-static fmi2Status no_status(instance *i, const char *function, int is_of_type, const void *value)
+static fmi2Status no_status(fmi_instance *i, const char *function, int is_of_type, const void *value)
 {
     if (!is_allowed(i, function, CALL_STEP_STATUS) || !has_array(i, function, value, 1, "value"))
         return fmi2Error;
@@ -269,7 +269,7 @@ static fmi2Status no_status(instance *i, const char *function, int is_of_type, c
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value)
 {
-    instance *i = c;
+    fmi_instance *i = c;
     fmi2Status asked = no_status(i, __func__, s == fmi2DoStepStatus, value);
     if (asked == fmi2OK)
         *value = AS_FMI2(i->step_status);
@@ -278,7 +278,7 @@ fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *va
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value)
 {
-    instance *i = c;
+    fmi_instance *i = c;
     fmi2Status asked = no_status(i, __func__, s == fmi2LastSuccessfulTime, value);
     if (asked == fmi2OK)
         *value = i->last_successful_time;
@@ -293,7 +293,7 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Int
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
 {
-    instance *i = c;
+    fmi_instance *i = c;
     fmi2Status asked = no_status(i, __func__, s == fmi2Terminated, value);
     /* Steps are controlled inside: under the same inputs no shorter communication step leads past the point where
        one failed. Importers that repeat a discarded step until told otherwise are told. */

@@ -1,0 +1,104 @@
+/* An instance of the unit, whatever the FMI version: a component, its mode, its log, and how calls reach it.
+
+   Functions that take `function` are the work of the FMI function of that name: they check whether it is allowed and
+   its arguments, and log what is wrong. A call that does not return STATUS_OK has changed nothing. */
+#ifndef INSTANCE_H
+#define INSTANCE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "component.h"
+#include "message.h"
+#include "model.h"
+#include "modes.h"
+
+/* The numbers are those of fmi2Status and fmi3Status. */
+typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR, STATUS_FATAL } fmi_status;
+
+typedef struct fmi_instance fmi_instance;
+
+/* What differs between the FMI versions. */
+typedef struct {
+    /* slots of a value reference; 0 if there is no such variable */
+    int (*resolve)(uint32_t reference, int *first, int *size);
+    void (*deliver)(const fmi_instance *i, fmi_status status, const char *category, const char *message);
+} fmi_layer;
+
+typedef void (*any_function)(void);
+
+struct fmi_instance {
+    component *core; /* lies behind the instance, in the same allocation */
+    fmi_kind kind;
+    fmi_mode mode;
+    const fmi_layer *layer;
+    /* the importer's */
+    void *environment;
+    any_function logger;
+    any_function intermediate_update; /* FMI 3.0 */
+    int may_return_early;             /* FMI 3.0 */
+    int logs;
+    unsigned categories; /* a bit for each */
+    /* of the last step, for FMI 2.0 */
+    fmi_status step_status;
+    double last_successful_time;
+    const char *name; /* lies behind the core */
+};
+
+INTERNAL_BEGIN
+/* A copy of `request`, which has the importer's part, initialised; NULL if token or name are wrong. */
+fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token);
+
+fmi_status report(const fmi_instance *i, fmi_status status, const char *format, ...);
+int allows(const fmi_instance *i, fmi_call call);
+/* 1 if the instance is there and the call allowed now; logs if not. */
+int is_allowed(const fmi_instance *i, const char *function, fmi_call call);
+/* Logs what the component found. */
+fmi_status conclude(const fmi_instance *i, const char *function, outcome outcome);
+/* 1 unless `n` elements are wanted from nowhere. */
+int has_array(const fmi_instance *i, const char *function, const void *array, size_t n, const char *name);
+int has_length(const fmi_instance *i, const char *function, size_t found, size_t expected, const char *name);
+
+fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, const char *const categories[]);
+
+/* The length of the value array is unknown to FMI 2.0: one value for every reference. */
+#define ONE_EACH SIZE_MAX
+
+fmi_status get_values(fmi_instance *i, const char *function, const uint32_t references[], size_t n, double values[],
+                      size_t n_values);
+fmi_status set_values(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
+                      const double values[], size_t n_values);
+/* No variables of another type exist. */
+fmi_status no_such_type(const fmi_instance *i, const char *function, size_t n);
+
+fmi_status get_directional_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[],
+                                      size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
+                                      size_t n_seed, double sensitivity[], size_t n_sensitivity);
+fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
+                                  const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
+                                  double sensitivity[], size_t n_sensitivity);
+fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
+                            const int32_t orders[], double values[], size_t n_values);
+fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
+                           const int32_t orders[], const double values[]);
+
+/* Life */
+fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, int tolerance_defined,
+                          double tolerance, double start_time, int stop_time_defined, double stop_time);
+fmi_status exit_initialization(fmi_instance *i, const char *function);
+fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next);
+fmi_status enter_continuous(fmi_instance *i, const char *function);
+fmi_status reset(fmi_instance *i, const char *function);
+fmi_status do_step(fmi_instance *i, const char *function, double time, double step, const step_observer *observer);
+
+/* Model exchange */
+fmi_status set_time(fmi_instance *i, const char *function, double time);
+fmi_status set_continuous_states(fmi_instance *i, const char *function, const double x[], size_t n);
+fmi_status get_continuous_states(fmi_instance *i, const char *function, double x[], size_t n);
+fmi_status get_derivatives(fmi_instance *i, const char *function, double xdot[], size_t n);
+fmi_status get_nominals(fmi_instance *i, const char *function, double nominals[], size_t n);
+fmi_status get_event_indicators(fmi_instance *i, const char *function, const double indicators[], size_t n);
+fmi_status completed_step(fmi_instance *i, const char *function);
+INTERNAL_END
+
+#endif
