@@ -13,7 +13,7 @@ from gough_stewart.model.files import write_files
 from gough_stewart.model.progress import StepProgress
 
 # What the bytes of an FMU depend on beside this package's own files.
-_PACKAGES = ("gough-stewart", "casadi", "fmpy", "numpy", "scipy", "ziglang")
+_PACKAGES = ("gough-stewart", "casadi", "fmpy", "latex2mathml", "numpy", "scipy", "ziglang")
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path:

@@ -1,11 +1,13 @@
 """documentation/index.html of the FMU: one self-contained page, for the platform that gives the start values."""
 
 from html import escape
+from importlib.resources import files
 
 import numpy as np
 
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.drawing import drawing_svg
+from gough_stewart.fmu_build.formulas import STYLE, to_html
 from gough_stewart.fmu_build.layout import Role, Row
 from gough_stewart.fmu_build.tables import DEFAULT_TOLERANCE, MOST_FIXED_STEPS, start_values
 from gough_stewart.model.dynamics import static_leg_forces
@@ -22,7 +24,6 @@ table { border-collapse: collapse; font-size: 0.9rem; } td, th { border: 1px sol
 code, pre { font-family: Consolas, Menlo, monospace; font-size: 0.9em; }
 pre { background: #f4f6f8; padding: 0.8rem; white-space: pre-wrap; }
 sub, sup { line-height: 0; }
-.formula { margin: 0.5rem 0 0.5rem 2rem; font-family: Georgia, "DejaVu Serif", serif; line-height: 1.7; }
 .numbers { white-space: nowrap; font-size: 0.85em; }
 """
 
@@ -49,7 +50,7 @@ def documentation_page(platform: Platform, fmi_version: str) -> bytes:
         _MODEL,
         _frames(platform),
         _variables(platform, fmi_version),
-        _EQUATIONS,
+        _equations(),
         _behaviour(fmi_version),
         _failures(fmi_version),
         _example(platform, fmi_version),
@@ -57,7 +58,7 @@ def documentation_page(platform: Platform, fmi_version: str) -> bytes:
     )
     return (
         '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n<meta charset="utf-8"/>\n'
-        f"<title>Gough–Stewart platform, FMI {fmi_version}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"<title>Gough–Stewart platform, FMI {fmi_version}</title>\n<style>{_STYLE}{STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(section.strip() for section in sections)
         + "\n</body>\n</html>\n"
     ).encode()
@@ -159,31 +160,9 @@ def _number(value: float) -> str:
     return f"{value + 0.0:.6g}".replace("-", "−")
 
 
-_EQUATIONS = """
-<h2>Equations</h2>
-<p>For one leg, with t the position of O<sub>p</sub>, v its velocity, ω the angular velocity, g gravity:</p>
-<p class="formula">c = R p,&#160; l = t + c − B,&#160; L = |l|,&#160; u = l/L<br/>
-Ṗ = v + ω×c,&#160; L̇ = u·Ṗ,&#160; u̇ = (Ṗ − L̇ u)/L,&#160; P̈ = v̇ + ω̇×c + ω×(ω×c)</p>
-<p>The leg turns about B as one body whose mass moments vary with its length. With the masses m<sub>1</sub>,
-m<sub>2</sub> and inertias J<sub>1</sub>, J<sub>2</sub> of its lower and upper part, r<sub>1</sub> =
-<code>leg_lower_com</code> and d = <code>leg_upper_com</code>:</p>
-<p class="formula">I = m<sub>1</sub> r<sub>1</sub><sup>2</sup> + J<sub>1</sub> + J<sub>2</sub> +
-m<sub>2</sub> (L − d)<sup>2</sup>,&#160; h = m<sub>1</sub> r<sub>1</sub> + m<sub>2</sub> (L − d)</p>
-<p>The force that the leg needs at its platform joint, along u and across it, under the actuator force F:</p>
-<p class="formula">f<sub>∥</sub> = m<sub>2</sub> (u·P̈ + d |u̇|<sup>2</sup> − u·g) − F + friction<br/>
-f<sub>⊥</sub> = (I/L<sup>2</sup>) (P̈<sub>⊥</sub> − 2 L̇ u̇) + 2 m<sub>2</sub> (L − d) (L̇/L) u̇ − (h/L)
-g<sub>⊥</sub><br/> friction = k<sub>v</sub> L̇ + k<sub>c</sub> tanh(L̇/v<sub>f</sub>)</p>
-<p>where k<sub>v</sub> is <code>leg_viscous_friction</code>, k<sub>c</sub> <code>leg_coulomb_friction</code> and
-v<sub>f</sub> <code>leg_friction_velocity</code>. The leg acts on the platform by <code>joint_force</code>
-λ = −f. With mass m, centre of mass r = R r<sub>G</sub> and inertia J<sub>p</sub> of the platform, K = R J<sub>p</sub>
-R<sup>T</sup>, and its acceleration a<sub>G</sub> = v̇ + ω̇×r + ω×(ω×r), Newton and Euler give</p>
-<p class="formula">m (a<sub>G</sub> − g) = f<sub>ext</sub> + Σ λ<sub>i</sub><br/>
-K ω̇ + ω×(K ω) + r × m (a<sub>G</sub> − g) = τ<sub>ext</sub> + Σ c<sub>i</sub> × λ<sub>i</sub></p>
-<p>This is linear in v̇ and ω̇; the unit solves it at every evaluation as a system of six equations with a symmetric
-mass matrix. The rates of roll, pitch and yaw follow from ω:</p>
-<p class="formula">α̇ = (ω<sub>x</sub> cos γ + ω<sub>y</sub> sin γ)/cos β,&#160;
-β̇ = ω<sub>y</sub> cos γ − ω<sub>x</sub> sin γ,&#160; γ̇ = ω<sub>z</sub> + α̇ sin β</p>
-"""
+def _equations() -> str:
+    """The page beside the code: one source for it, the site and this."""
+    return to_html(files("gough_stewart.model").joinpath("task_space.md").read_text(encoding="utf-8"))
 
 
 def _behaviour(fmi_version: str) -> str:

@@ -1,6 +1,6 @@
 """Variables of the unit in the order of their slots: the interface table, the state derivatives, time.
 
-A slot is one number. FMI 2.0 refers to slots, FMI 3.0 to rows; `c/component.c` works on slots.
+A slot is one number. FMI 2.0 refers to slots, FMI 3.0 to rows; `c/plant/plant.c` works on slots.
 """
 
 from dataclasses import dataclass

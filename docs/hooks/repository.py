@@ -1,4 +1,4 @@
-"""Pages that exist once, outside of docs/: CONTRIBUTING.md, CHANGELOG.md, and the examples as one page.
+"""Pages that exist once, outside of docs/: CONTRIBUTING.md, CHANGELOG.md, the equations, the examples as one page.
 
 Links to them are written as the code host needs them, `../CONTRIBUTING.md`, and turned to these pages here.
 """
@@ -13,7 +13,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
-PAGES = {"contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
+PAGES = {"contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md", "task-space.md": "model/task_space.md"}
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 TARGETS = {f"../{name}": page for page, name in PAGES.items()}
 TARGETS |= {f"../examples/{path.name}": f"examples.md#{path.stem}" for path in EXAMPLES}

@@ -97,10 +97,11 @@ def test_links_and_anchors_lead_somewhere(pages: dict[Path, HtmlElement]) -> Non
     assert broken == []
 
 
-@pytest.mark.parametrize("name", ["equations", "notation", "control"])
+@pytest.mark.parametrize("name", ["equations", "task-space", "notation", "control"])
 def test_every_formula_is_mathml(name: str, pages: dict[Path, HtmlElement], site: Path) -> None:
     """Expected: as many as the page in Markdown has, outside of its code."""
-    source = re.sub(r"^```.*?^```$|`[^`\n]*`", "", (ROOT / f"docs/{name}.md").read_text("utf-8"), flags=re.M | re.S)
+    file = ROOT / ("model/task_space.md" if name == "task-space" else f"docs/{name}.md")
+    source = re.sub(r"^```.*?^```$|`[^`\n]*`", "", file.read_text("utf-8"), flags=re.M | re.S)
     body = article(pages[site / f"{name}.html"])
     assert len(body.xpath(".//math")) == len(FORMULA.findall(source)) > 10
     assert body.xpath(".//math//merror") == []

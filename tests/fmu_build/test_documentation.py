@@ -5,12 +5,15 @@ import html
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.documentation import documentation_page
+from gough_stewart.fmu_build.formulas import mathml
+from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, preset_names
@@ -82,9 +85,21 @@ def test_nothing_is_fetched_and_nothing_runs(preset_and_version: tuple[Platform,
         assert not {"src", "href", "onload", "onclick"} & set(element.attrib)
     # namespaces are names, not places
     places = set(re.findall(rb"https?://[^\"'<\s]+", page))
-    assert places == {b"http://www.w3.org/1999/xhtml", b"http://www.w3.org/2000/svg"}
+    names = {b"http://www.w3.org/1999/xhtml", b"http://www.w3.org/2000/svg", b"http://www.w3.org/1998/Math/MathML"}
+    assert places == names
     assert b"url(" not in page
     assert b"@import" not in page
+
+
+def test_the_equations_are_those_of_the_page_beside_the_code() -> None:
+    """Expected: every formula of model/task_space.md, as the site draws it; nothing of LaTeX or Markdown is left."""
+    page = documentation_page(load_preset("liu2000"), "2.0").decode()
+    source = (Path(interface.__file__).parent / "task_space.md").read_text()
+    formulas = re.findall(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", source, re.S)
+    assert page.count("<math ") == len(formulas) > 30
+    for block, inline in formulas:
+        assert (mathml(block, "block") if block else mathml(inline, "inline")) in page
+    assert not re.search(r"\$|\\[a-z]|\*\*|<p>#", page)
 
 
 def test_texts_of_a_platform_are_escaped() -> None:
