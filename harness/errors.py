@@ -3,6 +3,10 @@
 from gough_stewart.model.errors import GoughStewartError
 
 
+class UsageError(GoughStewartError):
+    """A command with options that contradict each other, or words that say nothing."""
+
+
 class PlantError(GoughStewartError):
     """A plant that cannot be had, or that refuses what it was asked: no FMU, another model, the FMU's own complaint."""
 
@@ -37,6 +41,10 @@ class ExperimentError(GoughStewartError, ValueError):
         super().__init__(": ".join(part for part in (where, key, message) if part))
         self.where = where
         self.key = key
+
+
+class SettingError(ExperimentError, UsageError):
+    """A setting of an experiment's key that cannot be read; the command line's `--set`."""
 
 
 class UnstableLoopError(GoughStewartError, ValueError):

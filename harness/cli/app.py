@@ -54,7 +54,7 @@ app.command("workspace")(workspace_command)
 
 
 def main() -> None:
-    """Entry point of the console script."""
+    """The command line in a process of its own; the console script comes here through `entry`."""
     # imports and figures make objects by the hundred thousand, none of them garbage to look for
     gc.set_threshold(200_000, 30, 30)
     for stream in (sys.stdout, sys.stderr):

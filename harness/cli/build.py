@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform
-from gough_stewart.harness.cli.terminal import clear_errors, progress_bar
+from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar
 
 
 class FmiVersion(StrEnum):
@@ -31,7 +31,9 @@ def build_command(
     ] = None,
     preset: PresetOption = None,
     platform: PlatformOption = None,
-    out: Annotated[Path, typer.Option(help="Folder for the FMUs; made if needed.", metavar="DIR")] = Path(),
+    out: Annotated[
+        Path, typer.Option(help="Folder for the FMUs; made if needed.", metavar="DIR", parser=path)
+    ] = Path(),
 ) -> None:
     """Build the platform as FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
@@ -47,7 +49,7 @@ def build_command(
 
     - `gough-stewart build --fmi 3.0 --target all --preset motion_base --out fmus`
     """
-    with clear_errors():
+    with clear_errors() as written:
         from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 
         chosen = chosen_platform(preset, platform)
@@ -60,5 +62,6 @@ def build_command(
                 progress.update(task, advance=1, description=what)
 
             files = build(out, fmi=versions, targets=targets, platform=chosen, progress=told)
+        written.append(out)
         for file in files:
-            typer.echo(f"{file}  {file.stat().st_size / 1024:.0f} KiB")
+            Terminal().say(f"{file}  {file.stat().st_size / 1024:.0f} KiB")

@@ -3,10 +3,9 @@
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.harness.cli.terminal import clear_errors
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors
 
 
 def experiments_command(
@@ -23,4 +22,4 @@ def experiments_command(
         for each in experiment_names():
             experiment = shipped_experiment(each)
             table.add_row(each, experiment.platform.preset_name, experiment.description)
-        Console().print(table)
+        Terminal().print(table)

@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from gough_stewart.harness.cli.options import ExperimentArgument, OutOption, SetOption, chosen_experiment
-from gough_stewart.harness.cli.terminal import clear_errors, progress_bar
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written
 
 
 def margins_command(
@@ -24,7 +22,7 @@ def margins_command(
 
     - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
     """
-    with clear_errors():
+    with clear_errors() as written:
         chosen = chosen_experiment(experiment, settings)
         from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets
         from gough_stewart.harness.output.tables import to_terminal
@@ -37,7 +35,7 @@ def margins_command(
             found = margins(chosen)
             files = margins_files(found)
         write_files(folder, files)
-        console = Console()
+        written.append(folder)
         for sheet in margins_sheets(found):
-            console.print(to_terminal(sheet))
-        console.print(f"Wrote {', '.join(files)} to {folder}", style="dim", highlight=False)
+            Terminal().print(to_terminal(sheet))
+        say_written(files, folder)

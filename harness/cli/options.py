@@ -8,17 +8,27 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gough_stewart.harness.cli.terminal import UsageError
+from gough_stewart.harness.errors import UsageError
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
     from gough_stewart.model.platform import Platform
 
+
+def path(text: str) -> Path:
+    """A path; nothing is none, though pathlib takes it for the folder one is in."""
+    if not text:
+        raise typer.BadParameter("is empty; expected a path, or . for the folder you are in")
+    return Path(text)
+
+
 PresetOption = Annotated[
     str | None,
     typer.Option(help="A platform that ships with the package; see `gough-stewart presets`.", metavar="NAME"),
 ]
-PlatformOption = Annotated[Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE")]
+PlatformOption = Annotated[
+    Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE", parser=path)
+]
 ExperimentArgument = Annotated[
     str, typer.Argument(help="A TOML file, or the name of a shipped experiment.", metavar="FILE.toml|NAME")
 ]
@@ -29,7 +39,8 @@ SetOption = Annotated[
     ),
 ]
 OutOption = Annotated[
-    Path | None, typer.Option(help="Folder for the files; made if needed. Default: results/NAME.", metavar="DIR")
+    Path | None,
+    typer.Option(help="Folder for the files; made if needed. Default: results/NAME.", metavar="DIR", parser=path),
 ]
 ReportOption = Annotated[
     bool, typer.Option("--report", help="Write report.html too: the motion in 3-D beside its curves, for a browser.")

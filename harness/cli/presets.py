@@ -3,10 +3,9 @@
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.harness.cli.terminal import clear_errors
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors
 
 
 def presets_command(
@@ -27,4 +26,4 @@ def presets_command(
             length = kinematics.leg_geometry(*home).length.mean()
             number = kinematics.conditioning(*home).condition_number
             table.add_row(each, f"{p.platform_mass:g}", f"{length:.4g}", f"{number:.2f}", p.source)
-        Console().print(table)
+        Terminal().print(table)

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, ReportOption, chosen_platform
-from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors
+from gough_stewart.harness.cli.options import PlatformOption, PresetOption, ReportOption, chosen_platform, path
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, errors, say_written
+from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import GoughStewartError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class Order(StrEnum):
 
 def reproduce_command(
     out: Annotated[
-        Path, typer.Option(help="Folder for table, figures and report; made if needed.", metavar="DIR")
+        Path, typer.Option(help="Folder for table, figures and report; made if needed.", metavar="DIR", parser=path)
     ] = Path("results/reproduce"),
     order: Annotated[
         Order | None,
@@ -58,7 +58,7 @@ def reproduce_command(
 
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
-    with clear_errors():
+    with clear_errors() as written:
         from gough_stewart.harness.paper.report import to_terminal
         from gough_stewart.harness.paper.reproduce import FILES, reproduce
         from gough_stewart.harness.view.page import PAGE
@@ -68,9 +68,9 @@ def reproduce_command(
         case = _chosen_case(order, preset, platform)
         result = reproduce(case, errors, report)
         write_files(out, result.files)
-        console = Console()
-        console.print(to_terminal(result.report))
-        console.print(f"Wrote {', '.join(result.files)} to {out}", style="dim", highlight=False)
+        written.append(out)
+        Terminal().print(to_terminal(result.report))
+        say_written(result.files, out)
         if not result.agrees:
             raise GoughStewartError("a comparison misses its bound; see the table above and report.md")
 

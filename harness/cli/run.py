@@ -1,14 +1,27 @@
 """The command `run`: an experiment, to its record and figures."""
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from gough_stewart.harness.cli.options import ExperimentArgument, OutOption, ReportOption, SetOption, chosen_experiment
-from gough_stewart.harness.cli.terminal import clear_errors, errors, progress_bar
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    OutOption,
+    ReportOption,
+    SetOption,
+    chosen_experiment,
+    path,
+)
+from gough_stewart.harness.cli.terminal import (
+    EXIT_INTERRUPTED,
+    Terminal,
+    clear_errors,
+    errors,
+    progress_bar,
+    say_written,
+    warn,
+)
 from gough_stewart.harness.plants.kinds import PlantKind
 
 if TYPE_CHECKING:
@@ -17,7 +30,6 @@ if TYPE_CHECKING:
 
 # Beside 0 and 1 (an error): the run is there, but it did not come to its end.
 EXIT_NOT_COMPLETED = 3
-EXIT_INTERRUPTED = 130
 
 
 def run_command(
@@ -26,7 +38,8 @@ def run_command(
         PlantKind | None, typer.Option(help="What simulates the platform, instead of what the experiment says.")
     ] = None,
     fmu: Annotated[
-        Path | None, typer.Option(help="The FMU for the plant fmu2 or fmu3; built if none is given.", metavar="FILE")
+        Path | None,
+        typer.Option(help="The FMU for the plant fmu2 or fmu3; built if none is given.", metavar="FILE", parser=path),
     ] = None,
     out: OutOption = None,
     settings: SetOption = None,
@@ -49,40 +62,25 @@ def run_command(
 
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
-    with clear_errors():
+    with clear_errors() as written:
         chosen = chosen_experiment(experiment, settings)
-        from gough_stewart.harness.experiment.files import names_of_files, result_files, warnings_of
-        from gough_stewart.model.files import check_output_folder, write_files
+        from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
+        from gough_stewart.model.files import check_output_folder
 
         folder = out or Path("results", Path(experiment).stem)
         check_output_folder(folder, names_of_files())
         record = _run(chosen, plant, fmu)
-        with ThreadPoolExecutor(1) as aside:  # polars works outside of Python's lock
-            written = aside.submit(_write_record, record, folder)
-            more, tables = result_files(record, report)
-            files = written.result()
-        write_files(folder, more)
-        console = Console()
-        console.print(tables)
+        files, tables = write_results(record, folder, report)
+        written.append(folder)
+        Terminal().print(tables)
         for warning in warnings_of(record):
-            errors.print(f"[bold yellow]warning:[/bold yellow] {warning}", soft_wrap=True, highlight=False)
+            warn(warning)
+        say_written(files, folder)
         outcome = record.metadata["outcome"]
-        console.print(f"Wrote {', '.join([*files, *more])} to {folder}", style="dim", highlight=False)
         if outcome["status"] == "completed":
             return
-        errors.print(f"[bold red]{outcome['status']}[/bold red] at {outcome['time']:.6g} s: ", end="", highlight=False)
-        errors.print(outcome["cause"], markup=False, highlight=False, soft_wrap=True)
+        errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
         raise typer.Exit(EXIT_INTERRUPTED if outcome["status"] == "interrupted" else EXIT_NOT_COMPLETED)
-
-
-def _write_record(record: "Record", folder: Path) -> list[str]:
-    """Write the run itself, whatever else may go wrong; names of its files."""
-    from gough_stewart.harness.experiment.files import record_files
-    from gough_stewart.model.files import write_files
-
-    files = record_files(record)
-    write_files(folder, files)
-    return list(files)
 
 
 def _run(experiment: "Experiment", plant: PlantKind | None, fmu: Path | None) -> "Record":

@@ -6,17 +6,23 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors, progress_bar
+from gough_stewart.harness.cli.options import path
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, errors, progress_bar
+from gough_stewart.harness.errors import UsageError
 
 
 def view_command(
     records: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders of `gough-stewart run`, or their record.parquet or record.csv.", metavar="RECORD..."
+            help="Folders of `gough-stewart run`, or their record.parquet or record.csv.",
+            metavar="RECORD...",
+            parser=path,
         ),
     ],
-    out: Annotated[Path, typer.Option(help="The page to write.", metavar="FILE.html")] = Path("report.html"),
+    out: Annotated[Path, typer.Option(help="The page to write.", metavar="FILE.html", parser=path)] = Path(
+        "report.html"
+    ),
     open_it: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
 ) -> None:
     """Show runs in a browser: the platform moving in 3-D beside its curves, metrics and parameters.
@@ -30,7 +36,7 @@ def view_command(
 
     - `gough-stewart view results/circle results/circle_computed_torque --out compared.html`
     """
-    with clear_errors():
+    with clear_errors() as written:
         if out.suffix not in (".html", ".htm"):
             raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
         from gough_stewart.harness.view.file import view
@@ -38,6 +44,7 @@ def view_command(
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
             view(records, out, progress=lambda what: progress.update(task, description=what))
-        typer.echo(f"{out}  {out.stat().st_size / 1e6:.1f} MB")
+        written.append(out)
+        Terminal().say(f"{out}  {out.stat().st_size / 1e6:.1f} MB")
         if open_it and not webbrowser.open(out.absolute().as_uri()):
-            errors.print(f"no browser could be started; open {out} by hand", markup=False, highlight=False)
+            errors.say(f"no browser could be started; open {out} by hand")

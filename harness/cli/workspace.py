@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform
-from gough_stewart.harness.cli.terminal import UsageError, clear_errors, errors, progress_bar
+from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written, warn
+from gough_stewart.harness.errors import UsageError
+from gough_stewart.model.errors import WorkspaceError
 
 FILES = ("workspace.csv", "workspace.png", "workspace.svg", "workspace.html")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
@@ -35,7 +36,7 @@ def workspace_command(
     points: Annotated[
         int | None, typer.Option(help="Points per swept coordinate. Default: 101, for a volume 31.", metavar="N")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
         "results/workspace"
     ),
 ) -> None:
@@ -58,7 +59,7 @@ def workspace_command(
 
     - `gough-stewart workspace --preset desktop_hexapod --over x,y,z --points 41 --out results/volume`
     """
-    with clear_errors():
+    with clear_errors() as written:
         ranges, fixed = _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
         from gough_stewart.harness.output.tables import to_terminal
@@ -72,7 +73,10 @@ def workspace_command(
         with progress_bar() as progress:
             count = points or POINTS.get(len(ranges), 1)
             task = progress.add_task("poses", total=count ** len(ranges))
-            workspace = sweep(chosen, ranges, fixed, points, lambda done: progress.update(task, completed=done))
+            try:
+                workspace = sweep(chosen, ranges, fixed, points, lambda done: progress.update(task, completed=done))
+            except WorkspaceError as error:  # all of it comes from the options
+                raise UsageError(str(error)) from error
             progress.update(task, description="files")
             files = {
                 "workspace.csv": workspace_csv(workspace),
@@ -80,19 +84,17 @@ def workspace_command(
                 "workspace.html": workspace_page(workspace),
             }
         write_files(out, files)
-        console = Console()
+        written.append(out)
+        console = Terminal()
         for sheet in sheets_of(workspace):
             if sheet.rows:
                 console.print(to_terminal(sheet))
-        console.print(size_text(workspace), highlight=False)
+        console.print(size_text(workspace))
         if not workspace.qualities.reachable.any():
-            errors.print(
-                "[bold yellow]warning:[/bold yellow] no pose of this grid can be reached; sweep a wider range, or fix "
-                "the other coordinates nearer to home",
-                soft_wrap=True,
-                highlight=False,
+            warn(
+                "no pose of this grid can be reached; sweep a wider range, or fix the other coordinates nearer to home"
             )
-        console.print(f"Wrote {', '.join(files)} to {out}", style="dim", highlight=False)
+        say_written(files, out)
 
 
 def _swept(given: str) -> dict[str, tuple[float, float] | None]:

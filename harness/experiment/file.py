@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model import shipped
 from gough_stewart.model.interface import nearest
@@ -133,21 +133,21 @@ def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, An
 
     Raises
     ------
-    ExperimentError
+    SettingError
         No "=", or a key below something that is no table.
     """
     made: dict[str, Any] = _copied(values)
     for where, key, value in _keys_and_values(settings):
         names = key.strip().split(".")
         if not all(names):
-            raise ExperimentError(where, "", "expected key=value, for instance loop.duration=2")
+            raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
         table: Any = made
         for name in names[:-1]:
             table = table.setdefault(name, {}) if isinstance(table, dict) else _element(table, name)
             if table is None:
                 break
         if not isinstance(table, dict):
-            raise ExperimentError(where, "", f"{key.rpartition('.')[0]} is no table of the experiment")
+            raise SettingError(where, "", f"{key.rpartition('.')[0]} is no table of the experiment")
         table[names[-1]] = value
     return made
 
@@ -162,9 +162,9 @@ def _keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
         where = f"--set {setting}"
         key, equals, text = setting.partition("=")
         if not equals:
-            raise ExperimentError(where, "", "expected key=value, for instance loop.duration=2")
+            raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
         if "\n" in text:
-            raise ExperimentError(where, "", "expected one line")
+            raise SettingError(where, "", "expected one line")
         try:
             yield where, key, tomllib.loads(f"value = {text}")["value"]
         except (ValueError, RecursionError):

@@ -1,5 +1,7 @@
-"""The files of a run: record, metadata, metrics, figures; made purely, then written."""
+"""The files of a run: record, metadata, metrics, figures, page; written as one set."""
 
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -10,20 +12,44 @@ from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.harness.view.page import PAGE, view_page
-from gough_stewart.model.files import check_output_folder, write_files
+from gough_stewart.model.files import Content, FileSet, check_output_folder, file_set
+
+_FIGURE_FILES = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
+# The run itself goes first, and of its forms the smallest one that holds everything.
+_FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json", *_FIGURE_FILES]
 
 
 def names_of_files() -> list[str]:
-    """What `record_files` and `result_files` may make."""
-    figures = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
-    return ["record.csv", "record.parquet", "metadata.json", "metrics.json", *figures, PAGE]
+    """What `write_results` may write."""
+    return [*_FILES, PAGE]
 
 
-def record_files(record: Record) -> dict[str, bytes]:
-    """The run itself by file name; quick, so that it can be written before anything else may go wrong."""
+def write_results(record: Record, folder: Path, report: bool = False) -> tuple[list[str], RenderableType]:
+    """Write all files of a run as one set, with `report` also the page; their names, and metrics for the terminal.
+
+    Whatever goes wrong on the way, what came before it is there, first of all the record, and no file of an older run
+    is beside it; see `file_set`.
+    """
+    with (
+        file_set(folder, names_of_files() if report else _FILES, [PAGE]) as files,
+        ThreadPoolExecutor(1) as aside,  # polars works outside of Python's lock
+    ):
+        written = aside.submit(_add, files, _record_files(record))
+        more, tables = result_files(record, report)
+        written.result()
+        _add(files, more)
+    return files.names, tables
+
+
+def _add(files: FileSet, contents: Mapping[str, Content]) -> None:
+    for name, content in contents.items():
+        files.add(name, content)
+
+
+def _record_files(record: Record) -> dict[str, Content]:
     return {
-        "record.csv": record.to_csv(),
-        "record.parquet": record.to_parquet(),
+        "record.parquet": record.write_parquet,
+        "record.csv": record.write_csv,
         "metadata.json": record.to_metadata(),
     }
 
@@ -51,7 +77,7 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
 
     Raises
     ------
-    OutputError
+    OutputError, OSError
         The files cannot be written there.
 
     Examples
@@ -60,9 +86,7 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
     """
     folder = Path(folder)
     check_output_folder(folder, names_of_files())
-    files = record_files(record) | result_files(record, report)[0]
-    write_files(folder, files)
-    return [folder / name for name in files]
+    return [folder / name for name in write_results(record, folder, report)[0]]
 
 
 def warnings_of(record: Record) -> list[str]:

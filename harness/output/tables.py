@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from html import escape
 
-from rich.markup import escape as escape_markup
 from rich.table import Table
+from rich.text import Text
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Sheet:
 
 
 def to_terminal(sheet: Sheet) -> Table:
-    """For rich."""
-    table = Table(title=escape_markup(sheet.title), title_justify="left", title_style="bold")
+    """For rich; every text is only a text."""
+    table = Table(title=Text(sheet.title), title_justify="left", title_style="bold")
     for k, head in enumerate(sheet.heads):
-        table.add_column(escape_markup(head), justify="right" if head and k else "left", no_wrap=True)
+        table.add_column(Text(head), justify="right" if head and k else "left", no_wrap=True)
     for k, row in enumerate(sheet.rows):
-        table.add_row(*map(_marked_up, row), end_section=k in sheet.group_ends)
+        table.add_row(*map(_text, row), end_section=k in sheet.group_ends)
     return table
 
 
@@ -63,10 +63,10 @@ def number_text(value: float | None, digits: int = 4) -> str:
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e7 else text
 
 
-def _marked_up(cell: str | Named) -> str:
+def _text(cell: str | Named) -> Text:
     if isinstance(cell, Named):
-        return f"{escape_markup(cell.what)} [dim]{escape_markup(cell.unit)}[/dim]"
-    return escape_markup(cell)
+        return Text.assemble(cell.what, " ", (cell.unit, "dim"))
+    return Text(cell)
 
 
 def _hypertext(cell: str | Named) -> str:

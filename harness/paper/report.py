@@ -1,12 +1,12 @@
 """The reproduction's report: one plain record, written as JSON, as Markdown, and as tables on the terminal."""
 
 import json
+import re
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -74,8 +74,8 @@ def to_markdown(report: dict[str, Any]) -> bytes:
     """The report as a page."""
     case, result = report["case"], report["result"]
     parts = [
-        f"# {_capital(case['title'])}",
-        f"Platform `{case['platform']}` ({case['source']}).",
+        f"# {_escaped(_capital(case['title']))}",
+        f"Platform {_escaped(case['platform'])} ({_escaped(case['source'])}).",
         f"Constant actuator forces {_numbers(case['actuator_force'], 6)} N over {case['duration']:.6g} s.",
         _markdown_table(
             ["", "start", "end"],
@@ -130,12 +130,13 @@ def agreement_sheet(report: dict[str, Any]) -> Sheet:
 def to_terminal(report: dict[str, Any]) -> RenderableType:
     """Tables for the terminal."""
     case, result = report["case"], report["result"]
-    motion = Table(title=escape(_capital(case["title"])), title_justify="left", title_style="bold")
+    motion = Table(title=Text(_capital(case["title"])), title_justify="left", title_style="bold")
     motion.add_column("")
     motion.add_column("start", justify="right")
     motion.add_column(f"after {case['duration']:.4g} s", justify="right")
     for name, unit in _STATE_UNITS.items():
-        motion.add_row(f"{name} [dim]{unit}[/dim]", _numbers(case["start"][name], 5), _numbers(result["end"][name], 5))
+        ends = (_numbers(part[name], 5) for part in (case["start"], result["end"]))
+        motion.add_row(Text.assemble(name, " ", (unit, "dim")), *ends)
     agreement = Table(title="Agreement of the formulations", title_justify="left", title_style="bold")
     agreement.add_column("comparison")
     agreement.add_column("measured", justify="right", no_wrap=True)
@@ -144,7 +145,7 @@ def to_terminal(report: dict[str, Any]) -> RenderableType:
     for r in report["agreement"]:
         style = "green" if r["holds"] else "bold red"
         agreement.add_row(
-            f"{r['what']} [dim]{r['unit']}[/dim]",
+            Text.assemble(r["what"], " ", (r["unit"], "dim")),
             f"{r['measured']:.1e}",
             f"{r['bound']:.0e}",
             Text(_verdict(r["holds"]), style),
@@ -168,7 +169,7 @@ def to_terminal(report: dict[str, Any]) -> RenderableType:
         readings.add_column("angles rad", justify="right")
         for r in report["readings"]:
             readings.add_row(
-                f"{r['point']}: [dim]{r['decided']}[/dim]",
+                Text.assemble(f"{r['point']}: ", (r["decided"], "dim")),
                 r["other"],
                 _change(r["position_change"]),
                 _change(r["orientation_change"]),
@@ -177,6 +178,8 @@ def to_terminal(report: dict[str, Any]) -> RenderableType:
     return Group(*tables)
 
 
+# Of what CommonMark takes for markup, what may begin it within a line.
+_MARKED = re.compile(r"[\\`*_{}\[\]<>#|~&$]")
 _STATE_UNITS = {"position": "m", "orientation": "rad", "velocity": "m/s", "angular_velocity": "rad/s"}
 
 
@@ -214,6 +217,11 @@ def _weight_sentence(weight: dict[str, float]) -> str:
 def _markdown_table(head: list[str], rows: list[list[Any]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def _escaped(text: str) -> str:
+    """A user's text in which nothing is Markdown or HTML, nor the end of a line."""
+    return _MARKED.sub(r"\\\g<0>", " ".join(text.split()))
 
 
 def _numbers(values: list[float], digits: int = 9) -> str:

@@ -60,13 +60,26 @@ class Record:
 
     def to_csv(self) -> bytes:
         """CSV with the shortest digits that read back to the same numbers."""
-        return self.table.write_csv().encode()
+        buffer = BytesIO()
+        self.write_csv(buffer)
+        return buffer.getvalue()
 
     def to_parquet(self) -> bytes:
         """Parquet, with the metadata inside."""
         buffer = BytesIO()
-        self.table.write_parquet(buffer, metadata={_METADATA_KEY: _json(self.metadata)})
+        self.write_parquet(buffer)
         return buffer.getvalue()
+
+    def write_csv(self, file: Path | BytesIO) -> None:
+        """`to_csv` to a file, without having all of it in memory."""
+        self.table.write_csv(file)
+
+    def write_parquet(self, file: Path | BytesIO) -> None:
+        """`to_parquet` to a file, without having all of it in memory."""
+        try:
+            self.table.write_parquet(file, metadata={_METADATA_KEY: _json(self.metadata)})
+        except polars.exceptions.PolarsError as error:  # how polars says that a disk is full
+            raise OSError(None, str(error)) from error
 
     def to_metadata(self) -> bytes:
         """The metadata as readable JSON."""

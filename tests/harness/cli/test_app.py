@@ -20,7 +20,7 @@ from gough_stewart.harness.paper.agreement import Row
 from gough_stewart.model import interface
 from gough_stewart.model.platform_toml import preset_names, preset_text
 
-COMMAND = [sys.executable, "-c", "from gough_stewart.harness.cli.app import main; main()"]
+COMMAND = [sys.executable, "-c", "from gough_stewart.harness.cli.entry import main; main()"]
 FILES = {
     "open_loop.csv",
     "figure-4.png",
@@ -163,8 +163,6 @@ def test_version() -> None:
         (["reproduce", "--platform", "typo.toml"], "did you mean 'platform_mass'?"),
         (["reproduce", "--platform", "broken.toml"], "is not TOML"),
         (["reproduce", "--preset", "liu"], "did you mean 'liu2000'?"),
-        (["reproduce", "--preset", "liu2000", "--platform", "heavy.toml"], "exclude each other"),
-        (["reproduce", "--preset", "motion_base", "--order", "plus-first"], "--order is a reading of the paper's own"),
         (["reproduce", "--out", "heavy.toml"], "heavy.toml is a file; expected a folder"),
         (["reproduce", "--out", "heavy.toml/below"], "heavy.toml is a file; expected a folder"),
         (["presets", "liu"], "did you mean 'liu2000'?"),
@@ -189,9 +187,33 @@ def test_wrong_input_gets_one_clear_line(arguments: list[str], message: str, tmp
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["reproduce", "--preset", "liu2000", "--platform", "heavy.toml"], "exclude each other"),
+        (["reproduce", "--preset", "motion_base", "--order", "plus-first"], "--order is a reading of the paper's own"),
+        (["run", "heave_step", "--set", "x"], "--set x: expected key=value"),
+        (["run", "heave_step", "--set", "title.x=1"], "title is no table of the experiment"),
+        (["view", "record", "--out", "page"], "expected the name of a page"),
+        (["workspace", "--at", "z"], "--at z: found no value"),
+        (["run", "heave_step", "--out", ""], "Invalid value for '--out': is empty"),
+        (["build", "--out", ""], "Invalid value for '--out': is empty"),
+        (["run", "heave_step", "--fmu", ""], "Invalid value for '--fmu': is empty"),
+    ],
+)
+def test_wrong_use_of_a_command_exits_with_2(
+    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner(env={"COLUMNS": "200"}).invoke(cli.app, arguments)
+    assert done.exit_code == 2
+    assert message in done.output
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_name_full_of_markup_is_only_a_name(tmp_path: Path) -> None:
-    """Expected: names are texts to the terminal, to Markdown's tables and to the figures, in any script."""
-    name = "a [red]b[/nope] $\\frac{c$ 台"
+    """Expected: names are texts to the terminal, to Markdown and to the figures, in any script."""
+    name = "a [red]b[/nope] $\\frac{c$ <b> 台"
     text = (
         preset_text("liu2000")
         .replace('name = "liu2000"', f"name = '{name}'")
@@ -202,7 +224,9 @@ def test_a_name_full_of_markup_is_only_a_name(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stderr.strip() == ""
     assert "[red]b[/nope]" in done.stdout
-    assert name in (tmp_path / "out" / "report.md").read_text()
+    # CommonMark: a backslash makes any punctuation a plain character
+    page = (tmp_path / "out" / "report.md").read_text()
+    assert "a \\[red\\]b\\[/nope\\] \\$\\\\frac\\{c\\$ \\<b\\> 台" in page
 
 
 def test_a_terminal_without_unicode_gets_no_traceback(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from gough_stewart.harness.experiment.file import experiment_names, shipped_text
 from gough_stewart.harness.results.record import read_record
 from tests.support.fmu_plants import Fmu
 
-COMMAND = [sys.executable, "-c", "from gough_stewart.harness.cli.app import main; main()"]
+COMMAND = [sys.executable, "-c", "from gough_stewart.harness.cli.entry import main; main()"]
 FIGURES = {f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")}
 FILES = {"record.csv", "record.parquet", "metadata.json", "metrics.json"} | FIGURES
 

@@ -1,0 +1,110 @@
+"""Files are written whole, and as one set: what is there afterwards, whatever went wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from gough_stewart.model.errors import OutputError
+from gough_stewart.model.files import check_output_folder, file_set, write_files
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture
+def older(tmp_path: Path) -> Path:
+    """A folder with an older set, and a file of the user's."""
+    write_files(tmp_path, {"table": b"old", "figure": b"old", "page": b"old"})
+    (tmp_path / "notes").write_bytes(b"mine")
+    return tmp_path
+
+
+def test_a_set_takes_the_place_of_an_older_one(older: Path) -> None:
+    """Expected: new files, none of the older set's, and what is not of the set untouched."""
+
+    def draw(path: Path) -> None:
+        path.write_bytes(b"drawn")
+
+    write_files(older, {"table": b"new", "figure": draw}, ["page"])
+    assert contents(older) == {"table": b"new", "figure": b"drawn", "notes": b"mine"}
+
+
+def test_a_set_that_fails_at_its_first_file_leaves_the_older_one(older: Path) -> None:
+    before = contents(older)
+    with pytest.raises(ZeroDivisionError), file_set(older, ["table", "figure"], ["page"]):
+        raise ZeroDivisionError
+    assert contents(older) == before
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left"), ValueError(), KeyboardInterrupt(), MemoryError()])
+def test_a_set_that_fails_later_keeps_what_came_first_and_names_what_is_missing(
+    older: Path, error: BaseException
+) -> None:
+    """Expected: the new table without an old figure or page beside it."""
+
+    def fail_after_the_table() -> None:
+        with file_set(older, ["table", "figure"], ["page"]) as new:
+            new.add("table", b"new")
+            assert (older / "table").read_bytes() == b"old"
+            raise error
+
+    with pytest.raises(type(error)) as caught:
+        fail_after_the_table()
+    assert caught.value.__notes__ == [f"{older} has table; missing: figure"]
+    assert contents(older) == {"table": b"new", "notes": b"mine"}
+
+
+def test_a_file_that_cannot_be_written_whole_is_not_written(older: Path) -> None:
+    def half(path: Path) -> None:
+        path.write_bytes(b"ha")
+        raise OSError(28, "No space left on device", str(path))
+
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        write_files(older, {"table": b"new", "figure": half, "page": b"new"})
+    assert caught.value.filename == str(older / "figure")
+    assert contents(older) == {"table": b"new", "notes": b"mine"}
+
+
+def test_an_interrupt_while_files_are_moved_leaves_a_whole_set(older: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: Ctrl-C at the worst moment, between two moves, and yet all files are there."""
+    replace, calls = Path.replace, []
+
+    def interrupted(self: Path, target: Path) -> Path:
+        moved = replace(self, target)
+        calls.append(target)
+        if target == older / "table":
+            raise KeyboardInterrupt
+        return moved
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_files(older, {"table": b"new", "figure": b"new"}, ["page"])
+    assert contents(older) == {"table": b"new", "figure": b"new", "notes": b"mine"}
+
+
+def test_files_that_cannot_be_moved_stay_where_the_note_says(older: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: as on Windows while another program has the old table open: nothing old or new is lost."""
+    before = contents(older)
+
+    def refused(self: Path, missing_ok: bool = False) -> None:
+        raise PermissionError(13, "in use", str(self), missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refused)
+    with pytest.raises(PermissionError) as caught:
+        write_files(older, {"table": b"new"})
+    place = Path(caught.value.__notes__[0].removeprefix("the new files are in "))
+    assert contents(place) == {"table": b"new"}
+    assert {name: (older / name).read_bytes() for name in before} == before
+
+
+def test_a_link_that_leads_nowhere_is_refused_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    for folder in (tmp_path / "link", tmp_path / "link" / "below"):
+        with pytest.raises(OutputError, match="link is a link that leads nowhere; expected a folder"):
+            check_output_folder(folder, [])
+
+
+def test_a_set_leaves_no_file_of_its_own(tmp_path: Path) -> None:
+    write_files(tmp_path / "new" / "folder", {"a": b"1"})
+    assert contents(tmp_path / "new" / "folder") == {"a": b"1"}
