@@ -1,4 +1,4 @@
-"""Quantities in experiment files: a number in SI units, or a text with a unit, "20 mm".
+"""Quantities of experiments: a number in SI units, or a text with a unit, "20 mm"; vectors are lists or arrays of them.
 
 A small table instead of a units library: those take Hz and rad/s for the same unit, and would let 31 rad/s pass as 31
 Hz.
@@ -6,9 +6,14 @@ Hz.
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BeforeValidator, GetCoreSchemaHandler
+from pydantic_core import CoreSchema
+from pydantic_core.core_schema import no_info_plain_validator_function
 
 from gough_stewart.model.real import real_array
 
@@ -64,18 +69,19 @@ def _of_this_world(size: float) -> float:
 
 
 def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """A list of so many quantities, as numbers in SI units.
+    """A list or array of so many quantities, as numbers in SI units.
 
     Raises
     ------
     ValueError
         Another length, or as `number`, with the place in the list.
     """
-    if not isinstance(value, list | tuple) or len(value) != size:
-        found = f"{len(value)} values" if isinstance(value, list | tuple) else "one value"
+    values = _listed(value)
+    if not isinstance(values, list | tuple) or len(values) != size:
+        found = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
         raise ValueError(f"expected a list of {size} [{unit}]; found {found}")
     numbers = []
-    for k, each in enumerate(value):
+    for k, each in enumerate(values):
         try:
             numbers.append(number(each, unit))
         except ValueError as error:
@@ -83,19 +89,24 @@ def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
     return tuple(numbers)
 
 
-def _quantity(unit: str, bound: str | None = None) -> BeforeValidator:
-    def parse(value: Any) -> float:
-        size = number(value, unit)
-        if (bound == "> 0" and not size > 0) or (bound == ">= 0" and not size >= 0):
-            raise ValueError(f"expected {bound} {unit}")
-        return size
+def channels(value: object, unit: str, size: int) -> tuple[float, ...]:
+    """As `vector`, or one quantity for all.
 
-    return BeforeValidator(parse)
+    Raises
+    ------
+    ValueError
+        As `vector` and `number`.
+    """
+    values = _listed(value)
+    if not isinstance(values, list | tuple):
+        return (number(values, unit),) * size
+    if len(values) != size:
+        raise ValueError(f"expected a number [{unit}] or a list of {size}; found {len(values)} values")
+    return vector(values, unit, size)
 
 
-def _vector(unit: str, size: int) -> BeforeValidator:
-    parse: Callable[[Any], tuple[float, ...]] = lambda value: vector(value, unit, size)  # noqa: E731
-    return BeforeValidator(parse)
+def _listed(value: object) -> object:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def plain_number(value: object) -> float:
@@ -112,6 +123,28 @@ def plain_number(value: object) -> float:
         raise ValueError("expected a number") from None
 
 
+def _quantity(unit: str, bound: str | None = None) -> BeforeValidator:
+    def parse(value: Any) -> float:
+        size = number(value, unit)
+        if (bound == "> 0" and not size > 0) or (bound == ">= 0" and not size >= 0):
+            raise ValueError(f"expected {bound} {unit}")
+        return size
+
+    return BeforeValidator(parse)
+
+
+@dataclass(frozen=True)
+class _Vector:
+    """Annotates what may be written as any list or array; what is kept is a tuple of numbers in SI units."""
+
+    unit: str
+    size: int
+    parse: Callable[[object, str, int], tuple[float, ...]] = vector
+
+    def __get_pydantic_core_schema__(self, _source: object, _handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_plain_validator_function(lambda value: self.parse(value, self.unit, self.size))
+
+
 Number = Annotated[float, BeforeValidator(plain_number)]
 Time = Annotated[float, _quantity("s", ">= 0")]
 PositiveTime = Annotated[float, _quantity("s", "> 0")]
@@ -120,10 +153,14 @@ Angle = Annotated[float, _quantity("rad")]
 Frequency = Annotated[float, _quantity("Hz", "> 0")]
 PositiveForce = Annotated[float, _quantity("N", "> 0")]
 PositiveForceRate = Annotated[float, _quantity("N/s", "> 0")]
-Position = Annotated[tuple[float, ...], _vector("m", 3)]
-Orientation = Annotated[tuple[float, ...], _vector("rad", 3)]
-Velocity = Annotated[tuple[float, ...], _vector("m/s", 3)]
-AngularVelocity = Annotated[tuple[float, ...], _vector("rad/s", 3)]
-Force = Annotated[tuple[float, ...], _vector("N", 3)]
-Torque = Annotated[tuple[float, ...], _vector("N.m", 3)]
-LegForces = Annotated[tuple[float, ...], _vector("N", 6)]
+Position = Annotated[ArrayLike, _Vector("m", 3)]
+Orientation = Annotated[ArrayLike, _Vector("rad", 3)]
+Velocity = Annotated[ArrayLike, _Vector("m/s", 3)]
+AngularVelocity = Annotated[ArrayLike, _Vector("rad/s", 3)]
+Force = Annotated[ArrayLike, _Vector("N", 3)]
+Torque = Annotated[ArrayLike, _Vector("N.m", 3)]
+LegForces = Annotated[ArrayLike, _Vector("N", 6)]
+# In task space the last three channels are torques over angles: N.m/rad and so on, plain numbers.
+ProportionalGains = Annotated[ArrayLike, _Vector("N/m", 6, channels)]
+DerivativeGains = Annotated[ArrayLike, _Vector("N.s/m", 6, channels)]
+IntegralGains = Annotated[ArrayLike, _Vector("N/(m.s)", 6, channels)]

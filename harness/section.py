@@ -1,9 +1,125 @@
-"""A table of an experiment file."""
+"""A table of an experiment, from a file or made in Python, and what is said of one that is wrong."""
 
-from pydantic import BaseModel, ConfigDict
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema
+from pydantic_core.core_schema import tagged_union_schema
+
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.interface import nearest
 
 
 class Section(BaseModel):
-    """A table of the file: unknown keys are errors, nothing changes once it is made."""
+    """A table: unknown keys are errors, nothing changes once it is made.
+
+    Raises
+    ------
+    ExperimentError
+        Made in Python from wrong values; references and controllers have errors of their own.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    def __init__(self, /, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise self.refusal(complaints(error, type(self), values)) from None
+
+    # Python's constructor only: for tables inside of tables pydantic would call it too, and lose their places.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def refusal(cls, message: str) -> GoughStewartError:
+        """The error of wrong values."""
+        return ExperimentError("", "", message)
+
+
+class Kind(Section):
+    """A table whose key `type` says which subclass of a base it is; that key is always written."""
+
+    type: str
+
+    def model_post_init(self, _context: Any, /) -> None:
+        """Count the type as set, also where Python has left it to the class."""
+        self.model_fields_set.add("type")
+
+
+class ByType:
+    """Annotates the base of kinds where one of them is expected."""
+
+    def __get_pydantic_core_schema__(self, base: type[Kind], handler: GetCoreSchemaHandler) -> CoreSchema:
+        """The union of all subclasses that have a `type`."""
+        schemas = {name: handler.generate_schema(kind) for name, kind in kinds(base).items()}
+        return tagged_union_schema(schemas, discriminator="type")
+
+
+def kinds(base: type[Section]) -> dict[str, type[Section]]:
+    """The subclasses of a base by their `type`; by nothing but being written they are known."""
+    found = dict[str, type[Section]]()
+    for each in base.__subclasses__():
+        field = each.model_fields.get("type")
+        found |= ({} if field is None or field.is_required() else {str(field.default): each}) | kinds(each)
+    return found
+
+
+def complaints(error: ValidationError, section: type[Section], values: Mapping[str, Any]) -> str:
+    """What is wrong with the values of a table, each place once: key, value found, what was expected, the remedy."""
+    lines = [
+        ": ".join(part for part in (_key_of(each["loc"], values), _complaint(each, section, values)) if part)
+        for each in error.errors()
+    ]
+    return "; ".join(dict.fromkeys(lines))
+
+
+def _key_of(place: tuple[int | str, ...], values: Any) -> str:
+    """A place among the values; the schema also counts the type of a controller or reference as a step on the way."""
+    parts: list[str] = []
+    for step in place:
+        if isinstance(values, Mapping) and step not in values and values.get("type") == step:
+            continue
+        parts.append(str(step + 1) if isinstance(step, int) else step)
+        if isinstance(values, list) and isinstance(step, int):
+            values = values[step]
+        else:
+            values = values.get(step) if isinstance(values, Mapping) else None
+    return ".".join(parts)
+
+
+def _complaint(error: Any, section: type[Section], values: Mapping[str, Any]) -> str:
+    """What is wrong, in this project's words."""
+    kind, context = error["type"], error.get("ctx", {})
+    if kind == "extra_forbidden":
+        beside = _keys_beside(error["loc"], section, values)
+        return f"unknown key (= {error['input']!r}){nearest(str(error['loc'][-1]), beside)}"
+    fixed = {
+        "missing": "is missing; add it",
+        "union_tag_not_found": "the key type is missing; `gough-stewart experiments heave_step` shows a whole file",
+        "union_tag_invalid": "type is {tag!r}; expected one of {expected_tags}",
+    }
+    if kind in fixed:
+        return fixed[kind].format(**context)
+    text = str(context.get("error", "")) or error["msg"].replace("Input should be", "expected")
+    if kind in ("model_attributes_type", "model_type"):
+        text = "expected a table of keys"
+    return text if isinstance(error["input"], Mapping) else f"is {error['input']!r}; {text}"
+
+
+def _keys_beside(place: tuple[int | str, ...], section: type[Section], values: Mapping[str, Any]) -> list[str]:
+    """The keys that the table at a place may have."""
+    for step in place[:-1]:
+        found = _sections_in(section.model_fields[step].annotation) if step in section.model_fields else []
+        if found:
+            table = values.get(str(step))
+            chosen = table.get("type") if isinstance(table, Mapping) else None
+            section = kinds(found[0]).get(str(chosen), found[0])
+    return list(section.model_fields)
+
+
+def _sections_in(annotation: Any) -> list[type[Section]]:
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [section for part in getattr(annotation, "__args__", ()) for section in _sections_in(part)]

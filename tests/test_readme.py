@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control import choice as controller_choice
+from gough_stewart.harness.control import controllers
 from gough_stewart.harness.experiment import schema as experiment
-from gough_stewart.harness.motion import reference_choice
+from gough_stewart.harness.motion import references
 from gough_stewart.harness.section import Section
 from tests.support.fmu_plants import Fmu
 from tests.support.snippets import PAGES, ROOT, commands_of, folder_with_fmus, run
@@ -41,7 +41,7 @@ def test_make_demo_runs(tmp_path: Path) -> None:
 def test_the_control_page_names_every_key_of_an_experiment() -> None:
     """Expected: the schema's own fields, each in backticks on the page."""
     page = (ROOT / "docs/control.md").read_text()
-    modules = (experiment, controller_choice, reference_choice)
+    modules = (experiment, controllers, references)
     sections = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
     models = [each for each in sections if issubclass(each, Section) and each is not Section]
     keys = {key for model in models for key in model.model_fields} - {"platform", "reference", "controller", "start"}

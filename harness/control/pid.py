@@ -10,7 +10,7 @@ error as e [m, rad] and a wrench [N, N m] in the place of F.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -102,7 +102,7 @@ def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSp
     A channel's states are the filter's, ż = v − z/Tf with v = e or −y, whose derivative kd s/(Tf s + 1) v is
     kd/Tf (v − z/Tf); and x. It has those for which it has a gain.
     """
-    if derivative_on not in ("error", "measurement"):
+    if derivative_on not in get_args(DerivativeOn):
         raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
     with_integral = bool(np.any(np.asarray(gains.integral) > 0))
     n_kinds = 3 if with_integral else 2

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.control.choice import PD
-from gough_stewart.harness.control.chosen_controllers import gains_of
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.loop_transfer import loop_transfer
@@ -103,14 +101,13 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         position=None if prepared.motion is None else prepared.motion.position[0],
         orientation=None if prepared.motion is None else prepared.motion.orientation[0],
     )
-    own = chosen.controller if controller is None and isinstance(chosen.controller, PD) else None
     return LoopMargins(
         **vars(loop_margins(L)),
         title=chosen.title,
         sample_time=sample_time,
         delay=actuators.delay,
         lag=actuators.lag,
-        gains=None if own is None else gains_of(own, prepared.platform),
+        gains=chosen.controller.gains(prepared.platform) if controller is None else None,
         modes=tuple(modes(closed_loop(L))),
         loop=L,
     )

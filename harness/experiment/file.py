@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.section import complaints
 from gough_stewart.model import shipped
 from gough_stewart.model.interface import nearest
 
@@ -120,10 +121,7 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Exp
     try:
         return Experiment.model_validate(dict(values))
     except ValidationError as error:
-        found = error.errors()
-        keys = [_key_of(each["loc"], values) for each in found]
-        lines = [f"{key}: {_said(each, values)}" for key, each in zip(keys, found, strict=True)]
-        raise ExperimentError(where, "", "; ".join(dict.fromkeys(lines))) from None
+        raise ExperimentError(where, "", complaints(error, Experiment, values)) from None
 
 
 def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
@@ -188,63 +186,3 @@ def _parsed(text: str, where: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise ExperimentError(where, "", f"is not TOML: {error}") from error
-
-
-def _key_of(place: tuple[int | str, ...], values: Any) -> str:
-    """A place in the file; the schema also counts the type of a controller or reference as a step on the way."""
-    parts: list[str] = []
-    for step in place:
-        if isinstance(values, Mapping) and step not in values and values.get("type") == step:
-            continue
-        parts.append(str(step + 1) if isinstance(step, int) else step)
-        if isinstance(values, list) and isinstance(step, int):
-            values = values[step]
-        else:
-            values = values.get(step) if isinstance(values, Mapping) else None
-    return ".".join(parts)
-
-
-def _said(error: Any, values: Mapping[str, Any]) -> str:
-    """What is wrong, in this project's words: the value found, what was expected, the remedy."""
-    kind, context = error["type"], error.get("ctx", {})
-    if kind == "extra_forbidden":
-        return f"unknown key (= {error['input']!r}){nearest(str(error['loc'][-1]), _keys_beside(error['loc'], values))}"
-    fixed = {
-        "missing": "is missing; add it",
-        "union_tag_not_found": "the key type is missing; `gough-stewart experiments heave_step` shows a whole file",
-        "union_tag_invalid": "type is {tag!r}; expected one of {expected_tags}",
-    }
-    if kind in fixed:
-        return fixed[kind].format(**context)
-    text = str(context.get("error", "")) or error["msg"].replace("Input should be", "expected")
-    if kind in ("model_attributes_type", "model_type"):
-        text = "expected a table of keys"
-    return text if isinstance(error["input"], Mapping) else f"is {error['input']!r}; {text}"
-
-
-def _keys_beside(place: tuple[int | str, ...], values: Mapping[str, Any]) -> list[str]:
-    """The keys that the table at a place may have."""
-    model: type[BaseModel] = Experiment
-    for step in place[:-1]:
-        found = _models_in(model.model_fields[step].annotation) if step in model.model_fields else []
-        if len(found) == 1:
-            model = found[0]
-        elif found:
-            tags = {_tag(each): each for each in found}
-            model = tags.get(_type_at(step, values), found[0])
-    return list(model.model_fields)
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for part in getattr(annotation, "__args__", ()) for model in _models_in(part)]
-
-
-def _tag(model: type[BaseModel]) -> str:
-    return str(model.model_fields["type"].annotation.__args__[0])  # type: ignore[union-attr]
-
-
-def _type_at(step: int | str, values: Mapping[str, Any]) -> str:
-    section = values.get(str(step))
-    return str(section.get("type")) if isinstance(section, Mapping) else ""

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.control.choice import ControllerChoice, OpenLoop, PythonController
-from gough_stewart.harness.control.chosen_controllers import controller_from_file, system_of
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.control.laws import Controller, Law, controller_of, law_of
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
@@ -20,10 +18,8 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, Timing
 from gough_stewart.harness.loop.sensors import Sensors
-from gough_stewart.harness.motion.chosen_references import reference_of
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.reach import LegMotion, check_reach, legs_of
-from gough_stewart.harness.motion.reference_choice import ReferenceChoice
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError
 from gough_stewart.model.interface import VARIABLES, nearest
@@ -83,7 +79,7 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
                 f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; expected "
                 "fewer samples, or a longer run"
             )
-    is_closed = controller is not None or not isinstance(chosen, OpenLoop)
+    is_closed = controller is not None or chosen.is_closed
     if experiment.reference is None and (is_closed or chosen.feedforward != "none"):
         raise ExperimentError(
             experiment.where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
@@ -93,8 +89,8 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
     planned = np.zeros((len(timing.samples), 6))
     if experiment.reference is not None:
         with section("reference"):
-            reference = reference_of(experiment.reference, platform, folder)
-            _check_frequency(experiment.reference, timing)
+            reference = experiment.reference.about(platform, folder)
+            _check_frequency(experiment.reference.highest_frequency, timing)
             motion = reference(timing.times)
             check_reach(platform, timing.times, motion, experiment.limits.condition_number)
             legs = legs_of(platform, motion)
@@ -106,11 +102,13 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
         # forces are held: those of the middle of the time in which they will act
         ahead = timing.samples + (clocks.delay + 0.5) * timing.sample_time
         planned = feedforward(chosen.feedforward, believed, reference(np.minimum(ahead, timing.times[-1])))
-    if isinstance(chosen, OpenLoop) and controller is None:
-        planned = planned + np.array(chosen.force)
+    if controller is None:
+        planned = chosen.planned(planned)
     start = _start(experiment.start, platform, motion)
     with section("controller"):
-        made = _controller(chosen, platform, timing, folder) if controller is None else controller_of(controller)
+        made = (
+            chosen.controller(platform, timing.sample_time, folder) if controller is None else controller_of(controller)
+        )
     force_limit = _force_limit(experiment.actuators, platform)
     # an open loop has its forces from the beginning; a closed one begins with the platform held still
     first = planned[0] if made is None else static_leg_forces(platform, start.position, start.orientation)
@@ -145,13 +143,11 @@ def _changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
     return replace(platform, **parameters) if parameters else platform
 
 
-def _check_frequency(choice: ReferenceChoice, timing: Timing) -> None:
+def _check_frequency(highest: float, timing: Timing) -> None:
     """Refuse a motion that samples would take for a slower one."""
-    names = ("frequency", "from_frequency", "to_frequency")
-    fastest = max((getattr(choice, name) for name in names if hasattr(choice, name)), default=0.0)
-    if not fastest < 0.5 / timing.sample_time:
+    if not highest < 0.5 / timing.sample_time:
         raise ControllerError(
-            f"frequency of {fastest:g} Hz at a sample_time of {timing.sample_time:g} s; expected less than half the "
+            f"frequency of {highest:g} Hz at a sample_time of {timing.sample_time:g} s; expected less than half the "
             f"sample rate, {0.5 / timing.sample_time:g} Hz"
         )
 
@@ -163,14 +159,6 @@ def _start(choice: schema.Start, platform: Platform, motion: Motion | None) -> S
         state = State(*(values[0] for values in motion[:4]))
     given = {name: np.array(value) for name, value in choice.model_dump().items() if value is not None}
     return state._replace(**given)
-
-
-def _controller(chosen: ControllerChoice, platform: Platform, timing: Timing, folder: Path) -> Controller | None:
-    if isinstance(chosen, OpenLoop):
-        return None
-    if isinstance(chosen, PythonController):
-        return controller_from_file(folder / chosen.file, chosen.name)
-    return system_of(chosen, platform, timing.sample_time)
 
 
 def _force_limit(choice: schema.ActuatorChoice, platform: Platform) -> float | None:
@@ -209,7 +197,7 @@ def _parameter_changes(experiment: Experiment, platform: Platform) -> list[Chang
 def _disturbances(experiment: Experiment, timing: Timing) -> list[Change]:
     """The external wrench at every time at which one begins or ends: the sum of those that act from there on."""
     ends = [
-        (each.at, each.at + each.duration, np.array([*each.force, *each.torque])) for each in experiment.disturbance
+        (each.at, each.at + each.duration, np.concatenate([each.force, each.torque])) for each in experiment.disturbance
     ]
     rows = set[int]()
     for begin, end, _ in ends:

@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from gough_stewart.harness.control.choice import ControllerChoice
-from gough_stewart.harness.motion.reference_choice import ReferenceChoice
+from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import (
@@ -23,7 +23,7 @@ from gough_stewart.harness.quantities import (
     Velocity,
     number,
 )
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 
 _REST = (0.0, 0.0, 0.0)
@@ -164,8 +164,8 @@ class Experiment(Section):
     platform: PlatformChoice = PlatformChoice()
     plant: PlantChoice = PlantChoice()
     start: Start = Start()
-    reference: ReferenceChoice | None = None
-    controller: ControllerChoice
+    reference: Annotated[ReferenceChoice, ByType()] | None = None
+    controller: Annotated[ControllerChoice, ByType()]
     loop: LoopChoice
     sensors: SensorChoice = SensorChoice()
     actuators: ActuatorChoice = ActuatorChoice()

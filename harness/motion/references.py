@@ -1,175 +1,175 @@
-"""Reference motions of the pose, with exact velocities and accelerations.
+"""The reference motions: `[reference]` of an experiment file, and the same in Python.
 
-A motion is a base pose plus profiles in time times directions in (x, y, z, roll, pitch, yaw). Angular velocity and
-acceleration follow from the rates of roll, pitch and yaw.
+One class a motion: its keys, their units, bounds and defaults, and its formula. A further class is all that a further
+motion takes; its `type` makes it known to experiment files.
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import Literal, NamedTuple
+from abc import abstractmethod
+from pathlib import Path
+from typing import Literal, Self
 
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import Motion, motion_of
-from gough_stewart.model.real import real_array
+from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
+from gough_stewart.harness.motion.profiles import motion_about, quintic, sine, step
+from gough_stewart.harness.motion.table import FromTable, read_reference
+from gough_stewart.harness.quantities import Angle, Frequency, Orientation, Position, PositiveLength, PositiveTime, Time
+from gough_stewart.harness.section import Kind
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Times are multiples of a step up to rounding: a jump at 0.2 s has happened in the row of 0.19999999999 s.
-ROUNDING = 1e-9
+_NONE = (0.0, 0.0, 0.0)
 
 
-class _Profile(NamedTuple):
-    """A function of time with its first two derivatives; each (n,)."""
+class ReferenceChoice(Kind):
+    """A motion that an experiment asks for.
 
-    value: FloatArray
-    rate: FloatArray
-    acceleration: FloatArray
+    Raises
+    ------
+    MotionError
+        Numbers that make no motion; names the key, its value, and what was expected.
+    """
 
-    def times(self, other: "_Profile") -> "_Profile":
-        """Product, by the product rule."""
-        return _Profile(
-            self.value * other.value,
-            self.rate * other.value + self.value * other.rate,
-            self.acceleration * other.value + 2 * self.rate * other.rate + self.value * other.acceleration,
+    @abstractmethod
+    def about(self, platform: Platform, folder: Path = Path()) -> Reference:
+        """The motion for a platform; files are looked for in the folder.
+
+        Raises
+        ------
+        MotionError
+            A file that cannot be read, or holds no motion.
+        """
+
+    @property
+    def highest_frequency(self) -> float:
+        """Of the motion [Hz]; 0 where it has none."""
+        return 0.0
+
+    @classmethod
+    def refusal(cls, message: str) -> MotionError:
+        """The error of wrong values."""
+        return MotionError(message)
+
+
+class _AboutPose(ReferenceChoice):
+    """A motion about a pose, by default the platform's home pose."""
+
+    position: Position | None = None
+    orientation: Orientation | None = None
+
+    def about(self, platform: Platform, folder: Path = Path()) -> Self:  # noqa: ARG002 - there is no file
+        """The same about the home pose, where no pose is given."""
+        home = {"position": platform.home_position, "orientation": platform.home_orientation}
+        return self.model_copy(
+            update={name: tuple(value.tolist()) for name, value in home.items() if getattr(self, name) is None}
         )
 
+    @abstractmethod
+    def __call__(self, time: FloatArray) -> Motion:
+        """The motion at times (n,) [s].
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _About:
-    """A motion about a pose; numbers are checked and frozen when it is made."""
+        Raises
+        ------
+        MotionError
+            Neither a pose nor a platform is known.
+        """
 
-    position: FloatArray
-    orientation: FloatArray
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "plane":
-                continue
-            shape = (3,) if field.name in _VECTORS else ()
-            try:
-                array = real_array(value, shape)
-            except ValueError as error:
-                raise MotionError(f"{field.name} {error}") from None
-            if field.name in _POSITIVE and not array > 0:
-                raise MotionError(f"{field.name} is {value!r}; expected a number > 0")
-            if field.name in _NOT_NEGATIVE and not array >= 0:
-                raise MotionError(f"{field.name} is {value!r}; expected a number >= 0")
-            array.setflags(write=False)
-            object.__setattr__(self, field.name, array if shape else float(array))
-
-    def _along(self, *parts: tuple[_Profile, FloatArray]) -> Motion:
-        """The base pose plus profiles (n,) times directions (6,)."""
-        pose, rate, acceleration = (
-            sum((profile[k][:, None] * direction for profile, direction in parts), start=np.zeros(6)) for k in range(3)
-        )
-        return motion_of(pose + np.concatenate([self.position, self.orientation]), rate, acceleration)
+    @property
+    def _pose(self) -> FloatArray:
+        for name in ("position", "orientation"):
+            if getattr(self, name) is None:
+                raise MotionError(f"{name} is None; expected a {name}, or the home pose of a platform: about(platform)")
+        return np.concatenate([self.position, self.orientation])
 
 
-_VECTORS = (
-    "position",
-    "orientation",
-    "position_change",
-    "orientation_change",
-    "position_amplitude",
-    "orientation_amplitude",
-)
-_POSITIVE = ("duration", "frequency", "from_frequency", "to_frequency", "radius")
-_NOT_NEGATIVE = ("at", "fade_in")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Hold(_About):
+class Hold(_AboutPose):
     """Stay in a pose."""
+
+    type: Literal["hold"] = "hold"
 
     def __call__(self, time: FloatArray) -> Motion:
         """The motion at times (n,) [s]."""
-        return self._along((_constant(time, 0.0), np.zeros(6)))
+        rest = np.zeros((len(time), 6))
+        return motion_of(rest + self._pose, rest, rest)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Step(_About):
+class _Change(_AboutPose):
+    """A motion from a pose to another."""
+
+    position_change: Position = _NONE
+    orientation_change: Orientation = _NONE
+
+    @property
+    def _direction(self) -> FloatArray:
+        return np.concatenate([self.position_change, self.orientation_change])
+
+
+class Step(_Change):
     """Jump by a change at a time; velocity and acceleration are zero on both sides."""
 
-    position_change: FloatArray
-    orientation_change: FloatArray
-    at: float  # [s]
+    type: Literal["step"] = "step"
+    at: PositiveTime  # at 0 there would be nothing to step from
 
     def __call__(self, time: FloatArray) -> Motion:
         """The motion at times (n,) [s]; at the jump itself, after it."""
-        happened = _constant(time, 0.0)._replace(value=(time >= self.at - ROUNDING).astype(float))
-        return self._along((happened, np.concatenate([self.position_change, self.orientation_change])))
+        return motion_about(self._pose, (step(time - self.at), self._direction))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PointToPoint(_About):
+class PointToPoint(_Change):
     """Go by a change from rest to rest: s = 10 τ³ − 15 τ⁴ + 6 τ⁵, τ = (t − at)/duration."""
 
-    position_change: FloatArray
-    orientation_change: FloatArray
-    at: float  # [s]
-    duration: float  # [s]
+    type: Literal["point_to_point"] = "point_to_point"
+    at: Time = 0.0
+    duration: PositiveTime
 
     def __call__(self, time: FloatArray) -> Motion:
         """The motion at times (n,) [s]."""
-        direction = np.concatenate([self.position_change, self.orientation_change])
-        return self._along((_quintic(time - self.at, self.duration), direction))
+        return motion_about(self._pose, (quintic(time - self.at, self.duration), self._direction))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sine(_About):
+class _Swing(_AboutPose):
+    """A motion to and fro."""
+
+    position_amplitude: Position = _NONE
+    orientation_amplitude: Orientation = _NONE
+    fade_in: Time = 0.0
+
+    @property
+    def _direction(self) -> FloatArray:
+        return np.concatenate([self.position_amplitude, self.orientation_amplitude])
+
+
+class Sine(_Swing):
     """Swing: amplitude · sin(2π f t + phase), faded in by the quintic."""
 
-    position_amplitude: FloatArray
-    orientation_amplitude: FloatArray
-    frequency: float  # [Hz]
-    phase: float = 0.0  # [rad]
-    fade_in: float = 0.0  # [s]
+    type: Literal["sine"] = "sine"
+    frequency: Frequency
+    phase: Angle = 0.0
 
     def __call__(self, time: FloatArray) -> Motion:
         """The motion at times (n,) [s]."""
         omega = 2 * math.pi * self.frequency
-        swing = _sine(omega * time + self.phase, omega, 0.0)
-        direction = np.concatenate([self.position_amplitude, self.orientation_amplitude])
-        return self._along((_faded(swing, time, self.fade_in), direction))
+        swing = sine(omega * time + self.phase, omega)
+        return motion_about(self._pose, (swing.faded(time, self.fade_in), self._direction))
+
+    @property
+    def highest_frequency(self) -> float:
+        """Its own [Hz]."""
+        return self.frequency
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Circle(_About):
-    """Circle about a position, radius (cos 2π f t, sin 2π f t) in a plane; the radius is faded in by the quintic."""
-
-    radius: float  # [m]
-    frequency: float  # [Hz]
-    plane: Literal["xy", "xz", "yz"] = "xy"
-    fade_in: float = 0.0  # [s]
-
-    def __post_init__(self) -> None:
-        if self.plane not in ("xy", "xz", "yz"):
-            raise MotionError(f"plane is {self.plane!r}; expected 'xy', 'xz' or 'yz'")
-        super().__post_init__()
-
-    def __call__(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s]."""
-        omega = 2 * math.pi * self.frequency
-        across, along = (self.radius * np.eye(6)["xyz".index(axis)] for axis in self.plane)
-        cosine, sine = (_sine(omega * time + phase, omega, 0.0) for phase in (math.pi / 2, 0.0))
-        return self._along(*((_faded(p, time, self.fade_in), d) for p, d in ((cosine, across), (sine, along))))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Chirp(_About):
+class Chirp(_Swing):
     """Swing with a frequency that changes linearly over a duration, then stays.
 
     amplitude · sin 2π (f0 t + (f1 − f0) t²/(2 T)) up to T, with continuous phase afterwards.
     """
 
-    position_amplitude: FloatArray
-    orientation_amplitude: FloatArray
-    from_frequency: float  # f0 [Hz]
-    to_frequency: float  # f1 [Hz]
-    duration: float  # T [s]
-    fade_in: float = 0.0  # [s]
+    type: Literal["chirp"] = "chirp"
+    from_frequency: Frequency  # f0
+    to_frequency: Frequency  # f1
+    duration: PositiveTime  # T
 
     def __call__(self, time: FloatArray) -> Motion:
         """The motion at times (n,) [s]."""
@@ -178,27 +178,43 @@ class Chirp(_About):
         cycles = f0 * sweeping + (f1 - f0) * sweeping**2 / (2 * T) + f1 * after
         frequency = f0 + (f1 - f0) * sweeping / T
         change = np.where(time < T, (f1 - f0) / T, 0.0)
-        swing = _sine(*(2 * math.pi * each for each in (cycles, frequency, change)))
-        direction = np.concatenate([self.position_amplitude, self.orientation_amplitude])
-        return self._along((_faded(swing, time, self.fade_in), direction))
+        swing = sine(*(2 * math.pi * each for each in (cycles, frequency, change)))
+        return motion_about(self._pose, (swing.faded(time, self.fade_in), self._direction))
+
+    @property
+    def highest_frequency(self) -> float:
+        """The higher of both ends [Hz]."""
+        return max(self.from_frequency, self.to_frequency)
 
 
-def _constant(time: FloatArray, value: float) -> _Profile:
-    return _Profile(np.full_like(time, value), np.zeros_like(time), np.zeros_like(time))
+class Circle(_AboutPose):
+    """Circle about a position, radius (cos 2π f t, sin 2π f t) in a plane; the radius is faded in by the quintic."""
+
+    type: Literal["circle"] = "circle"
+    radius: PositiveLength
+    frequency: Frequency
+    plane: Literal["xy", "xz", "yz"] = "xy"
+    fade_in: Time = 0.0
+
+    def __call__(self, time: FloatArray) -> Motion:
+        """The motion at times (n,) [s]."""
+        omega = 2 * math.pi * self.frequency
+        axes = (self.radius * np.eye(6)["xyz".index(axis)] for axis in self.plane)
+        profiles = (sine(omega * time + phase, omega).faded(time, self.fade_in) for phase in (math.pi / 2, 0.0))
+        return motion_about(self._pose, *zip(profiles, axes, strict=True))
+
+    @property
+    def highest_frequency(self) -> float:
+        """Its own [Hz]."""
+        return self.frequency
 
 
-def _quintic(time: FloatArray, duration: float) -> _Profile:
-    """From 0 to 1 over the duration, at rest at both ends."""
-    s = np.clip(time / duration, 0.0, 1.0)
-    value = s**3 * (10 - 15 * s + 6 * s**2)
-    return _Profile(value, 30 * s**2 * (1 - s) ** 2 / duration, 60 * s * (1 - s) * (1 - 2 * s) / duration**2)
+class FromFile(ReferenceChoice):
+    """Go through the rows of a CSV file."""
 
+    type: Literal["file"] = "file"
+    file: str
 
-def _sine(phase: FloatArray, rate: FloatArray | float, change: FloatArray | float) -> _Profile:
-    """Sine of a phase whose first and second derivatives are `rate` and `change`."""
-    sine, cosine = np.sin(phase), np.cos(phase)
-    return _Profile(sine, cosine * rate, cosine * change - sine * rate**2)
-
-
-def _faded(profile: _Profile, time: FloatArray, fade_in: float) -> _Profile:
-    return profile.times(_quintic(time, fade_in)) if fade_in > 0 else profile
+    def about(self, platform: Platform, folder: Path = Path()) -> FromTable:  # noqa: ARG002 - the file has the poses
+        """The file's poses, with quintic splines between them."""
+        return read_reference(folder / self.file)

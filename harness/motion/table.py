@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import Motion, motion_of
-from gough_stewart.harness.motion.references import ROUNDING
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, motion_of
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 

@@ -19,6 +19,7 @@ from gough_stewart.harness.experiment.file import (
     with_settings,
 )
 from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.motion.references import Step
 from gough_stewart.harness.quantities import UNITS, number
 
 SHIPPED = experiment_names()
@@ -251,8 +252,8 @@ def test_settings_replace_and_add() -> None:
     ]
     experiment = shipped_experiment("heave_step", settings)
     assert (experiment.loop.delay, experiment.plant.kind, experiment.sensors.seed) == (3, "fmu2", 7)
-    assert experiment.reference is not None
-    assert experiment.reference.position_change == (0, 0, 0.005)  # type: ignore[union-attr]
+    assert isinstance(experiment.reference, Step)
+    assert experiment.reference.position_change == (0, 0, 0.005)
     assert experiment.sensors.noise == {"leg_length": pytest.approx(2e-6)}
     assert shipped_experiment("impulse", ["disturbance.1.force=['3 kN', 0, 0]"]).disturbance[0].force == (3000, 0, 0)
 

@@ -3,19 +3,24 @@
 import itertools
 import pickle
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.errors import ExperimentError, MotionError
 from gough_stewart.harness.motion.motion import Motion, Reference
-from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
+from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, ReferenceChoice, Sine, Step
 from gough_stewart.harness.motion.table import FromTable, read_reference
+from gough_stewart.harness.quantities import Velocity
+from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 
@@ -311,26 +316,28 @@ GOOD: dict[str, tuple[type, dict[str, Any]]] = {
 @pytest.mark.parametrize(
     ("kind", "name", "value", "message"),
     [
-        *((kind, "position", [1, 2], r"position has shape \(2,\); expected numbers of shape \(3,\)") for kind in GOOD),
-        *((kind, "orientation", [0, 0, np.nan], r"orientation is .*nan.*; expected finite numbers") for kind in GOOD),
-        ("hold", "position", "home", r"position is 'home'; expected numbers of shape \(3,\)"),
-        ("hold", "position", None, "position is None"),
-        ("step", "position_change", [1j, 0, 0], "position_change is .*; expected numbers"),
-        ("step", "orientation_change", 1.0, r"orientation_change has shape \(\)"),
-        ("step", "at", -1.0, "at is -1.0; expected a number >= 0"),
-        ("point_to_point", "duration", 0, "duration is 0; expected a number > 0"),
-        ("point_to_point", "at", np.inf, "at is inf; expected finite"),
-        ("sine", "frequency", -1.0, "frequency is -1.0; expected a number > 0"),
-        ("sine", "frequency", "1 Hz", "frequency is '1 Hz'; expected one number"),
-        ("sine", "phase", [0.0], r"phase has shape \(1,\); expected one number"),
-        ("sine", "fade_in", -0.1, "fade_in is -0.1; expected a number >= 0"),
-        ("sine", "position_amplitude", [[1, 2, 3]], r"position_amplitude has shape \(1, 3\)"),
-        ("circle", "radius", 0.0, "radius is 0.0; expected a number > 0"),
-        ("circle", "plane", "yx", "plane is 'yx'; expected 'xy', 'xz' or 'yz'"),
-        ("circle", "plane", ["xy"], r"plane is \['xy'\]; expected"),
-        ("chirp", "from_frequency", 0.0, "from_frequency is 0.0; expected a number > 0"),
-        ("chirp", "to_frequency", True, "to_frequency is True; expected one number"),
-        ("chirp", "duration", -1, "duration is -1; expected a number > 0"),
+        *((kind, "position", [1, 2], r"position: is \[1, 2\]; expected a list of 3 \[m\]; found 2") for kind in GOOD),
+        *((kind, "orientation", [0, 0, np.nan], "orientation: is .*nan.*; value 3 of 3: expected") for kind in GOOD),
+        ("hold", "position", "home", "position: is 'home'; expected a list of 3"),
+        ("hold", "position", ["1 m", "2 deg", "3 m"], "position: .*value 2 of 3: .*found the unit 'deg'"),
+        ("step", "position_change", [1j, 0, 0], "position_change: is .*; value 1 of 3: expected a number of m"),
+        ("step", "orientation_change", 1.0, r"orientation_change: is 1.0; expected a list of 3 \[rad\]"),
+        ("step", "at", -1.0, "at: is -1.0; expected > 0 s"),
+        ("step", "type", "hold", "type: is 'hold'; expected 'step'"),
+        ("point_to_point", "duration", 0, "duration: is 0; expected > 0 s"),
+        ("point_to_point", "at", np.inf, "at: is inf; expected"),
+        ("sine", "frequency", -1.0, "frequency: is -1.0; expected > 0 Hz"),
+        ("sine", "frequency", "1 rad", "frequency: is '1 rad'; .*found the unit 'rad'"),
+        ("sine", "phase", [0.0], r"phase: is \[0.0\]; expected a number of rad"),
+        ("sine", "fade_in", -0.1, "fade_in: is -0.1; expected >= 0 s"),
+        ("sine", "position_amplitude", [[1, 2, 3]], "position_amplitude: is .*; expected a list of 3"),
+        ("sine", "amplitude", 0.1, "amplitude: unknown key .= 0.1.; did you mean 'position_amplitude'"),
+        ("circle", "radius", 0.0, "radius: is 0.0; expected > 0 m"),
+        ("circle", "plane", "yx", "plane: is 'yx'; expected 'xy', 'xz' or 'yz'"),
+        ("circle", "plane", ["xy"], r"plane: is \['xy'\]; expected"),
+        ("chirp", "from_frequency", 0.0, "from_frequency: is 0.0; expected > 0 Hz"),
+        ("chirp", "to_frequency", True, "to_frequency: is True; expected a number of Hz"),
+        ("chirp", "duration", -1, "duration: is -1; expected > 0 s"),
     ],
 )
 def test_an_impossible_number_is_refused_by_name(kind: str, name: str, value: object, message: str) -> None:
@@ -341,23 +348,96 @@ def test_an_impossible_number_is_refused_by_name(kind: str, name: str, value: ob
     assert isinstance(caught.value, ValueError)
 
 
-def test_numbers_are_copied_and_read_only() -> None:
+def test_a_missing_number_is_refused_by_name() -> None:
+    with pytest.raises(MotionError, match=r"^frequency: is missing; add it$"):
+        Sine(**POSE, **AMPLITUDE)
+
+
+def test_numbers_are_copied_and_stay() -> None:
     mine = POSITION.copy()
     hold = Hold(position=mine, orientation=ORIENTATION)
     mine[:] = 7.0
-    assert np.array_equal(hold.position, POSITION)
-    with pytest.raises(ValueError, match="read-only"):
-        hold.position[0] = 1.0
+    assert hold(TIMES).position[3].tolist() == POSITION.tolist()
+    with pytest.raises(ValueError, match="frozen"):
+        hold.position = mine
     table = table_of(hold, np.arange(6.0))
     with pytest.raises(ValueError, match="read-only"):
         table.time[0] = 1.0
 
 
-def test_references_compare_by_identity() -> None:
-    """Expected: no comparison of arrays, which would raise; usable in sets."""
-    one, other = Hold(**POSE), Hold(**POSE)
-    assert one != other
-    assert len({one, other, one}) == 2
+def test_references_compare_by_their_numbers() -> None:
+    """Expected: equal where all keys are, however they were written; usable in sets."""
+    one, same, other = Hold(**POSE), Hold(position=POSITION.tolist(), orientation=ORIENTATION), Hold(**STILL)
+    assert one == same != other
+    assert len({one, other, same}) == 2
+
+
+def test_quantities_may_have_units() -> None:
+    """Expected: 42 rpm = 0.7 Hz, 100 mm = 0.1 m, 180° = π."""
+    written = Sine(
+        **POSE,
+        position_amplitude=["100 mm", "20 cm", "-300 mm"],
+        orientation_amplitude=AMPLITUDE["orientation_amplitude"],
+        frequency="42 rpm",  # type: ignore[arg-type]
+        phase="180 deg",  # type: ignore[arg-type]
+    )
+    plain = Sine(**POSE, **AMPLITUDE, frequency=0.7, phase=np.pi)
+    assert all(np.allclose(a, b, rtol=0, atol=1e-13) for a, b in zip(written(TIMES), plain(TIMES), strict=True))
+
+
+def test_a_motion_without_a_pose_is_about_the_home_pose() -> None:
+    """Expected: home in the part that is not named; the named part stays; without a platform a clear refusal."""
+    home: dict[str, Any] = {"home_position": [0.02, -0.03, 1.1], "home_orientation": [0.01, 0.04, -0.05]}
+    platform = replace(load_preset("motion_base"), **home)
+    sine = Sine(**AMPLITUDE, frequency=0.7)
+    turned = Sine(**AMPLITUDE, frequency=0.7, orientation=ORIENTATION)
+    for reference, orientation in ((sine, platform.home_orientation), (turned, ORIENTATION)):
+        with pytest.raises(MotionError, match=r"^position is None; expected a position, or .*about\(platform\)"):
+            reference(TIMES)
+        expected = Sine(**AMPLITUDE, frequency=0.7, position=platform.home_position, orientation=orientation)(TIMES)
+        found = reference.about(platform)(TIMES)
+        assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
+    with pytest.raises(MotionError, match=r"^orientation is None"):
+        Hold(position=POSITION)(TIMES)
+
+
+@pytest.mark.parametrize(
+    ("kind", "highest"),
+    [
+        *((kind, 0) for kind in ("hold", "step", "point_to_point")),
+        *((kind, 0.7) for kind in ("sine", "faded circle")),
+        *((kind, 1.5) for kind in ("chirp", "faded falling chirp")),
+    ],
+)
+def test_a_motion_knows_its_highest_frequency(kind: str, highest: float) -> None:
+    """Expected: the frequencies that it was made with; of a chirp the higher, rising or falling."""
+    reference = KINDS[kind]
+    assert isinstance(reference, ReferenceChoice)
+    assert reference.highest_frequency == highest
+
+
+def test_a_further_motion_takes_one_class() -> None:
+    """Expected: files may name it by its type, its keys are checked, its formula is what moves."""
+
+    class Ramp(ReferenceChoice):
+        type: Literal["ramp"] = "ramp"
+        velocity: Velocity
+
+        def about(self, platform: Platform, folder: Path = Path()) -> Reference:  # noqa: ARG002
+            return lambda time: Hold(position=platform.home_position, orientation=[0, 0, 0])(time)._replace(
+                velocity=np.tile(np.asarray(self.velocity), (len(time), 1))
+            )
+
+    class Trial(Section):
+        reference: Annotated[ReferenceChoice, ByType()]
+
+    trial = Trial.model_validate({"reference": {"type": "ramp", "velocity": ["1 mm/s", 0, 2]}})
+    motion = trial.reference.about(load_preset("motion_base"))(TIMES)
+    assert motion.velocity.tolist() == [[0.001, 0, 2]] * len(TIMES)
+    with pytest.raises(ExperimentError, match=r"^reference.velocty: unknown key .= 3.; did you mean 'velocity'"):
+        Trial(reference={"type": "ramp", "velocity": [0, 0, 1], "velocty": 3})  # type: ignore[arg-type]
+    with pytest.raises(ExperimentError, match=r"^reference: type is 'rampe'; expected one of .*'circle'.*'ramp'"):
+        Trial(reference={"type": "rampe"})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,223 @@
+"""The controllers that an experiment may name: `[controller]` of its file, and the same in Python.
+
+One class a kind: its keys, their units, bounds and defaults, and how it is made. A further class is all that a further
+kind takes; its `type` makes it known to experiment files.
+"""
+
+import importlib.util
+from abc import abstractmethod
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gough_stewart.harness.control.feedforward import Feedforward
+from gough_stewart.harness.control.gains import DAMPING_RATIO, gains_from_bandwidth
+from gough_stewart.harness.control.laws import Controller, LinearController, Space, controller_of
+from gough_stewart.harness.control.pid import DerivativeOn, Gains, pid_matrices
+from gough_stewart.harness.control.state_space import Method, discretised
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.quantities import (
+    DerivativeGains,
+    Frequency,
+    IntegralGains,
+    LegForces,
+    Number,
+    PositiveTime,
+    ProportionalGains,
+)
+from gough_stewart.harness.section import Kind
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+
+class ControllerChoice(Kind):
+    """A controller that an experiment asks for, and the feedforward beside it.
+
+    Raises
+    ------
+    ControllerError
+        Values that make no controller; names the key, its value, and what was expected.
+    """
+
+    feedforward: Feedforward = "none"
+    # what the feedforward takes for the platform, where that differs from the plant
+    model: dict[str, Any] = Field(default_factory=dict)
+
+    @abstractmethod
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
+        """For a platform and a sample time [s], None where nothing is fed back; files are looked for in the folder.
+
+        Raises
+        ------
+        ControllerError
+            No controller for this platform and sample time, or a file that holds none.
+        """
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether anything is fed back."""
+        return True
+
+    def planned(self, feedforward: FloatArray) -> FloatArray:
+        """Forces that are known beforehand (n, 6) [N], with the feedforward (n, 6)."""
+        return feedforward
+
+    def gains(self, platform: Platform) -> Gains | None:  # noqa: ARG002 - of the kinds that have any
+        """Of a PD or PID."""
+        return None
+
+    @classmethod
+    def refusal(cls, message: str) -> ControllerError:
+        """The error of wrong values."""
+        return ControllerError(message)
+
+    @model_validator(mode="after")
+    def _model_of_feedforward(self) -> "ControllerChoice":
+        if self.model and self.feedforward == "none":
+            raise ValueError("model is what feedforward believes in, and there is none; choose a feedforward")
+        return self
+
+
+class OpenLoop(ControllerChoice):
+    """Constant forces, and feedforward if wanted."""
+
+    type: Literal["open_loop"] = "open_loop"
+    force: LegForces = (0.0,) * 6
+
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> None:
+        """None."""
+
+    @property
+    def is_closed(self) -> bool:
+        """Nothing is fed back."""
+        return False
+
+    def planned(self, feedforward: FloatArray) -> FloatArray:
+        """The constant forces and the feedforward."""
+        return np.asarray(feedforward + np.array(self.force))
+
+
+class _SixChannels(ControllerChoice):
+    """Proportional and derivative action; gains, or a bandwidth from which they follow."""
+
+    space: Space = "leg"
+    bandwidth: Frequency | None = None
+    damping_ratio: Annotated[Number, Field(gt=0)] | None = None
+    proportional_gain: ProportionalGains | None = None
+    derivative_gain: DerivativeGains | None = None
+    derivative_on: DerivativeOn = "error"
+    derivative_filter: PositiveTime | None = None
+    discretisation: Method = "tustin"
+
+    @abstractmethod
+    def gains(self, platform: Platform) -> Gains:
+        """As they are named, or from bandwidth and damping ratio on this platform.
+
+        Raises
+        ------
+        ControllerError
+            Gains that no controller can have.
+        """
+
+    def controller(
+        self,
+        platform: Platform,
+        sample_time: float,
+        folder: Path = Path(),  # noqa: ARG002 - there is no file
+    ) -> LinearController:
+        """Sampled as `discretisation` says."""
+        continuous = pid_matrices(self.gains(platform), self.derivative_on)
+        return LinearController(discretised(continuous, sample_time, self.discretisation), space=self.space)
+
+    def _gains(
+        self, platform: Platform, integral_gain: Any, integral_time: float | None, anti_windup_time: float | None
+    ) -> Gains:
+        if self.bandwidth is not None:
+            damping_ratio = DAMPING_RATIO if self.damping_ratio is None else self.damping_ratio
+            times = (integral_time, self.derivative_filter, anti_windup_time)
+            return gains_from_bandwidth(platform, self.bandwidth, damping_ratio, self.space, *times)
+        kp = np.array(self.proportional_gain)
+        ki = integral_gain if integral_time is None else kp / integral_time
+        return Gains(kp, np.array(self.derivative_gain), ki, self.derivative_filter, anti_windup_time)
+
+    @model_validator(mode="after")
+    def _gains_or_bandwidth(self) -> "_SixChannels":
+        gains = (self.proportional_gain, self.derivative_gain)
+        if self.bandwidth is None and None in gains:
+            raise ValueError("expected a bandwidth, or proportional_gain and derivative_gain")
+        if self.bandwidth is not None and gains != (None, None):
+            raise ValueError("expected a bandwidth or gains, not both")
+        if self.bandwidth is None and self.damping_ratio is not None:
+            raise ValueError("damping_ratio goes with a bandwidth; gains have theirs")
+        return self
+
+
+class PD(_SixChannels):
+    """Proportional and derivative action in six channels."""
+
+    type: Literal["pd"] = "pd"
+
+    def gains(self, platform: Platform) -> Gains:
+        """Without integral action."""
+        return self._gains(platform, 0.0, None, None)
+
+
+class PID(_SixChannels):
+    """The same with integral action; anti-windup by back-calculation."""
+
+    type: Literal["pid"] = "pid"
+    integral_gain: IntegralGains | None = None
+    integral_time: PositiveTime | None = None
+    anti_windup_time: PositiveTime | None = None
+
+    def gains(self, platform: Platform) -> Gains:
+        """With integral action in the channels whose integral gain is not 0."""
+        return self._gains(platform, self.integral_gain, self.integral_time, self.anti_windup_time)
+
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:
+        """Sampled as `discretisation` says, with anti-windup that such samples can follow."""
+        gains = self.gains(platform)
+        tracking = float(gains.tracking_time[np.asarray(gains.integral) > 0].min(initial=np.inf))
+        if tracking < sample_time:
+            raise ControllerError(
+                f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since a "
+                "controller hears of the limits one sample late"
+            )
+        return super().controller(platform, sample_time, folder)
+
+    @model_validator(mode="after")
+    def _one_integral(self) -> "PID":
+        if self.integral_gain is not None and self.integral_time is not None:
+            raise ValueError("expected integral_gain or integral_time, not both")
+        if self.integral_gain is None and self.integral_time is None:
+            raise ValueError("a PID needs an integral_time or an integral_gain; or choose type = 'pd'")
+        if self.integral_gain is not None and self.bandwidth is not None:
+            raise ValueError("integral_gain goes with gains; with a bandwidth give integral_time")
+        return self
+
+
+class PythonController(ControllerChoice):
+    """One's own, from a Python file: a discrete python-control system, a LinearController, or a function."""
+
+    type: Literal["python"] = "python"
+    file: str
+    name: str = "controller"
+
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:  # noqa: ARG002
+        """The object of that name in the file, which is executed."""
+        file = folder / self.file
+        if not file.is_file():
+            raise ControllerError(f"{file}: no such file; expected a Python file that defines '{self.name}'")
+        spec = importlib.util.spec_from_file_location(file.stem, file)
+        if spec is None or spec.loader is None:
+            raise ControllerError(f"{file}: is no Python file; expected a name that ends in .py")
+        module = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:  # the user's code may fail in any way
+            raise ControllerError(f"{file}: fails with {type(error).__name__}: {error}") from error
+        if not hasattr(module, self.name):
+            raise ControllerError(f"{file}: defines no '{self.name}'; expected the controller under that name")
+        return controller_of(getattr(module, self.name))

@@ -1,0 +1,59 @@
+"""Functions of time with their exact derivatives, of which motions are made.
+
+A motion is a base pose plus profiles in time times directions in (x, y, z, roll, pitch, yaw). Angular velocity and
+acceleration follow from the rates of roll, pitch and yaw.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, motion_of
+from gough_stewart.model.vectors import FloatArray
+
+
+class Profile(NamedTuple):
+    """A function of time with its first two derivatives; each (n,)."""
+
+    value: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+
+    def times(self, other: "Profile") -> "Profile":
+        """Product, by the product rule."""
+        return Profile(
+            self.value * other.value,
+            self.rate * other.value + self.value * other.rate,
+            self.acceleration * other.value + 2 * self.rate * other.rate + self.value * other.acceleration,
+        )
+
+    def faded(self, time: FloatArray, fade_in: float) -> "Profile":
+        """Times the quintic from 0 to 1 over the fade-in [s]; at 0 s there is none."""
+        return self.times(quintic(time, fade_in)) if fade_in > 0 else self
+
+
+def step(time: FloatArray) -> Profile:
+    """From 0 to 1 at time 0, where it has happened; rates are zero on both sides."""
+    value = (time >= -ROUNDING).astype(float)
+    return Profile(value, np.zeros_like(value), np.zeros_like(value))
+
+
+def quintic(time: FloatArray, duration: float) -> Profile:
+    """From 0 to 1 over the duration, at rest at both ends: 10 s³ − 15 s⁴ + 6 s⁵, s = t/duration."""
+    s = np.clip(time / duration, 0.0, 1.0)
+    value = s**3 * (10 - 15 * s + 6 * s**2)
+    return Profile(value, 30 * s**2 * (1 - s) ** 2 / duration, 60 * s * (1 - s) * (1 - 2 * s) / duration**2)
+
+
+def sine(phase: FloatArray, rate: FloatArray | float, change: FloatArray | float = 0.0) -> Profile:
+    """Sine of a phase whose first and second derivatives are `rate` and `change`."""
+    sine, cosine = np.sin(phase), np.cos(phase)
+    return Profile(sine, cosine * rate, cosine * change - sine * rate**2)
+
+
+def motion_about(pose: FloatArray, *parts: tuple[Profile, FloatArray]) -> Motion:
+    """A pose (6,) plus profiles (n,) times directions (6,)."""
+    value, rate, acceleration = (
+        sum((profile[k][:, None] * direction for profile, direction in parts), start=np.zeros(6)) for k in range(3)
+    )
+    return motion_of(value + pose, rate, acceleration)
