@@ -234,6 +234,16 @@ def test_a_reference_out_of_reach_is_refused_with_time_and_leg() -> None:
     assert caught.value.leg == 1
 
 
+def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> None:
+    """Expected: of the plan only the feedforward stays; here the open loop's 1 N … 6 N beside none."""
+    settings = ["controller={type='open_loop', force=[1, 2, 3, 4, 5, 6]}"]
+    experiment = shipped_experiment("hold_against_gravity", settings)
+    assert prepare(experiment).loop.feedforward[7].tolist() == [1, 2, 3, 4, 5, 6]
+    replaced = prepare(experiment, lambda _sample: np.zeros(6))
+    assert replaced.controller is not None
+    assert not replaced.loop.feedforward.any()
+
+
 def test_a_missing_file_names_a_shipped_one_of_that_name(tmp_path: Path) -> None:
     with pytest.raises(ExperimentError, match=r"heave_ste.toml: cannot read.*a shipped one is called 'heave_step'"):
         load_experiment(tmp_path / "heave_ste.toml")
