@@ -9,17 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gough_stewart.harness.control.controllers import PID
 from gough_stewart.harness.errors import ExperimentError, ReachError
 from gough_stewart.harness.experiment.file import (
     experiment_from,
     experiment_names,
+    experiment_of,
     load_experiment,
     shipped_experiment,
     shipped_text,
     with_settings,
 )
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.motion.references import Step
+from gough_stewart.harness.experiment.schema import Experiment, LoopChoice
+from gough_stewart.harness.motion.references import PointToPoint, Step
 from gough_stewart.harness.quantities import UNITS, number
 
 SHIPPED = experiment_names()
@@ -232,6 +235,39 @@ def test_a_reference_out_of_reach_is_refused_with_time_and_leg() -> None:
         prepare(shipped_experiment("heave_step", ["reference.position_change=[0, 0, 2.0]"]))
     assert caught.value.time == pytest.approx(0.2)
     assert caught.value.leg == 1
+
+
+def test_an_experiment_made_in_python_is_that_of_the_file() -> None:
+    """Expected: the same keys give the same experiment, in texts or numbers; settings find their kinds again."""
+    made = Experiment(
+        title="two degrees",
+        reference=PointToPoint(orientation_change=[0, np.pi / 90, 0], at=0.1, duration=0.5),
+        controller=PID(proportional_gain=[4e5, 5e5, 4e5, 5e5, 4e5, 6e5], derivative_gain=9e3, integral_time=0.5),
+        loop=LoopChoice(duration=1, sample_time=2e-3, plant_step=5e-4),
+    )
+    text = """
+    title = "two degrees"
+    reference = {type = "point_to_point", orientation_change = [0, "2 deg", 0], at = "100 ms", duration = 0.5}
+    loop = {duration = 1, sample_time = "2 ms", plant_step = 0.5e-3}
+    [controller]
+    type = "pid"
+    proportional_gain = ["400 kN/m", 5e5, 4e5, 5e5, 4e5, 6e5]
+    derivative_gain = "9 kN.s/m"
+    integral_time = 0.5
+    """
+    assert made == experiment_from(tomllib.loads(text))
+    slower = experiment_of(made, {"loop.delay": 2, "reference.duration": "0.8 s"})
+    assert slower.controller == made.controller
+    assert slower.reference == PointToPoint(orientation_change=[0, np.pi / 90, 0], at=0.1, duration=0.8)
+    assert slower.loop.delay == 2
+
+
+def test_an_experiment_made_in_python_is_refused_by_the_keys_of_the_file() -> None:
+    controller: Any = {"type": "pd", "bandwith": 2}
+    with pytest.raises(ExperimentError, match=r"controller\.bandwith: unknown key .= 2.; did you mean 'bandwidth'"):
+        Experiment(title="x", controller=controller, loop=LoopChoice(duration=1))
+    with pytest.raises(ExperimentError, match=r"^duration: is -1; expected > 0 s$"):
+        LoopChoice(duration=-1)
 
 
 def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> None:
