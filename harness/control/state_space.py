@@ -5,7 +5,7 @@ python-control makes and analyses systems; importing it takes as long as a run o
 
 import sys
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["tustin", "backward_diff", "zoh"]
-METHODS: tuple[Method, ...] = ("tustin", "backward_diff", "zoh")
+METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True, eq=False)
