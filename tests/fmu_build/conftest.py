@@ -1,10 +1,19 @@
-"""The native FMUs, one by one."""
+"""The native FMUs of the uneven platform, one by one."""
 
 from pathlib import Path
 
 import pytest
 
+from gough_stewart.fmu_build.build import build
 from tests.support.fmu_plants import Fmu
+from tests.support.uneven import UNEVEN
+
+
+@pytest.fixture(scope="session")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
+    """By FMI version: archives and what is in them."""
+    folder = tmp_path_factory.mktemp("fmus")
+    return {str(fmu.description.fmiVersion): fmu for fmu in (Fmu(path) for path in build(folder, platform=UNEVEN))}
 
 
 @pytest.fixture(scope="session")

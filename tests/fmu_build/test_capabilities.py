@@ -16,19 +16,19 @@ from scipy.integrate import solve_ivp
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import Role
 from gough_stewart.model import interface
-from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import Inputs
 from tests.fmu_build.test_trajectories import start_of
 from tests.support.fmu_plants import DISCARD, ERROR, OK, Fmu, Plant, plant, refused
+from tests.support.uneven import UNEVEN, uneven_case
 
 # --- saved states --------------------------------------------------------------------------------------------------
 
 
 def test_a_step_taken_again_after_a_rollback_has_the_same_bits(fmu: Fmu) -> None:
     with plant(fmu) as p:
-        p.start(start_of(paper_case()))
+        p.start(start_of(uneven_case()))
         p.step(0.0, 0.1)
         state = p.fmu.getFMUState()
         p.step(0.1, 0.3)
@@ -44,7 +44,7 @@ def test_a_step_taken_again_after_a_rollback_has_the_same_bits(fmu: Fmu) -> None
 @given(before=st.lists(st.floats(1e-4, 0.05), min_size=1, max_size=6), after=st.floats(1e-4, 0.1))
 def test_a_restored_state_has_the_same_future_from_any_history(fmu2: Fmu, before: list[float], after: float) -> None:
     with plant(fmu2) as p, plant(fmu2) as fresh:
-        p.start(start_of(paper_case()))
+        p.start(start_of(uneven_case()))
         time = 0.0
         for step in before:
             p.step(time, step)
@@ -59,7 +59,7 @@ def test_a_restored_state_has_the_same_future_from_any_history(fmu2: Fmu, before
 def test_a_state_restored_in_another_process_has_the_same_future(fmu: Fmu, tmp_path: Path) -> None:
     """Expected: the bytes of a run that was never interrupted."""
     with plant(fmu) as p:
-        p.start(start_of(paper_case()))
+        p.start(start_of(uneven_case()))
         p.step(0.0, 0.2)
         (tmp_path / "state").write_bytes(p.serialized())
         p.step(0.2, 0.3)
@@ -79,7 +79,7 @@ with plant(Fmu(Path({str(fmu.path)!r}))) as p:
 
 def test_a_state_of_fmi_2_continues_in_fmi_3(fmu2: Fmu, fmu3: Fmu) -> None:
     with plant(fmu2) as p, plant(fmu3) as q:
-        p.start(start_of(paper_case()))
+        p.start(start_of(uneven_case()))
         p.step(0.0, 0.2)
         q.restore(p.serialized())
         p.step(0.2, 0.2)
@@ -104,7 +104,7 @@ def _damaged(blob: bytes) -> list[tuple[bytes, str]]:
 
 def test_foreign_bytes_are_refused_and_change_nothing(fmu: Fmu) -> None:
     with plant(fmu) as p:
-        p.start(start_of(paper_case()))
+        p.start(start_of(uneven_case()))
         p.step(0.0, 0.2)
         blob = p.serialized()
         for damaged, expected in _damaged(blob):
@@ -176,12 +176,12 @@ def by_name(p: Plant, platform: Platform) -> dict[tuple[str, str], NDArray[np.fl
 
 
 @pytest.mark.parametrize("co_simulation", [True, False])
-def test_directional_derivatives_are_the_kernels_jacobians(fmu: Fmu, paper: Platform, co_simulation: bool) -> None:
+def test_directional_derivatives_are_the_kernels_jacobians(fmu: Fmu, co_simulation: bool) -> None:
     """Expected: another differentiation, of CasADi's whole Jacobian."""
     rng = np.random.default_rng(5)
     with plant(fmu, co_simulation) as p:
-        p.start(start_of(paper_case()))
-        for (unknown, known), block in by_name(p, paper).items():
+        p.start(start_of(uneven_case()))
+        for (unknown, known), block in by_name(p, UNEVEN).items():
             seed = rng.normal(size=block.shape[1])
             expected = block @ seed
             assert p.directional(unknown, known, seed) == pytest.approx(
@@ -197,7 +197,7 @@ def test_directional_derivatives_by_parameters_are_difference_quotients(fmu: Fmu
         if name == "fixed_step_size":
             continue
         with plant(fmu) as p:
-            for state, value in start_of(paper_case()).items():
+            for state, value in start_of(uneven_case()).items():
                 p.set(state, value)
             # where friction is smooth
             p.set("leg_friction_velocity", 0.1)
@@ -223,7 +223,7 @@ def test_adjoint_and_directional_derivatives_are_transposes(fmu3: Fmu) -> None:
     """Expected: w·(J v) = (Jᵀ w)·v for every pair of unknown and known."""
     rng = np.random.default_rng(7)
     with plant(fmu3) as p:
-        p.start(start_of(paper_case()))
+        p.start(start_of(uneven_case()))
         for unknown in ("acceleration", "der(orientation)", "leg_length", "joint_force", "potential_energy"):
             for known in ("actuator_force", "orientation", "velocity", "platform_mass", "platform_points"):
                 m, n = (layout.BY_NAME[name].variable.size for name in (unknown, known))
@@ -253,7 +253,7 @@ def test_output_derivatives_are_difference_quotients_over_time(fmu: Fmu, name: s
     """Expected: central differences along the unit's own trajectory."""
     h = 1e-4
     with plant(fmu) as p:
-        p.start(start_of(paper_case()), tolerance=1e-12)
+        p.start(start_of(uneven_case()), tolerance=1e-12)
         p.step(0.0, 0.3 - h)
         early = p.get(name)
         p.step(0.3 - h, h)
@@ -264,7 +264,7 @@ def test_output_derivatives_are_difference_quotients_over_time(fmu: Fmu, name: s
 
 def test_inputs_are_interpolated_by_their_rates(fmu2: Fmu) -> None:
     """Expected: the kernel with forces linear in time under DOP853."""
-    case = paper_case()
+    case = uneven_case()
     kernel, q, u = Kernel(), parameter_vector(case.platform), case.inputs.to_vector()
     rates = np.array([5.0, -3.0, 8.0, 2.0, -6.0, 4.0])
     du = Inputs.from_actuators(rates).to_vector()
@@ -302,6 +302,8 @@ def test_rates_of_other_orders_or_other_variables_are_errors(fmu2: Fmu) -> None:
         assert refused(p.fmu.getRealOutputDerivatives, p.references("position")[:1], [0]) == ERROR
 
 
+FEWER = [20.0, 28.0, 17.0, 33.0, 25.0, 12.0]
+
 # --- FMI 3.0: intermediate update ----------------------------------------------------------------------------------
 
 
@@ -322,15 +324,15 @@ def intermediate(fmu: Fmu, act: Any, **options: Any) -> Plant:
 
 def test_intermediate_updates_come_at_the_states_that_a_step_passes(fmu3: Fmu) -> None:
     """Expected: each state between is one on the trajectory, as DOP853 has it."""
-    case, seen = paper_case(), []
+    case, seen = uneven_case(), []
     p = intermediate(fmu3, lambda p, t, _early: seen.append((t, p.get("time").item(), p.pose)), earlyReturnAllowed=True)
     p.start(start_of(case))
-    p.step(0.0, 1.0)
+    p.step(0.0, 0.8)
     p.free()
     kernel, q, u = Kernel(), parameter_vector(case.platform), case.inputs.to_vector()
     path = solve_ivp(
         lambda _t, x: kernel.derivatives(x, u, q).copy(),
-        (0.0, 1.0),
+        (0.0, 0.8),
         case.start.to_vector(),
         method="DOP853",
         t_eval=[t for t, _, _ in seen],
@@ -339,7 +341,7 @@ def test_intermediate_updates_come_at_the_states_that_a_step_passes(fmu3: Fmu) -
         max_step=0.01,
     )
     assert len(seen) > 5
-    assert seen[-1][0] == 1.0
+    assert seen[-1][0] == 0.8
     for (time, shown, pose), expected in zip(seen, path.y[:6].T, strict=True):
         assert shown == time
         assert pose == pytest.approx(expected, abs=1e-7)
@@ -354,7 +356,7 @@ def test_a_step_ends_early_when_the_importer_asks(fmu3: Fmu, wanted: str) -> Non
         return {"at once": time, "later": 0.333, "too late": 2.0}[wanted]
 
     p = intermediate(fmu3, act, earlyReturnAllowed=True)
-    p.start(start_of(paper_case()))
+    p.start(start_of(uneven_case()))
     _, _, early, last = p.step(0.0, 0.5)
     assert early == (wanted != "too late")
     assert last == {"at once": asked[0], "later": 0.333, "too late": 0.5}[wanted]
@@ -362,14 +364,14 @@ def test_a_step_ends_early_when_the_importer_asks(fmu3: Fmu, wanted: str) -> Non
     end = p.pose
     p.free()
     with plant(fmu3) as q:
-        q.start(start_of(paper_case()))
+        q.start(start_of(uneven_case()))
         q.step(0.0, last)
         assert end == pytest.approx(q.pose, abs=1e-8)
 
 
 def test_a_step_does_not_end_early_when_that_was_not_allowed(fmu3: Fmu) -> None:
     p = intermediate(fmu3, lambda _p, time, early: None if early else time, earlyReturnAllowed=False)
-    p.start(start_of(paper_case()))
+    p.start(start_of(uneven_case()))
     _, _, early, last = p.step(0.0, 0.5)
     p.free()
     assert not early
@@ -378,12 +380,12 @@ def test_a_step_does_not_end_early_when_that_was_not_allowed(fmu3: Fmu) -> None:
 
 def test_inputs_set_between_hold_from_there_on(fmu3: Fmu) -> None:
     """Expected: the same forces set between two steps."""
-    case, switched = paper_case(), list[float]()
+    case, switched = uneven_case(), list[float]()
 
     def act(p: Plant, time: float, _early: bool) -> None:
         if time > 0.2 and not switched:
             switched.append(time)
-            p.set("actuator_force", [20.0] * 6)
+            p.set("actuator_force", FEWER)
 
     p = intermediate(fmu3, act)
     p.start(start_of(case))
@@ -391,7 +393,7 @@ def test_inputs_set_between_hold_from_there_on(fmu3: Fmu) -> None:
     with plant(fmu3) as q:
         q.start(start_of(case))
         q.step(0.0, switched[0])
-        q.set("actuator_force", [20.0] * 6)
+        q.set("actuator_force", FEWER)
         q.step(switched[0], 0.5 - switched[0])
         assert p.pose == pytest.approx(q.pose, abs=1e-8)
     p.free()
@@ -433,7 +435,7 @@ def test_only_inputs_may_be_set_and_nothing_else_called_between(fmu3: Fmu) -> No
 
 def test_a_failed_step_undoes_what_was_set_between(fmu3: Fmu) -> None:
     p = intermediate(fmu3, lambda p, _t, _early: p.set("actuator_force", [-3000.0] * 6))
-    p.start(start_of(paper_case()))
+    p.start(start_of(uneven_case()))
     before = p.serialized()
     assert refused(p.step, 0.0, 1.0) == DISCARD
     assert p.serialized() == before
@@ -456,7 +458,7 @@ def _vector() -> Any:
 def test_model_exchange_has_twelve_states_with_nominals_and_derivatives(fmu: Fmu) -> None:
     """Expected: the order of the Derivatives in the description."""
     with plant(fmu, co_simulation=False) as p:
-        p.start(start_of(paper_case()))
+        p.start(start_of(uneven_case()))
         x, xdot, nominals = _vector(), _vector(), _vector()
         p.fmu.getContinuousStates(x, 12)
         (p.fmu.getDerivatives if p.is_fmi2 else p.fmu.getContinuousStateDerivatives)(xdot, 12)

@@ -8,14 +8,15 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from gough_stewart.fmu_build import dependencies, layout, tables
-from gough_stewart.fmu_build.layout import ROWS, Role
+from gough_stewart.fmu_build import dependencies, layout
+from gough_stewart.fmu_build.layout import Role
 from gough_stewart.fmu_build.units import BY_NAME, UNITS
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform import Platform
-from tests.support.fmu_plants import Fmu
+from gough_stewart.model.stepping import SteppingModel
+from tests.support.fmu_plants import Fmu, plant
 from tests.support.random_platforms import random_inputs, random_platform, random_state
+from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema"
 DOCUMENTS = {
@@ -60,17 +61,49 @@ def test_every_variable_of_the_table_is_there_with_its_meaning(fmu: Fmu) -> None
     assert found == {}
 
 
-def test_start_values_are_those_of_the_platform(fmu: Fmu, paper: Platform) -> None:
+def start_of(name: str) -> float:
+    """What one element has to begin with, by its FMI 2.0 name: `base_points[2,3]` is the z of the second base joint."""
+    variable, _, indices = name.rstrip("]").partition("[")
+    home = {"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation}
+    value = home.get(variable, getattr(UNEVEN, variable, 0.0))
+    at = tuple(int(index) - 1 for index in indices.split(",") if index)
+    return float(value[at] if isinstance(value, np.ndarray) else value)
+
+
+def test_start_values_are_those_of_the_platform_in_description_and_binary(fmu: Fmu) -> None:
+    """Expected: the platform's own numbers, found by the indices in the names; rows of an array one after the other."""
     found = {v.name: v for v in fmu.description.modelVariables}
-    for row in ROWS:
-        starts = tables.start_values(row, paper)
-        if starts is None:
-            continue
-        if fmu.version == "2.0":
-            declared = [float(found[name].start) for name in layout.scalar_names(row)]
-        else:
-            declared = [float(text) for text in found[row.variable.name].start.split()]
-        assert declared == starts.tolist()
+    seen = 0
+    with plant(fmu) as p:
+        for v in interface.VARIABLES:
+            if (v.causality == "output" and not v.is_state) or v.causality == "local":
+                continue
+            expected = [start_of(name) for name in v.scalar_names]
+            if fmu.version == "2.0":
+                assert [float(found[name].start) for name in v.scalar_names] == expected
+                assert p.fmu.getReal([found[name].valueReference for name in v.scalar_names]) == expected
+            else:
+                assert [float(text) for text in found[v.name].start.split()] == expected
+                assert p.fmu.getFloat64([found[v.name].valueReference], nValues=len(expected)) == expected
+            seen += len(set(expected))
+    assert seen > 60  # numbers that differ
+
+
+def test_every_result_goes_by_the_reference_in_the_description(fmu: Fmu) -> None:
+    """Expected: the stepping model's element of that name."""
+    model = SteppingModel(UNEVEN)
+    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
+    found = {v.name: v.valueReference for v in fmu.description.modelVariables}
+    with plant(fmu) as p:
+        p.start({**STATE._asdict(), **INPUTS._asdict()})
+        for v in interface.RESULTS:
+            if fmu.version == "2.0":
+                values = p.fmu.getReal([found[name] for name in v.scalar_names])
+            else:
+                values = p.fmu.getFloat64([found[v.name]], nValues=v.size)
+            expected = [model.get(name) for name in v.scalar_names]
+            assert values == pytest.approx(expected, rel=1e-9)
+            assert len(set(values)) == len(values)
 
 
 def test_units_have_the_dimensions_of_their_names() -> None:

@@ -16,10 +16,10 @@ from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import conditioning
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.stepping import SteppingModel
 from tests.support.fmu_plants import OK, Fmu, Plant, plant, refused
 from tests.support.random_platforms import REGULAR, random_platform
+from tests.support.uneven import GAINS, UNEVEN, uneven_case
 
 # Pose after the case, at tolerance 1e-8 of the unit [m, rad].
 BOUND = 1e-7
@@ -42,15 +42,16 @@ def reference(case: OpenLoopCase) -> NDArray[np.float64]:
     return solution.y.T
 
 
-def start_of(case: OpenLoopCase) -> dict[str, NDArray[np.float64]]:
-    return {**case.start._asdict(), "actuator_force": case.actuator_force}
+def start_of(case: OpenLoopCase) -> dict[str, Any]:
+    """Platform, state and inputs by name."""
+    parameters = {v.name: getattr(case.platform, v.name) for v in interface.PLATFORM_PARAMETERS}
+    return {**parameters, **case.start._asdict(), **case.inputs._asdict()}
 
 
 def simulate(fmu: Fmu, case: OpenLoopCase, fmi_type: str, **options: Any) -> Any:
     """FMPy's own simulation loop; parameters and start values by name."""
-    values = start_of(case) | {v.name: getattr(case.platform, v.name) for v in interface.PLATFORM_PARAMETERS}
     starts, output = dict[str, Any](), list[str]()
-    for name, value in values.items():
+    for name, value in start_of(case).items():
         row, flat = layout.BY_NAME[name], np.ravel(value).tolist()
         if fmu.version == "2.0":
             starts |= dict(zip(layout.scalar_names(row), flat, strict=True))
@@ -77,9 +78,9 @@ def final_pose(result: Any, case: OpenLoopCase) -> NDArray[np.float64]:
     return np.concatenate([np.atleast_1d(result[name][-1]) for name in result.dtype.names if name != "time"])
 
 
+@pytest.mark.parametrize("case", [paper_case(), uneven_case()], ids=lambda case: case.title)
 @pytest.mark.parametrize("fmi_type", ["CoSimulation", "ModelExchange"])
-def test_the_papers_case_ends_where_the_kernel_does(fmu: Fmu, fmi_type: str) -> None:
-    case = paper_case()
+def test_a_case_ends_where_the_kernel_does(fmu: Fmu, fmi_type: str, case: OpenLoopCase) -> None:
     end = final_pose(simulate(fmu, case, fmi_type), case)
     assert np.abs(end - reference(case)[-1, :6]).max() <= BOUND
 
@@ -126,9 +127,9 @@ def run(fmu: Fmu, step: float, n: int, values: dict[str, Any], **options: Any) -
         return p.pose
 
 
-@pytest.mark.parametrize(("step", "n"), [(1.0, 1), (0.1, 10), (1e-3, 1000), (1e-6, 100)])
+@pytest.mark.parametrize(("step", "n"), [(0.5, 1), (0.05, 10), (5e-4, 1000), (1e-6, 100)])
 def test_any_communication_step_gives_the_same_motion(fmu: Fmu, step: float, n: int) -> None:
-    case = paper_case()
+    case = uneven_case()
     kernel, p, u = Kernel(), parameter_vector(case.platform), case.inputs.to_vector()
     end = solve_ivp(
         lambda _t, x: kernel.derivatives(x, u, p).copy(),
@@ -143,18 +144,19 @@ def test_any_communication_step_gives_the_same_motion(fmu: Fmu, step: float, n: 
 
 def test_a_tighter_tolerance_gives_a_smaller_error(fmu: Fmu) -> None:
     """Expected: the error of an error-controlled method falls with its tolerance, about in proportion."""
-    case = paper_case()
+    case = uneven_case()
     end = reference(case)[-1, :6]
-    errors = [np.abs(run(fmu, 1.0, 1, start_of(case), tolerance=t) - end).max() for t in (1e-5, 1e-7, 1e-9, 1e-11)]
+    errors = [np.abs(run(fmu, 0.5, 1, start_of(case), tolerance=t) - end).max() for t in (1e-5, 1e-7, 1e-9, 1e-11)]
     assert all(later < earlier / 20 for earlier, later in pairwise(errors))
 
 
 def test_fixed_steps_converge_with_the_order_of_classical_runge_kutta(fmu: Fmu) -> None:
-    """Expected: halving the step divides the error by 2⁴."""
-    case = paper_case()
+    """Expected: halving the step divides the error by 2⁴, where friction is smooth over a step."""
+    case = uneven_case()
+    case = replace(case, platform=replace(case.platform, leg_friction_velocity=1.0))
     end = reference(case)[-1, :6]
     errors = [
-        np.abs(run(fmu, 0.2, 5, start_of(case) | {"fixed_step_size": h}) - end).max() for h in (0.02, 0.01, 0.005)
+        np.abs(run(fmu, 0.1, 5, start_of(case) | {"fixed_step_size": h}) - end).max() for h in (0.02, 0.01, 0.005)
     ]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert orders == pytest.approx([4.0, 4.0], abs=0.3)
@@ -162,7 +164,7 @@ def test_fixed_steps_converge_with_the_order_of_classical_runge_kutta(fmu: Fmu) 
 
 def test_fixed_steps_fit_into_every_communication_step(fmu: Fmu) -> None:
     """Expected: two steps of 0.02 s are the step of 0.03 s halved, by the rule of equal steps not above the size."""
-    case = paper_case()
+    case = uneven_case()
     coarse = run(fmu, 0.03, 1, start_of(case) | {"fixed_step_size": 0.02})
     halved = run(fmu, 0.03, 1, start_of(case) | {"fixed_step_size": 0.015})
     assert np.array_equal(coarse, halved)
@@ -185,9 +187,9 @@ def test_a_communication_step_takes_as_many_fixed_steps_at_any_time(fmu3: Fmu, s
 
 
 def test_the_communication_step_may_vary_from_call_to_call(fmu: Fmu) -> None:
-    case = paper_case()
+    case = uneven_case()
     rng = np.random.default_rng(3)
-    times = np.concatenate([[0.0], np.sort(rng.uniform(0.0, 1.0, 60)), [1.0]])
+    times = np.concatenate([[0.0], np.sort(rng.uniform(0.0, case.duration, 60)), [case.duration]])
     with plant(fmu) as p:
         p.start(start_of(case))
         for t, step in zip(times, np.diff(times), strict=False):
@@ -197,17 +199,17 @@ def test_the_communication_step_may_vary_from_call_to_call(fmu: Fmu) -> None:
 
 def test_the_integrator_of_an_importer_converges(fmu: Fmu) -> None:
     """Expected: explicit Euler has order 1."""
-    case = paper_case()
+    case = uneven_case()
     end, errors = reference(case)[-1, :6], []
     for n in (1000, 2000):
         with plant(fmu, co_simulation=False) as p:
             p.start(start_of(case))
-            errors.append(np.abs(euler(p, n) - end).max())
+            errors.append(np.abs(euler(p, case.duration, n) - end).max())
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.05)
 
 
-def euler(p: Plant, n: int) -> NDArray[np.float64]:
-    """The paper's second in n steps, by the calls that an importer makes."""
+def euler(p: Plant, duration: float, n: int) -> NDArray[np.float64]:
+    """Pose after n steps, by the calls that an importer makes."""
     x, xdot = np.zeros(12), np.zeros(12)
     from ctypes import POINTER, c_double
 
@@ -218,8 +220,8 @@ def euler(p: Plant, n: int) -> NDArray[np.float64]:
     p.fmu.getContinuousStates(pointer(x), 12)
     for k in range(n):
         derivatives(pointer(xdot), 12)
-        x += xdot / n
-        p.fmu.setTime((k + 1) / n)
+        x += xdot * duration / n
+        p.fmu.setTime((k + 1) * duration / n)
         p.fmu.setContinuousStates(pointer(x), 12)
         enter_event_mode, terminate = p.fmu.completedIntegratorStep()
         assert not enter_event_mode
@@ -227,16 +229,16 @@ def euler(p: Plant, n: int) -> NDArray[np.float64]:
     return x[:6]
 
 
-def test_a_closed_loop_runs_on_fmu_and_stepping_model_alike(fmu: Fmu, paper: Platform) -> None:
+def test_a_closed_loop_runs_on_fmu_and_stepping_model_alike(fmu: Fmu) -> None:
     """Expected: the stepping model, another integrator over the same kernel, under the same sampled controller."""
-    model = SteppingModel(paper, tolerance=1e-10)
+    model, offset = SteppingModel(UNEVEN, tolerance=1e-10), np.array([0.05, 0.03, 0.02, 0.06, 0.01, 0.04])
     with plant(fmu) as p:
         p.start(tolerance=1e-10)
         home = p.get("leg_length")
         for k in range(100):
             for each in (model, p):
                 length, rate = np.asarray(each.get("leg_length")), np.asarray(each.get("leg_velocity"))
-                each.set("actuator_force", 28.5 + 800 * (home + 0.05 - length) - 120 * rate)
+                each.set("actuator_force", 28.5 + GAINS * (home + offset - length) - 120 * rate)
             model.do_step(k * 0.01, 0.01)
             p.step(k * 0.01, 0.01)
         for v in interface.RESULTS:

@@ -12,7 +12,7 @@ from tools.mutants.copies import copy_of
 from tools.mutants.mutation import Mutant
 from tools.mutants.rooms import DEFAULT_FOLDERS, tests_of
 from tools.mutants.selection import files_in, mutants_in_order, reason_of, reasons
-from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
+from tools.mutants.trial import Bench, CleanRunError, Fate
 
 ROOT = Path(__file__).parents[2]
 
@@ -77,15 +77,14 @@ def _fates(root: Path, folder: str, mutants: list[Mutant], options: argparse.Nam
         free: Queue[Bench] = Queue()
         for bench in benches:
             free.put(bench)
-        known: dict[tuple[str, ...], Evidence] = {}
-
-        def tests(mutant: Mutant) -> tuple[str, ...]:
-            return tuple(options.tests) if options.tests else tests_of(mutant.file, root)
+        tests = tuple(options.tests) if options.tests else tests_of(folder, root)
+        print(f"{folder}: first {' '.join(tests)} on the sources as they are", flush=True)
+        evidence = benches[0].clean_run(tests, [folder])
 
         def attempt(mutant: Mutant) -> Fate:
             bench = free.get()
             try:
-                return bench.trial(mutant, tests(mutant), known[tests(mutant)])
+                return bench.trial(mutant, tests, evidence)
             finally:
                 free.put(bench)
 
@@ -94,10 +93,6 @@ def _fates(root: Path, folder: str, mutants: list[Mutant], options: argparse.Nam
         try:
             while waiting and (missing := options.number - sum(fate != Fate.INVALID for fate in fates.values())) > 0:
                 batch, waiting = waiting[:missing], waiting[missing:]
-                for mutant in batch:
-                    if tests(mutant) not in known:
-                        print(f"{folder}: first {' '.join(tests(mutant))} as they are", flush=True)
-                        known[tests(mutant)] = benches[0].clean_run(tests(mutant), [folder])
                 for mutant, fate in zip(batch, pool.map(attempt, batch), strict=True):
                     fates[mutant] = fate
                     print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)

@@ -1,4 +1,4 @@
-"""Which tests see a file: its room's own, and those of rooms that use it most."""
+"""Which tests see a folder: its own, and those of rooms that use it most."""
 
 from pathlib import Path
 
@@ -14,12 +14,10 @@ _NEARBY = {
 }
 
 
-def tests_of(file: Path, root: Path) -> tuple[str, ...]:
-    """Folders of tests that see a file, from the root of the repository: the mirror of its own or a folder above."""
-    for folder in file.parents:
-        if folder != Path() and (root / "tests" / folder).is_dir():
-            nearby = _NEARBY.get(file.parent.as_posix(), ())
-            return (f"tests/{folder.as_posix()}", *(each for each in nearby if (root / each).is_dir()))
-    raise LookupError(
-        f"no folder of tests for {file}; expected tests/{file.parent.as_posix()}, or name some by --tests"
-    )
+def tests_of(folder: str, root: Path) -> tuple[str, ...]:
+    """Folders of tests that see one of the sources: its mirror or that of a folder above, and nearby ones."""
+    for above in (Path(folder), *Path(folder).parents):
+        if above != Path() and (root / "tests" / above).is_dir():
+            nearby = _NEARBY.get(Path(folder).as_posix(), ())
+            return (f"tests/{above.as_posix()}", *(each for each in nearby if (root / each).is_dir()))
+    raise LookupError(f"no folder of tests for {folder}; expected tests/{folder}, or name some by --tests")

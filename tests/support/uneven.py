@@ -1,0 +1,86 @@
+"""What tests use unless they need something else: platform, state, inputs and gains in which no two numbers are alike.
+
+Six different arms and legs, a full inertia, the centre of mass aside, gravity aslant, all friction. With these a wrong
+index, a transposed matrix or a forgotten term shows; with a preset, whose legs are alike, it may not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gough_stewart.model.formulations.cases import OpenLoopCase
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import Inputs, State
+
+UNEVEN = Platform(
+    name="uneven",
+    source="made up for tests",
+    base_points=np.array(
+        [
+            [0.52, 1.93, 0.04],
+            [-0.61, 1.88, -0.03],
+            [1.47, -1.32, 0.07],
+            [1.98, -0.49, -0.08],
+            [-2.04, -0.58, 0.02],
+            [-1.36, -1.51, -0.05],
+        ]
+    ),
+    platform_points=np.array(
+        [
+            [0.74, 0.66, -0.06],
+            [-0.69, 0.75, 0.03],
+            [0.31, -0.98, 0.05],
+            [1.02, 0.24, -0.02],
+            [-0.93, 0.29, 0.07],
+            [-0.22, -1.04, -0.04],
+        ]
+    ),
+    platform_mass=11.5,
+    platform_com=np.array([0.06, -0.11, 0.17]),
+    platform_inertia=np.array([[4.6, 0.35, -0.28], [0.35, 5.7, 0.41], [-0.28, 0.41, 8.1]]),
+    leg_lower_mass=2.3,
+    leg_upper_mass=1.2,
+    leg_lower_com=0.47,
+    leg_upper_com=0.58,
+    leg_lower_inertia=0.13,
+    leg_upper_inertia=0.061,
+    leg_viscous_friction=7.0,
+    leg_coulomb_friction=1.9,
+    leg_friction_velocity=0.06,
+    gravity=np.array([0.9, -1.3, -9.4]),
+    home_position=np.array([0.08, -0.05, 2.9]),
+    home_orientation=np.array([0.04, -0.07, 0.11]),
+    leg_length_min=2.3,
+    leg_length_max=3.9,
+    actuator_force_max=640.0,
+    joint_angle_max=0.7,
+)
+# In motion about every axis, with every input.
+STATE = State(
+    position=np.array([0.12, -0.09, 2.97]),
+    orientation=np.array([0.09, -0.14, 0.21]),
+    velocity=np.array([0.21, -0.13, 0.08]),
+    angular_velocity=np.array([-0.11, 0.17, 0.26]),
+)
+INPUTS = Inputs(
+    actuator_force=np.array([52.0, 38.0, 47.0, 44.0, 58.0, 41.0]),
+    external_force=np.array([3.0, -5.0, 8.0]),
+    external_torque=np.array([-4.0, 2.0, 6.0]),
+)
+# Of a controller of the legs [N/m].
+GAINS = np.array([800.0, 650.0, 900.0, 720.0, 1000.0, 850.0])
+
+
+@dataclass(frozen=True)
+class _UnevenCase(OpenLoopCase):
+    """Half a second of free motion, with an external wrench."""
+
+    @property
+    def inputs(self) -> Inputs:
+        """All of them, constant."""
+        return INPUTS
+
+
+def uneven_case() -> OpenLoopCase:
+    """The uneven platform let go from `STATE` under `INPUTS`."""
+    return _UnevenCase("uneven", UNEVEN, STATE, INPUTS.actuator_force, 0.5)
