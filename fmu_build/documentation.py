@@ -81,6 +81,7 @@ _MODEL = """
 joints may lie anywhere.</li>
 <li>Ideal universal joints at the base, ideal spherical joints at the platform. Legs do not spin about their axis, so
 that their axial inertia plays no part.</li>
+<li>Rotors and screws of electric actuators, by their inertia reflected along the leg.</li>
 <li>Friction between the two parts of a leg: viscous, and Coulomb friction smoothed by a hyperbolic tangent.</li>
 <li>Gravity, and an external force and torque on the platform.</li>
 </ul>
@@ -177,6 +178,7 @@ derivatives of outputs are available."""
 is called after every internal step: it may read outputs, set inputs and, if early return is allowed, end the step there
 or before its planned end. First derivatives of outputs are available."""
         step, event = "in step mode", "event mode"
+    tunable = ", ".join(f"<code>{row.variable.name}</code>" for row in layout.of_role(Role.TUNABLE_PARAMETER))
     jacobians = "directional derivatives" if fmi_version == "2.0" else "directional and adjoint derivatives"
     return f"""
 <h2>Behaviour</h2>
@@ -190,8 +192,7 @@ that are not above that size and end on the communication point: constant cost, 
 effect on Model Exchange, where the importer integrates.</li>
 <li>{inputs}</li>
 <li>All parameters can be set before initialization ends. During the run ({step} in Co-Simulation, in {event} in Model
-Exchange): <code>platform_mass</code>, <code>platform_com</code>, <code>platform_inertia</code>, the friction of the
-legs, and <code>gravity</code>.</li>
+Exchange): {tunable}.</li>
 <li>The communication step may change from step to step. There are no events and no discrete states.</li>
 <li>The state can be saved, restored and serialized; a restored unit repeats its future to the last bit. Exact
 {jacobians} by inputs, states and parameters are available.</li>

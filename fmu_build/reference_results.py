@@ -7,7 +7,6 @@ For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gough_stewart.fmu_build.layout import BY_NAME
@@ -19,8 +18,7 @@ from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-
-FloatArray = NDArray[np.float64]
+from gough_stewart.model.vectors import FloatArray
 
 # The reference is ten thousand times finer than the unit's default.
 TOLERANCE = 1e-12

@@ -18,11 +18,11 @@ from gough_stewart.model.kinematics import (
     rates_of_legs,
     wrench_from_leg_forces,
 )
-from gough_stewart.model.leg_dynamics import bias_force, inertia_force, transverse_mass
+from gough_stewart.model.leg_dynamics import axial_mass, bias_force, inertia_force, transverse_mass
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import Array, apply, concatenate, cross, dot, per_leg, skew, transpose
+from gough_stewart.model.vectors import Array, apply, concatenate, cross, dot, skew, transpose
 
 Solve = Callable[[Array, Array], Array]
 
@@ -192,12 +192,12 @@ def _points_inertia(moments: Array, arms: Array) -> Array:
 
 
 def _beyond_lumped(parameters: Parameters, legs: LegGeometry) -> Array:
-    """What each leg opposes along its axis beyond its point mass: m2 − t (..., 6) [kg]."""
-    return np.asarray(per_leg(parameters.leg_upper_mass) - transverse_mass(parameters, legs.length))
+    """What each leg opposes along its axis beyond its point mass: m2 + m_a − t (..., 6) [kg]."""
+    return np.asarray(axial_mass(parameters) - transverse_mass(parameters, legs.length))
 
 
 def _mass_matrix(parameters: Parameters, legs: LegGeometry, body: _LumpedBody) -> Array:
-    # G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m2 − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ: a point mass, and row i of the leg Jacobian
+    # G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m_i − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ: a point mass, and row i of the leg Jacobian
     vv = body.mass[..., None, None] * np.eye(3)
     wv = skew(body.first)
     top, bottom = concatenate([vv, -wv]), concatenate([wv, body.second])

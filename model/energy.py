@@ -3,7 +3,7 @@
 import numpy as np
 
 from gough_stewart.model.kinematics import leg_geometry, leg_rates, rates_of_legs
-from gough_stewart.model.leg_dynamics import friction_force, leg_moments
+from gough_stewart.model.leg_dynamics import axial_mass, friction_force, leg_moments
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
@@ -13,7 +13,7 @@ from gough_stewart.model.vectors import Array, apply, cross, dot, per_leg, trans
 def kinetic_energy(parameters: Parameters, state: State) -> Array:
     """Kinetic energy (...) [J] of the platform and the six legs.
 
-    T = ½ m |v_G|² + ½ ωᵀ R J_p Rᵀ ω + Σ_i ½ I_i |u̇_i|² + ½ m2 L̇_i², with v_G = v + ω×(R r_G).
+    T = ½ m |v_G|² + ½ ωᵀ R J_p Rᵀ ω + Σ_i ½ I_i |u̇_i|² + ½ (m2 + m_a) L̇_i², with v_G = v + ω×(R r_G).
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
     rates = rates_of_legs(legs, state)
@@ -22,7 +22,7 @@ def kinetic_energy(parameters: Parameters, state: State) -> Array:
     w = apply(transpose(R), state.angular_velocity)
     I = leg_moments(parameters, legs.length).second
     du, dL = rates.direction_rate, rates.length_rate
-    of_legs = I * dot(du, du) + per_leg(parameters.leg_upper_mass) * dL * dL
+    of_legs = I * dot(du, du) + axial_mass(parameters) * dL * dL
     of_platform = parameters.platform_mass * dot(v_G, v_G) + dot(w, apply(parameters.platform_inertia, w))
     return np.asarray(0.5 * (of_platform + of_legs.sum(axis=-1)))
 

@@ -2,10 +2,11 @@
 
 A leg is two slender parts that turn together about B and slide on each other along u, without spin about u
 (paper, eq. (25)). Its inertia about B is I = m1 r1² + J1 + J2 + m2 (L − d)², its first moment
-h = m1 r1 + m2 (L − d), with r1 = `leg_lower_com`, d = `leg_upper_com`.
+h = m1 r1 + m2 (L − d), with r1 = `leg_lower_com`, d = `leg_upper_com`. The rotor and screw of an electric actuator turn
+in proportion to L̇ and oppose L̈ by m_a L̈, m_a = `leg_armature`: an inertia without weight, and none across u.
 
 Transverse, from the angular momentum I u×u̇ about B:   I ü⊥ + İ u̇ − h g⊥ = L f⊥,  İ = 2 m2 (L − d) L̇
-Axial, upper part alone:   m2 (u·P̈ + d |u̇|² − u·g) = f∥ + F − friction
+Axial, upper part alone:   m2 (u·P̈ + d |u̇|² − u·g) = f∥ + F − friction − m_a L̈,  L̈ = u·P̈ + L |u̇|²
 with u̇ = Ṗ⊥/L and ü⊥ = (P̈⊥ − 2 L̇ u̇)/L. So f = E P̈ + b − F u is the force that the leg needs at P.
 """
 
@@ -50,27 +51,33 @@ def transverse_mass(parameters: Parameters, length: Array) -> Array:
     return np.asarray(leg_moments(parameters, length).second * (1 / length) * (1 / length))
 
 
+def axial_mass(parameters: Parameters) -> Array:
+    """Mass (..., 1) [kg] that a leg opposes to acceleration of its platform joint along u: m2 + m_a."""
+    return np.asarray(per_leg(parameters.leg_upper_mass) + per_leg(parameters.leg_armature))
+
+
 def inertia_force(parameters: Parameters, legs: LegGeometry, joint_acceleration: Array) -> Array:
     """Force (..., 6, 3) [N] that accelerates the legs' platform joints by P̈ (..., 6, 3) [m/s²].
 
-    E P̈ with E = t 1 + (m2 − t) u uᵀ: transverse mass across u, mass of the upper part along u.
+    E P̈ with E = t 1 + (m2 + m_a − t) u uᵀ: transverse mass across u, axial mass along u.
     """
     u, t = legs.direction, transverse_mass(parameters, legs.length)
-    along = (per_leg(parameters.leg_upper_mass) - t) * dot(u, joint_acceleration)
+    along = (axial_mass(parameters) - t) * dot(u, joint_acceleration)
     return np.asarray(t[..., None] * joint_acceleration + along[..., None] * u)
 
 
 def bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
     """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0.
 
-    b = (m2 d |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
+    b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
     """
     u, L, du, dL = legs.direction, legs.length, rates.direction_rate, rates.length_rate
     m2, d = per_leg(parameters.leg_upper_mass), per_leg(parameters.leg_upper_com)
+    m_a = per_leg(parameters.leg_armature)
     g = parameters.gravity[..., None, :]
     h, I = leg_moments(parameters, L)
     ug = dot(u, g)
     per_g = h * (1 / L)
-    along_u = m2 * d * dot(du, du) + (per_g - m2) * ug + friction_force(parameters, dL)
+    along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * ug + friction_force(parameters, dL)
     along_du = 2 * dL * (1 / L) * (m2 * (L - d) - I * (1 / L))
     return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)

@@ -101,6 +101,10 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         default_factory=_vector(0.0, 0.0, -9.81),
         metadata=_row("m/s2", "acceleration of gravity in world", shape=(3,), tunable=True),
     )
+    leg_armature: _Number_co = field(
+        default=_number(0.0),
+        metadata=_row("kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0"),
+    )
 
 
 # What the equations take: a `Platform`, a batch of platforms, or CasADi symbols.

@@ -94,7 +94,8 @@ def leg_equations(
     A_i = Σ_k m_k v_kᵀ v_k + wᵀ J_k w,  D_i = f_i − b_i y_i,  f_i = Σ_k v_kᵀ F_k,
     b_i = Σ_k m_k v_kᵀ v̇_k + wᵀ ω~ J_k w, over the lower (k = 1) and the upper part (k = 2).
     F_k is weight, and along u the actuator force less friction: −F + friction on the lower part, the opposite on
-    the upper part. `axial_inertia` [kg m²] of either part plays no part in the motion, by (25).
+    the upper part. Rotor and screw, which the paper lacks, turn 2π/lead times as fast as ṡ_i: reflected to that speed,
+    their inertia is `leg_armature`. `axial_inertia` [kg m²] of either part plays no part in the motion, by (25).
     """
     u, omega, slide_rate = _leg_axes(configuration), *leg_speeds(y)
     g = parameters.gravity[..., None, :]
@@ -123,6 +124,7 @@ def leg_equations(
         A += m[..., None] * transpose(v) @ v + transpose(w) @ J @ w
         b = m[..., None] * transpose(v) @ dv + transpose(w) @ skew(omega) @ J @ w
         D += apply(transpose(v), F) - apply(b, np.concatenate([omega, slide_rate[..., None]], axis=-1))
+    A[..., 3, 3] += per_leg(parameters.leg_armature)
     return A, D
 
 

@@ -96,6 +96,7 @@ class _Legs(NamedTuple):
     m2: Array
     J1: Array  # about G1, G2, world components (3, 3)
     J2: Array
+    armature: Array  # rotor and screw, as a mass along u
     push: Array  # actuator force less friction, on the upper part (3,)
 
 
@@ -136,6 +137,7 @@ def _leg_bodies(
         m2=each(parameters.leg_upper_mass),
         J1=_slender_inertia(each(parameters.leg_lower_inertia), axial_inertia, u),
         J2=_slender_inertia(each(parameters.leg_upper_inertia), axial_inertia, u),
+        armature=each(parameters.leg_armature),
         push=(actuator_force - resistance)[..., None] * u,
     )
 
@@ -181,6 +183,14 @@ def _leg_equations(legs: _Legs, r_G: Array, omega_p: Array, gravity: Array) -> t
     own[..., 19:21, _ALPHA1] = onto @ _tilde(legs.G1_G2)
     relative = _centripetal(w, legs.G1_G2) + 2 * legs.sliding[..., None] * np.cross(w, legs.axis)
     right[..., 19:21] = (onto @ relative[..., None])[..., 0]
+    # rotor and screw turn with the slide: what accelerates them, m_a L̈ along u, is missing from the push on both parts;
+    # L̈ = u·(a2 − a1 − relative), since α×(G2 − G1) has no part along u
+    reflected = legs.armature[..., None, None] * legs.axis[..., :, None] * legs.axis[..., None, :]
+    missing = (reflected @ relative[..., None])[..., 0]
+    for rows, sign in ((slice(0, 3), -1), (slice(6, 9), 1)):
+        own[..., rows, _A2] += sign * reflected
+        own[..., rows, _A1] -= sign * reflected
+        right[..., rows] += sign * missing
     # spherical joint: P of the leg moves with P of the platform
     G_P = legs.arm - r_G[..., None, :]
     own[..., 21:24, _A2] = one

@@ -48,6 +48,7 @@ class PinocchioPlatform:
                 model.appendBodyToJoint(joint, slender, pin.SE3.Identity())
             tips.append((upper, pin.SE3(np.eye(3), np.array([0, 0, length])), platform.platform_points[i]))
             # v_P = ω×(L u) + L̇ u in the leg's frame
+            model.armature[model.joints[upper].idx_v] = platform.leg_armature
             x, y, slide = frame.T @ (state.velocity + np.cross(state.angular_velocity, R @ platform.platform_points[i]))
             leg_speed += [-y / length, x / length, slide]
             friction = platform.leg_viscous_friction * slide + platform.leg_coulomb_friction * np.tanh(

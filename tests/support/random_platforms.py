@@ -57,6 +57,7 @@ def random_platform(rng: np.random.Generator) -> Platform:
                 gravity=rng.normal(scale=6.0, size=3),
                 home_position=np.append(size * rng.uniform(-0.1, 0.1, 2), height),
                 home_orientation=rng.uniform(-0.2, 0.2, 3),
+                leg_armature=mass * rng.uniform(0.1, 0.5),
             )
         except PlatformError:
             continue

@@ -98,7 +98,7 @@ def test_minus_first_is_the_same_mechanism_with_renamed_legs(case: OpenLoopCase)
 
 def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
     """Expected: Froude's rule: with lengths λ, masses λ³, inertias λ⁵ a copy moves alike in time √λ, forces λ³."""
-    scale, p = 0.25, replace(load_preset("liu2000"), platform_mass=14.0)
+    scale, p = 0.25, replace(load_preset("liu2000"), platform_mass=14.0, leg_armature=3.0)
     large = case_of(p)
     small = replace(
         p,
@@ -109,6 +109,7 @@ def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
         platform_mass=p.platform_mass * scale**3,
         leg_lower_mass=p.leg_lower_mass * scale**3,
         leg_upper_mass=p.leg_upper_mass * scale**3,
+        leg_armature=p.leg_armature * scale**3,
         platform_inertia=p.platform_inertia * scale**5,
         leg_lower_inertia=p.leg_lower_inertia * scale**5,
         leg_upper_inertia=p.leg_upper_inertia * scale**5,

@@ -1,0 +1,219 @@
+"""Every parameter reaches all that it concerns. What is expected stands here and in the tables for users."""
+
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from gough_stewart.fmu_build.documentation import documentation_page
+from gough_stewart.fmu_build.fmi2_description import fmi2_description
+from gough_stewart.fmu_build.fmi3_description import fmi3_description
+from gough_stewart.fmu_build.model_description import Identity
+from gough_stewart.harness.view.tables import parameters_sheet
+from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
+from gough_stewart.model.rotations import matrix_from_orientation
+from tests.support.random_platforms import random_inputs, random_platform, random_state
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+class Expected(NamedTuple):
+    """Of one parameter; `default` is a number, a list, None for a limit that is not stated, or NEEDED."""
+
+    shape: tuple[int, ...]
+    unit: str
+    default: Any
+    bound: str | None
+    is_tunable: bool = False
+
+
+NEEDED = "needed"
+PHYSICAL = {
+    "base_points": Expected((6, 3), "m", NEEDED, None),
+    "platform_points": Expected((6, 3), "m", NEEDED, None),
+    "platform_mass": Expected((), "kg", NEEDED, "> 0", True),
+    "platform_com": Expected((3,), "m", [0, 0, 0], None, True),
+    "platform_inertia": Expected((3, 3), "kg.m2", NEEDED, None, True),
+    "leg_lower_mass": Expected((), "kg", NEEDED, "> 0"),
+    "leg_upper_mass": Expected((), "kg", NEEDED, "> 0"),
+    "leg_lower_com": Expected((), "m", NEEDED, ">= 0"),
+    "leg_upper_com": Expected((), "m", NEEDED, ">= 0"),
+    "leg_lower_inertia": Expected((), "kg.m2", NEEDED, ">= 0"),
+    "leg_upper_inertia": Expected((), "kg.m2", NEEDED, ">= 0"),
+    "leg_viscous_friction": Expected((), "N.s/m", 0, ">= 0", True),
+    "leg_coulomb_friction": Expected((), "N", 0, ">= 0", True),
+    "leg_friction_velocity": Expected((), "m/s", 0.001, "> 0", True),
+    "gravity": Expected((3,), "m/s2", [0, 0, -9.81], None, True),
+    "leg_armature": Expected((), "kg", 0, ">= 0"),
+}
+OTHERS = {
+    "home_position": Expected((3,), "m", NEEDED, None),
+    "home_orientation": Expected((3,), "rad", [0, 0, 0], None),
+    "leg_length_min": Expected((), "m", None, "> 0"),
+    "leg_length_max": Expected((), "m", None, "> 0"),
+    "actuator_force_max": Expected((), "N", None, "> 0"),
+    "joint_angle_max": Expected((), "rad", None, "> 0"),
+}
+ALL = PHYSICAL | OTHERS
+LIMITS: dict[str, Any] = {
+    "leg_length_min": 1e-3,
+    "leg_length_max": 1e3,
+    "actuator_force_max": 1 / 3,
+    "joint_angle_max": 3.0,
+}
+
+
+def declared(platform: Platform) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Elements by name of the model descriptions of FMI 2.0 and 3.0."""
+    identity = Identity("token", ("all.c",))
+    two = etree.fromstring(fmi2_description(platform, identity)).iter("ScalarVariable")
+    three = etree.fromstring(fmi3_description(platform, identity)).iter("Float64")
+    return {str(e.get("name")): e for e in two}, {str(e.get("name")): e for e in three}
+
+
+@pytest.fixture(scope="module")
+def uneven() -> Platform:
+    """Every parameter differs from its default, and from every other."""
+    return replace(random_platform(np.random.default_rng(12)), **LIMITS)
+
+
+def test_a_platform_has_these_parameters_and_no_others(uneven: Platform) -> None:
+    assert set(uneven.as_dict()) == {"name", "source", *ALL}
+    for name, expected in ALL.items():
+        assert np.shape(getattr(uneven, name)) == expected.shape, name
+
+
+def test_only_what_is_needed_has_to_be_named(uneven: Platform) -> None:
+    needed = {name: getattr(uneven, name) for name, expected in ALL.items() if expected.default is NEEDED}
+    platform = Platform(**needed)
+    for name, expected in ALL.items():
+        if expected.default is not NEEDED:
+            assert np.array_equal(getattr(platform, name), expected.default), name
+    for name in needed:
+        with pytest.raises(TypeError, match=name):
+            Platform(**{other: value for other, value in needed.items() if other != name})
+
+
+@pytest.mark.parametrize("name", [name for name, expected in ALL.items() if expected.bound])
+def test_the_bound_is_held_and_named_with_the_unit(uneven: Platform, name: str) -> None:
+    expected = ALL[name]
+    refused = [-0.5, 0.0] if expected.bound == "> 0" else [-0.5]
+    for value in refused:
+        text = re.escape(f"{name}: is {value:g} {expected.unit}; expected {expected.bound}")
+        one: dict[str, Any] = {name: value}
+        with pytest.raises(PlatformError, match=text):
+            replace(uneven, **one)
+    if expected.bound == ">= 0":
+        one = {name: 0.0}
+        assert getattr(replace(uneven, **one), name) == 0
+
+
+def test_a_platform_file_holds_every_parameter_with_its_unit(uneven: Platform) -> None:
+    written = platform_to_toml(uneven)
+    assert platform_from_toml(written) == uneven
+    values = tomllib.loads(written)
+    for name, expected in ALL.items():
+        assert np.array_equal(values[name], getattr(uneven, name)), name
+        entry = written[re.search(rf"^{name} = ", written, re.M).start() :]  # type: ignore[union-attr]
+        found = re.search(r"# \[(.*?)\] \S", entry)
+        assert found, name
+        assert found[1] == expected.unit, name
+
+
+@pytest.mark.parametrize("name", PHYSICAL)
+def test_the_kernel_takes_every_parameter_for_what_it_is(uneven: Platform, name: str) -> None:
+    """Expected: the accelerations of Newton and Euler on thirteen free bodies, which take the parameter by its name."""
+    rng = np.random.default_rng(5)
+    state, inputs = random_state(uneven, rng), random_inputs(uneven, rng)
+    changed = replace(uneven, **{name: 1.02 * getattr(uneven, name)})
+
+    def by_kernel(platform: Platform) -> np.ndarray:
+        return Kernel().derivatives(state.to_vector(), inputs.to_vector(), parameter_vector(platform))[6:].copy()
+
+    R = matrix_from_orientation(state.orientation)
+    expected = newton_euler.solve(changed, state.position, R, state.velocity, state.angular_velocity, *inputs)
+    scale = max(np.abs(expected.linear).max(), np.abs(expected.angular).max())
+    found = by_kernel(changed)
+    assert np.allclose(found, [*expected.linear, *expected.angular], rtol=0, atol=1e-9 * scale)
+    assert np.abs(found - by_kernel(uneven)).max() > 1e-6 * scale
+
+
+def test_both_descriptions_of_the_fmu_declare_every_parameter(uneven: Platform) -> None:
+    """Expected: unit, variability, range and start values; FMI 2.0 by element, row by row."""
+    two, three = declared(uneven)
+    for name, expected in PHYSICAL.items():
+        array, own = three[name], np.ravel(getattr(uneven, name)).tolist()
+        assert [int(d.get("start")) for d in array.iter("Dimension")] == list(expected.shape)
+        assert [float(text) for text in array.get("start").split()] == own
+        indices = np.ndindex(*expected.shape) if expected.shape else [()]
+        elements = [name + (f"[{','.join(str(i + 1) for i in at)}]" if at else "") for at in indices]
+        reals = [two[element].find("Real") for element in elements]
+        assert [float(real.get("start")) for real in reals] == own
+        for kind, number in ((two[elements[0]], reals[0]), (array, array)):
+            assert kind.get("causality") == "parameter"
+            assert kind.get("variability") == ("tunable" if expected.is_tunable else "fixed")
+            assert number.get("unit") == expected.unit
+            # the standard has no open bound: the least that can be set is just above 0
+            assert (number.get("min") is not None) == (expected.bound is not None)
+    parameters = {name.split("[")[0] for name, e in two.items() if e.get("causality") == "parameter"}
+    assert parameters == {*PHYSICAL, "fixed_step_size"}
+
+
+def test_new_parameters_leave_the_value_references_of_old_ones(uneven: Platform) -> None:
+    """Expected: those of version 0.1, by FMI version: inputs, results and the first fifteen parameters."""
+    two, three = declared(uneven)
+    older = {"position": (12, 3), "leg_length": (24, 7), "base_points": (62, 14), "gravity": (120, 28)}
+    for name, references in older.items():
+        first = name if name in two else next(n for n in two if n.startswith(f"{name}["))
+        assert (int(two[first].get("valueReference")), int(three[name].get("valueReference"))) == references
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_the_units_page_names_every_parameter_and_which_are_tunable(uneven: Platform, version: str) -> None:
+    page = documentation_page(uneven, version).decode()
+    for name in PHYSICAL:
+        assert f"<code>{name}</code>" in page
+    tunable = re.search(r"During the run .*?</li>", page, re.S)
+    assert tunable
+    assert re.findall(r"<code>(\w+)</code>", tunable[0]) == [n for n, e in PHYSICAL.items() if e.is_tunable]
+
+
+def test_the_page_of_records_shows_every_parameter_with_its_unit(uneven: Platform) -> None:
+    rows = {getattr(first, "what", first): getattr(first, "unit", None) for first, *_ in parameters_sheet(uneven).rows}
+    assert {name: rows[name] for name in ALL} == {name: expected.unit for name, expected in ALL.items()}
+
+
+def test_the_documentation_lists_every_parameter_as_it_is() -> None:
+    """Expected: the table of docs/notation.md says the same as this file."""
+    section = (DOCS / "notation.md").read_text(encoding="utf-8").split("## Parameters")[1]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in section.split("##")[0].splitlines()[1:]]
+    found = {row[0].strip("`"): row[1:] for row in rows if len(row) == 6 and row[0].startswith("`")}
+    assert list(found) == list(ALL)
+    for name, (shape, unit, default, bound, in_fmu) in found.items():
+        expected = ALL[name]
+        assert shape == (" × ".join(map(str, expected.shape)) or "1")
+        assert unit == expected.unit
+        assert bound == (expected.bound or "any")
+        if expected.default is NEEDED or expected.default is None:
+            assert default == ("–" if expected.default is NEEDED else "no limit")
+        else:
+            numbers = [float(text) for text in default.replace("−", "-").split(",")]
+            assert np.all(np.ravel(expected.default) == numbers)
+        assert in_fmu.split()[0] == (
+            ("tunable" if expected.is_tunable else "fixed") if name in PHYSICAL else "start" if "home" in name else "–"
+        )
+
+
+def test_the_guide_of_the_fmu_names_what_is_tunable() -> None:
+    text = (DOCS / "fmu.md").read_text(encoding="utf-8")
+    sentence = next(line for line in text.splitlines() if "are tunable" in line)
+    assert re.findall(r"`(\w+)`", sentence.split("are tunable")[0]) == [n for n, e in PHYSICAL.items() if e.is_tunable]
