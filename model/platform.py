@@ -8,6 +8,7 @@ import numpy as np
 from gough_stewart.model import platform_checks
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.parameters import TABLE, TEXTS, PlatformFields
+from gough_stewart.model.platform_display import platform_html, platform_text
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
@@ -15,7 +16,7 @@ from gough_stewart.model.vectors import FloatArray
 LARGEST_NUMBER = 1e30
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Platform(PlatformFields):
     """A Gough–Stewart platform with six identical legs; names and units as in the interface table.
 
@@ -47,6 +48,14 @@ class Platform(PlatformFields):
     def __hash__(self) -> int:
         """Consistent with `==`."""
         return hash((self.name, self.base_points.tobytes(), self.platform_mass))
+
+    def __repr__(self) -> str:
+        """Name, masses, geometry, home pose and limits, a line each."""
+        return platform_text(self)
+
+    def _repr_html_(self) -> str:
+        """In a notebook: every parameter."""
+        return platform_html(self)
 
     def __setstate__(self, fields_by_name: dict[str, Any]) -> None:
         """Copies and unpickled platforms are read-only, too."""

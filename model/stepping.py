@@ -83,6 +83,14 @@ class SteppingModel:
         self._kernel = Kernel()
         self.reset()
 
+    def __repr__(self) -> str:
+        """Platform, time and pose, in a line."""
+        pose = ", ".join(f"{value:.6g}" for value in self._x[:3]), ", ".join(f"{value:.6g}" for value in self._x[3:6])
+        return (
+            f"<SteppingModel of {self._platform.name} at {self._time:.6g} s: position ({pose[0]}) m, orientation "
+            f"({pose[1]}) rad>"
+        )
+
     def reset(self) -> None:
         """Back to time 0 in the home pose, at rest, inputs 0, parameters as at construction (rules 1, 9)."""
         self._time = 0.0

@@ -31,7 +31,7 @@ _NEARLY = 0.75
 Range = tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Workspace:
     """Poses on a grid, and what the platform can do there; arrays have one axis per swept coordinate, in order."""
 
@@ -46,6 +46,13 @@ class Workspace:
     def shape(self) -> tuple[int, ...]:
         """Of the grid."""
         return tuple(len(values) for values in self.swept.values())
+
+    def __repr__(self) -> str:
+        """What was swept, and how much of it can be reached, in a line."""
+        ranges = ", ".join(f"{name} {v[0]:.4g} to {v[-1]:.4g} {COORDINATES[name]}" for name, v in self.swept.items())
+        reachable = self.qualities.reachable
+        share = f"{100 * reachable.mean():.3g} % of {reachable.size} poses can be reached"
+        return f"<Workspace of {self.platform.name} over {ranges}: {share}>"
 
     def coordinates(self) -> FloatArray:
         """Poses (…, 6): position [m], orientation [rad]."""

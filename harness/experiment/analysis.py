@@ -17,14 +17,14 @@ from gough_stewart.harness.experiment.design_figures import design_figures
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.output.versions import versions
 
 FILES = ("margins.json", "bode.png", "bode.svg", "step.png", "step.svg")
 _SHOWN_MODES = 8
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins(Margins):
     """How far the loop of an experiment is from instability: its margins, with the gains and modes they belong to."""
 
@@ -35,6 +35,25 @@ class LoopMargins(Margins):
     gains: Gains | None  # of PD and PID
     modes: tuple[Mode, ...]  # of the closed loop, the slowest first
     loop: Any  # loop transfer L (6×6) at the actuators as a control.StateSpace, u = −L u
+
+    def __repr__(self) -> str:
+        """The margins of all legs at once, the smallest of one leg, and the slowest mode, a line each."""
+        disk, slowest = self.disk, self.modes[0]
+        phase, delay = min(leg.phase for leg in self.legs), min(leg.delay for leg in self.legs)
+        up, down = min(leg.gain_up for leg in self.legs), max(leg.gain_down for leg in self.legs)
+        return "\n".join(
+            [
+                f"Margins: {self.title}",
+                f"  all legs at once   disk margin {disk.alpha:.3g} at {disk.frequency:.3g} Hz: gains × "
+                f"{disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases ± {np.degrees(disk.phase):.3g}°",
+                f"  one leg at a time  gain × {down:.3g} to {up:.3g}, phase {np.degrees(phase):.3g}°, delay "
+                f"{1000 * delay:.3g} ms",
+                f"  slowest mode       {slowest.frequency:.3g} Hz, damping ratio {slowest.damping_ratio:.3g}",
+            ]
+        )
+
+    def _repr_html_(self) -> str:
+        return "".join(map(to_html, margins_sheets(self)))
 
     def as_dict(self) -> dict[str, Any]:
         """In plain types, as margins.json has it; None for what is infinite or undefined."""

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, field
 from html import escape
+from io import StringIO
 
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -52,6 +54,14 @@ def to_html(sheet: Sheet) -> str:
         rows.append(f'<tr{kind}><th scope="row">{_hypertext(first)}</th>{cells}</tr>')
     caption = f"<caption>{escape(sheet.title)}</caption>"
     return f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def text_of(table: RenderableType) -> str:
+    """What a terminal without colours shows, at most 100 columns wide."""
+    console = Console(width=100, color_system=None, file=StringIO())
+    with console.capture() as shown:
+        console.print(table)
+    return "\n".join(line.rstrip() for line in shown.get().splitlines())
 
 
 def number_text(value: float | None, digits: int = 4) -> str:

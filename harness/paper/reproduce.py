@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -15,6 +16,7 @@ from gough_stewart.harness.paper.fmu_runs import FmiType, run_fmu
 from gough_stewart.harness.paper.open_loop import run_kane, run_kernel, run_stepping
 from gough_stewart.harness.paper.record import csv_of, record_of_case
 from gough_stewart.harness.view.page import PAGE, view_page
+from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -43,7 +45,7 @@ FILES = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Reproduction:
     """What `reproduce` makes, before it is written."""
 
@@ -55,13 +57,32 @@ class Reproduction:
         """Whether every comparison is within its bound."""
         return all(row["holds"] for row in self.report["agreement"])
 
+    def __repr__(self) -> str:
+        """Whether all agrees, and the files, in a line."""
+        rows = self.report["agreement"]
+        held = sum(row["holds"] for row in rows)
+        return f"<Reproduction: {held} of {len(rows)} comparisons within their bounds; files {', '.join(self.files)}>"
+
+    def save(self, folder: Path | str) -> list[Path]:
+        """Write all files to a folder, which is made if needed.
+
+        Raises
+        ------
+        OutputError
+            The files cannot be written there.
+        """
+        folder = Path(folder)
+        check_output_folder(folder, self.files)
+        write_files(folder, self.files)
+        return [folder / name for name in self.files]
+
 
 def reproduce(
     case: OpenLoopCase | Platform | None = None, console: Console | None = None, page: bool = False
 ) -> Reproduction:
     """Run the paper's open-loop case by all formulations, compare them, and make report, table, figures and FMUs.
 
-    Nothing is written; `files` of the result has everything by file name. Takes some ten seconds.
+    Nothing is written until the result's `save` is called. Takes some ten seconds.
 
     Parameters
     ----------
@@ -82,7 +103,7 @@ def reproduce(
     Examples
     --------
     >>> result = gs.reproduce()
-    >>> result.agrees, result.report["agreement"][0]
+    >>> result.agrees, result.save("results/paper")
     """
     if not isinstance(case, OpenLoopCase):
         case = case_of(load_preset(PAPER_PRESET) if case is None else case)

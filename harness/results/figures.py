@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
-from gough_stewart.harness.output.plotting import entitle, pictures
+from gough_stewart.harness.output.plotting import Draw, entitle, pictures, png
 from gough_stewart.harness.results.record import Record, outcome_text
 from gough_stewart.model.vectors import FloatArray
 
@@ -61,15 +61,23 @@ def run_figures(record: Record) -> dict[str, bytes]:
         draws["errors"] = (_errors, 6.2)
     files = {}
     for name, (draw, height) in draws.items():
-
-        def placed(figure: Figure, draw: Callable[[Figure, Record], None] = draw) -> None:
-            # asked for again at every file; whoever calls this puts the settings back
-            mpl.rcParams.update(_PLACED_BY_HAND)
-            figure.set_layout_engine(None)
-            draw(figure, record)
-
-        files.update(pictures(name, placed, WIDTH, height))
+        files.update(pictures(name, _placed(draw, record), WIDTH, height))
     return files
+
+
+def pose_png(record: Record) -> bytes:
+    """The figure `pose` alone, as PNG."""
+    return png(_placed(_pose, record), WIDTH, 4.6)
+
+
+def _placed(draw: Callable[[Figure, Record], None], record: Record) -> Draw:
+    def placed(figure: Figure) -> None:
+        # asked for again at every file; whoever calls this puts the settings back
+        mpl.rcParams.update(_PLACED_BY_HAND)
+        figure.set_layout_engine(None)
+        draw(figure, record)
+
+    return placed
 
 
 class _View(NamedTuple):

@@ -26,7 +26,24 @@ _USED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_forc
 _ERRORS = ("position", "orientation", "leg_length")
 
 
-def metrics(record: Record) -> dict[str, Any]:
+class Metrics(dict[str, Any]):
+    """Figures of merit by name; a dict that prints and shows itself in a notebook as tables."""
+
+    def __str__(self) -> str:
+        """As `gough-stewart run` prints them."""
+        from gough_stewart.harness.output.tables import text_of
+        from gough_stewart.harness.results.tables import metrics_table
+
+        return text_of(metrics_table(self))
+
+    def _repr_html_(self) -> str:
+        from gough_stewart.harness.output.tables import to_html
+        from gough_stewart.harness.results.tables import metrics_sheets
+
+        return "".join(map(to_html, metrics_sheets(self)))
+
+
+def metrics(record: Record) -> Metrics:
     """Figures of merit in SI units, as plain numbers, lists and None for what is undefined; never NaN or infinite.
 
     From the first row on at which the plant's values are not finite, rows are left out.
@@ -48,24 +65,32 @@ def metrics(record: Record) -> dict[str, Any]:
       negative beyond it; `exceeded`, shares of the rows.
 
     Parts are None where the record lacks their columns.
+
+    Examples
+    --------
+    >>> found = gs.metrics(gs.run("heave_step"))
+    >>> print(found)
+    >>> found["tracking"]["position"]["norm_peak"], found["step_response"][0]["rise_time"]
     """
     kept = finite_part(record)
     n = kept.table.height
     time = kept["time"]
     # what overflows becomes None
     with np.errstate(all="ignore"):
-        return {
-            "outcome": dict(record.metadata["outcome"]),
-            "rows": n,
-            "duration": float(time[-1] - time[0]) if n else None,
-            "tracking": _tracking(kept) if n else None,
-            "step_response": _step_responses(kept) if n else None,
-            "force": _force(kept) if n else None,
-            "power": _power(kept) if n else None,
-            "energy": _energy(kept) if n else None,
-            "saturation": _saturation(kept) if n else None,
-            "stroke": _stroke(kept) if n else None,
-        }
+        return Metrics(
+            {
+                "outcome": dict(record.metadata["outcome"]),
+                "rows": n,
+                "duration": float(time[-1] - time[0]) if n else None,
+                "tracking": _tracking(kept) if n else None,
+                "step_response": _step_responses(kept) if n else None,
+                "force": _force(kept) if n else None,
+                "power": _power(kept) if n else None,
+                "energy": _energy(kept) if n else None,
+                "saturation": _saturation(kept) if n else None,
+                "stroke": _stroke(kept) if n else None,
+            }
+        )
 
 
 def metrics_json(metrics: dict[str, Any]) -> bytes:

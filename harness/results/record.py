@@ -17,7 +17,7 @@ from gough_stewart.model.vectors import FloatArray
 _METADATA_KEY = "gough_stewart"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Record:
     """A run: what happened, row by row, and under which circumstances.
 
@@ -53,6 +53,18 @@ class Record:
     def __contains__(self, name: str) -> bool:
         """Whether there is such a column or variable."""
         return name in self.table.columns or bool(self.columns_of(name))
+
+    def __repr__(self) -> str:
+        """Title, circumstances, size and peak errors, in a few lines."""
+        from gough_stewart.harness.results.display import record_text
+
+        return record_text(self)
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the same with figures of merit and the pose over time."""
+        from gough_stewart.harness.results.display import record_html
+
+        return record_html(self)
 
     def columns_of(self, name: str) -> list[str]:
         """The columns of a variable."""
