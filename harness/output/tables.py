@@ -3,10 +3,13 @@
 from dataclasses import dataclass, field
 from html import escape
 from io import StringIO
+from typing import TYPE_CHECKING
 
-from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True)
@@ -56,8 +59,10 @@ def to_html(sheet: Sheet) -> str:
     return f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
-def text_of(table: RenderableType) -> str:
+def text_of(table: "RenderableType") -> str:
     """What a terminal without colours shows, at most 100 columns wide."""
+    from rich.console import Console
+
     console = Console(width=100, color_system=None, file=StringIO())
     with console.capture() as shown:
         console.print(table)

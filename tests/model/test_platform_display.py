@@ -1,0 +1,69 @@
+"""Platforms, models and workspaces that show themselves: lines for a terminal, a table for a notebook."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lxml import html
+
+import gough_stewart as gs
+from gough_stewart.model.platform import Platform
+
+
+@pytest.fixture(scope="module")
+def uneven() -> Platform:
+    """Six different arms; off the origin, with a limit, turned at home."""
+    return replace(
+        gs.load_preset("liu2000"),
+        name="crooked",
+        base_points=np.array(
+            [[3.0, 4.0, 0.0], [-3.0, -4.0, 0.0], [2.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 2.5, 0.3], [0.0, -2.5, -0.3]]
+        )
+        + np.array([10.0, 20.0, 0.0]),
+        home_position=np.array([10.0, 20.0, 3.0]),
+        home_orientation=np.array([0.0, 0.05, -0.1]),
+        leg_length_max=7.5,
+    )
+
+
+def test_a_platform_is_told_in_five_lines(uneven: Platform) -> None:
+    """Expected: distances of the base joints from their middle, 2 and √(3² + 4²); what the file says of the rest."""
+    name, masses, joints, home, limits = repr(uneven).splitlines()
+    assert name == "Platform crooked"
+    assert masses.endswith("platform 10 kg, legs 6 × (2 + 1) kg")
+    assert "2 to 5 m about the base's middle, 1 m about the platform's" in joints
+    assert "position (10, 20, 3) m, orientation (0, 0.05, -0.1) rad, legs " in home
+    assert limits.split() == ["limits", "leg_length_max", "7.5", "m"]
+    assert repr(gs.load_preset("liu2000")).endswith("none stated")
+
+
+def test_a_platform_is_a_table_of_all_its_parameters_in_a_notebook(uneven: Platform) -> None:
+    """Expected: a row for each number of the platform, in its unit; none for a limit that is not stated."""
+    page = html.fragment_fromstring(uneven._repr_html_())
+    rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
+    assert set(rows) == set(uneven.as_dict()) - {"name", "source"}
+    assert rows["gravity"][:2] == ["0, 0, -9.81", "m/s2"]
+    assert rows["base_points"][0].startswith("13, 24, 0; 7, 16, 0; ")
+    assert "crooked" in page.findtext("caption")
+
+
+def test_a_stepping_model_says_where_it_is(uneven: Platform) -> None:
+    """Expected: home at 0 s; later the state's own numbers."""
+    plant = gs.SteppingModel(uneven)
+    at_home = "<SteppingModel of crooked at 0 s: position (10, 20, 3) m, orientation (0, 0.05, -0.1) rad>"
+    assert repr(plant) == at_home
+    plant.do_step(0.0, 0.125)
+    x = ", ".join(f"{value:.6g}" for value in plant.state[:3])
+    assert repr(plant).startswith(f"<SteppingModel of crooked at 0.125 s: position ({x}) m")
+
+
+def test_a_workspace_says_how_much_can_be_reached() -> None:
+    """Expected: of 3 × 3 poses the middle one and those that single checks find."""
+    platform = gs.load_preset("motion_base")
+    space = gs.sweep(platform, {"x": (-2.0, 2.0), "pitch": (-0.1, 0.1)}, {"z": 2.2}, points=3)
+    poses = [(x, pitch) for x in (-2.0, 0.0, 2.0) for pitch in (-0.1, 0.0, 0.1)]
+    reached = [
+        bool(gs.evaluate_poses(platform, np.array([x, 0, 2.2]), np.array([0, p, 0])).reachable) for x, p in poses
+    ]
+    share = f"{100 * sum(reached) / 9:.3g} % of 9 poses can be reached"
+    assert repr(space) == f"<Workspace of motion_base over x -2 to 2 m, pitch -0.1 to 0.1 rad: {share}>"
