@@ -6,6 +6,7 @@ kind takes; its `type` makes it known to experiment files.
 
 import importlib.util
 from abc import abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -42,8 +43,6 @@ class ControllerChoice(Kind):
     """
 
     feedforward: Feedforward = "none"
-    # what the feedforward takes for the platform, where that differs from the plant
-    model: dict[str, Any] = Field(default_factory=dict)
 
     @abstractmethod
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
@@ -73,11 +72,15 @@ class ControllerChoice(Kind):
         """The error of wrong values."""
         return ControllerError(message)
 
-    @model_validator(mode="after")
-    def _model_of_feedforward(self) -> "ControllerChoice":
-        if self.model and self.feedforward == "none":
-            raise ValueError("model is what feedforward believes in, and there is none; choose a feedforward")
-        return self
+    @model_validator(mode="before")
+    @classmethod
+    def _no_model(cls, values: Any) -> Any:
+        if isinstance(values, Mapping) and "model" in values:
+            raise ValueError(
+                "the key model is no more: controllers believe in [platform]; give what is different on the machine "
+                "in [plant.parameters] or as [plant] file"
+            )
+        return values
 
 
 class OpenLoop(ControllerChoice):

@@ -1,7 +1,7 @@
 """From an experiment to what the loop takes: platform, reference, controller, limits, changes; everything checked."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.control.laws import Controller, Law, controller_of, law_of
@@ -27,9 +28,11 @@ from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_platform, load_preset
+from gough_stewart.model.real import real_array
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
+Injection = Callable[[float], ArrayLike]
 _TUNABLE = tuple(v.name for v in VARIABLES if v.variability == "tunable")
 
 
@@ -37,7 +40,8 @@ _TUNABLE = tuple(v.name for v in VARIABLES if v.variability == "tunable")
 class Prepared:
     """An experiment that can be run."""
 
-    platform: Platform
+    platform: Platform  # what the designer believes: the source of gains, references, Jacobians, feedforward, limits
+    machine: Platform  # what is simulated
     start: State
     loop: Loop
     motion: Motion | None  # the reference at every row
@@ -52,7 +56,7 @@ class Prepared:
         return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, wanted, measured)
 
 
-def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
+def prepare(experiment: Experiment, controller: Any = None, injection: Injection | None = None) -> Prepared:
     """Check everything of an experiment that can be checked without running it.
 
     Parameters
@@ -60,6 +64,8 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
     controller
         Takes the place of the one that the experiment names: a discrete python-control system, a `LinearController`,
         or a function of a `Sample`. Feedforward stays as it is.
+    injection
+        Six forces [N] for the time of a sample [s], added to what the controller commands.
 
     Raises
     ------
@@ -71,9 +77,17 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
     section, folder = partial(_section, experiment.where), experiment.folder
     with section("platform"):
         platform = _platform(experiment.platform, folder)
+    with section("plant"):
+        machine = _machine(experiment.plant, platform, folder)
     chosen, clocks = experiment.controller, experiment.loop
     with section("loop"):
-        timing = Timing(clocks.duration, clocks.sample_time, clocks.plant_step or clocks.sample_time)
+        timing = Timing(
+            clocks.duration,
+            clocks.sample_time,
+            clocks.plant_step or clocks.sample_time,
+            clocks.jitter,
+            experiment.sensors.seed,
+        )
         if not clocks.delay * timing.sample_time < timing.duration:
             raise ControllerError(
                 f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; expected "
@@ -97,11 +111,9 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
             wanted = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
         at = slice(0, timing.steps, timing.steps_a_sample)
         jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
-        with section("controller.model"):
-            believed = _changed(platform, chosen.model)
         # forces are held: those of the middle of the time in which they will act
         ahead = timing.samples + (clocks.delay + 0.5) * timing.sample_time
-        planned = feedforward(chosen.feedforward, believed, reference(np.minimum(ahead, timing.times[-1])))
+        planned = feedforward(chosen.feedforward, platform, reference(np.minimum(ahead, timing.times[-1])))
     if controller is None:
         planned = chosen.planned(planned)
     start = _start(experiment.start, platform, motion)
@@ -110,10 +122,10 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
             chosen.controller(platform, timing.sample_time, folder) if controller is None else controller_of(controller)
         )
     force_limit = _force_limit(experiment.actuators, platform)
-    # an open loop has its forces from the beginning; a closed one begins with the platform held still
-    first = planned[0] if made is None else static_leg_forces(platform, start.position, start.orientation)
+    # an open loop has its forces from the beginning; a closed one begins with the machine held still
+    first = planned[0] if made is None else static_leg_forces(machine, start.position, start.orientation)
     with section("change"):
-        changes = _parameter_changes(experiment, platform)
+        changes = _parameter_changes(experiment, machine)
         for change in changes:
             timing.row(change.time, "a change")
     with section("disturbance"):
@@ -123,17 +135,22 @@ def prepare(experiment: Experiment, controller: Any = None) -> Prepared:
         wanted=wanted,
         feedforward=planned,
         start_force=np.clip(first, -(force_limit or np.inf), force_limit or np.inf),
-        sensors=Sensors(experiment.sensors.noise, experiment.sensors.quantisation, seed=experiment.sensors.seed),
+        sensors=Sensors(**experiment.sensors.model_dump()),
         actuators=Actuators(force_limit, experiment.actuators.rate_limit, experiment.actuators.lag, clocks.delay),
         limits=_limits(experiment, platform, is_closed),
         changes=tuple(changes),
+        injection=None if injection is None else _injected(injection, timing.samples),
     )
-    return Prepared(platform, start, loop, motion, legs, made, jacobians)
+    return Prepared(platform, machine, start, loop, motion, legs, made, jacobians)
 
 
 def _platform(choice: schema.PlatformChoice, folder: Path) -> Platform:
     platform = load_preset(choice.preset_name) if choice.file is None else load_platform(folder / choice.file)
     return _changed(platform, choice.parameters)
+
+
+def _machine(choice: schema.PlantChoice, believed: Platform, folder: Path) -> Platform:
+    return _changed(believed if choice.file is None else load_platform(folder / choice.file), choice.parameters)
 
 
 def _changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
@@ -159,6 +176,17 @@ def _start(choice: schema.Start, platform: Platform, motion: Motion | None) -> S
         state = State(*(values[0] for values in motion[:4]))
     given = {name: np.array(value) for name, value in choice.model_dump().items() if value is not None}
     return state._replace(**given)
+
+
+def _injected(injection: Injection, times: FloatArray) -> FloatArray:
+    """What is injected at every sample (m, 6) [N]."""
+    forces = np.zeros((len(times), 6))
+    for k, time in enumerate(times.tolist()):
+        try:
+            forces[k] = real_array(injection(time), (6,))
+        except ValueError as error:
+            raise ControllerError(f"the injection at time {time:g} s {error}") from None
+    return forces
 
 
 def _force_limit(choice: schema.ActuatorChoice, platform: Platform) -> float | None:

@@ -41,6 +41,8 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
         parts.append((names, run.measured[at][:, signals.positions(used)]))
     parts.append((columns("controller.force", 6), run.command[at]))
     parts.append((columns("controller.feedforward", 6), prepared.loop.feedforward[at]))
+    if prepared.loop.injection is not None:
+        parts.append((columns("controller.injection", 6), prepared.loop.injection[at]))
     parts.append((columns("controller.state", run.controller_state.shape[1]), run.controller_state[at]))
     parts += _changed_parameters(prepared, run.time)
     parts.append((columns("flag.force_limited", 6), run.force_limited[at]))
@@ -72,7 +74,7 @@ def _changed_parameters(prepared: Prepared, time: FloatArray) -> list[tuple[list
     for variable in interface.VARIABLES:
         if not any(variable.name in change.parameters for change in changes):
             continue
-        values = np.tile(np.ravel(getattr(prepared.platform, variable.name)), (len(time), 1))
+        values = np.tile(np.ravel(getattr(prepared.machine, variable.name)), (len(time), 1))
         for change in changes:
             if variable.name in change.parameters:
                 # rows are multiples of the plant step up to rounding
@@ -95,5 +97,6 @@ def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> di
         "seed": prepared.loop.sensors.seed,
         "force_limit": actuators.force_limit,
         "platform": plain(prepared.platform),
+        "machine": plain(prepared.machine),
         "versions": versions(),
     }

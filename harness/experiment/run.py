@@ -1,15 +1,18 @@
 """Run an experiment: prepare it, open its plant, simulate the loop, keep the record."""
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.preparation import Injection, Prepared, prepare
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.loop import simulate
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.open import open_plant
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.progress import StepProgress, TimeProgress
 
@@ -18,9 +21,10 @@ def run(
     experiment: Experiment | Path | str,
     settings: Settings = (),
     *,
-    plant: PlantKind | None = None,
+    plant: PlantKind | Plant | None = None,
     fmu: Path | str | None = None,
     controller: Any = None,
+    injection: Injection | None = None,
     progress: TimeProgress | None = None,
     told: StepProgress | None = None,
 ) -> Record:
@@ -33,10 +37,13 @@ def run(
     settings
         Keys of the experiment to set anew, as `load_experiment` takes them.
     plant, fmu
-        In the place of the experiment's: "model", "fmu2" or "fmu3", and the file of an FMU; built if there is none.
+        In the place of the experiment's: "model", "fmu2" or "fmu3", and the file of an FMU, built if there is none; or
+        an object that keeps the rules of `Plant`, in its start state. Whoever gives an object closes it.
     controller
         In the place of the experiment's: a discrete python-control system, a `LinearController`, or a function of a
         `Sample` that gives six forces [N]. Feedforward stays as it is.
+    injection
+        A function of the time of a sample [s] that gives six forces [N], added to the command to excite the loop.
     progress
         Called with the time [s] of the run.
     told
@@ -55,32 +62,51 @@ def run(
     >>> record["position"][-1], record["error.leg_length"].shape
     """
     chosen = experiment_of(experiment, settings)
-    return run_prepared(chosen, prepare(chosen, controller), plant=plant, fmu=fmu, progress=progress, told=told)
+    prepared = prepare(chosen, controller, injection)
+    return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, told=told)
 
 
 def run_prepared(
     experiment: Experiment,
     prepared: Prepared,
     *,
-    plant: PlantKind | None = None,
+    plant: PlantKind | Plant | None = None,
     fmu: Path | str | None = None,
     progress: TimeProgress | None = None,
     told: StepProgress | None = None,
 ) -> Record:
     """`run` of an experiment that is prepared already."""
     choice = experiment.plant
-    kind = plant or choice.kind
-    if fmu is None and choice.fmu is not None and plant in (None, choice.kind):
-        fmu = experiment.folder / choice.fmu
-    with open_plant(
-        kind,
-        prepared.platform,
-        prepared.start,
-        tolerance=choice.tolerance,
-        fixed_step_size=choice.fixed_step_size,
-        fmu=fmu,
-        progress=told,
-    ) as opened:
+    if plant is None or isinstance(plant, str):
+        kind: PlantKind = plant or choice.kind
+        name: str = kind
+        if fmu is None and choice.fmu is not None and kind == choice.kind:
+            fmu = experiment.folder / choice.fmu
+        opening: AbstractContextManager[Plant] = open_plant(
+            kind,
+            prepared.machine,
+            prepared.start,
+            tolerance=choice.tolerance,
+            fixed_step_size=choice.fixed_step_size,
+            fmu=fmu,
+            progress=told,
+        )
+    else:
+        _check_plant(plant, fmu)
+        name, opening = type(plant).__name__, nullcontext(plant)
+    with opening as opened:
         done = simulate(opened, None if prepared.controller is None else prepared.law, prepared.loop, progress)
-    circumstances = {"title": experiment.title, "plant": kind, "experiment": experiment.model_dump(mode="json")}
+    circumstances = {"title": experiment.title, "plant": name, "experiment": experiment.model_dump(mode="json")}
     return record_of(done, prepared, circumstances)
+
+
+def _check_plant(plant: object, fmu: object) -> None:
+    """Refuse an object that is no plant, or a plant beside an FMU."""
+    missing = [name for name in ("set_inputs", "set_parameters", "results", "do_step") if not hasattr(plant, name)]
+    if missing:
+        raise PlantError(
+            f"plant is {plant!r}, without {', '.join(missing)}; expected 'model', 'fmu2', 'fmu3', or an object that "
+            "keeps the rules of gough_stewart.harness.plants.plant.Plant"
+        )
+    if fmu is not None:
+        raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected one of both")

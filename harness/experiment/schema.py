@@ -33,7 +33,7 @@ _SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
 class PlatformChoice(Section):
-    """`[platform]`: a preset, or a file of one's own; single parameters may be changed."""
+    """`[platform]`: what the designer believes; a preset, or a file of one's own; single parameters may be changed."""
 
     preset: str | None = None
     file: str | None = None
@@ -52,10 +52,13 @@ class PlatformChoice(Section):
 
 
 class PlantChoice(Section):
-    """`[plant]`: what simulates the platform."""
+    """`[plant]`: the machine, where it differs from what the designer believes, and what simulates it."""
 
     kind: PlantKind = "model"
     fmu: str | None = None
+    # the machine's own platform: another file, other values of single parameters
+    file: str | None = None
+    parameters: dict[str, Any] = Field(default_factory=dict)
     tolerance: Annotated[Number, Field(ge=1e-13, le=1e-2)] = 1e-8
     fixed_step_size: Time = 0.0
 
@@ -76,6 +79,7 @@ class LoopChoice(Section):
     sample_time: PositiveTime = 1e-3
     plant_step: PositiveTime | None = None
     delay: Annotated[int, Field(ge=0, le=1000)] = 0
+    jitter: Time = 0.0
 
 
 def _by_signal(value: Any) -> dict[str, float]:
@@ -98,10 +102,13 @@ PerSignal = Annotated[dict[str, float], BeforeValidator(_by_signal)]
 
 
 class SensorChoice(Section):
-    """`[sensors]`: standard deviation of noise and step of quantisation by signal."""
+    """`[sensors]`: standard deviation of noise and step of quantisation by signal, and their clock."""
 
     noise: PerSignal = Field(default_factory=dict)
     quantisation: PerSignal = Field(default_factory=dict)
+    # of the readings; the controller's, where it is left out
+    sample_time: PositiveTime | None = None
+    # of noise and jitter
     seed: Annotated[int, Field(ge=0)] = 0
 
 

@@ -147,15 +147,30 @@ def plain(platform: Platform) -> dict[str, Any]:
 
 
 def platform_of(record: Record) -> Platform:
-    """The platform of a run, from its metadata.
+    """The platform that the designer of a run believed in, from its metadata.
 
     Raises
     ------
     RecordError
         They hold none.
     """
+    return _platform_of(record, "platform")
+
+
+def machine_of(record: Record) -> Platform:
+    """The platform that was simulated, from the metadata of a run; `platform_of` where they tell of one platform only.
+
+    Raises
+    ------
+    RecordError
+        They hold none.
+    """
+    return _platform_of(record, "machine" if "machine" in record.metadata else "platform")
+
+
+def _platform_of(record: Record, key: str) -> Platform:
     try:
-        return Platform(**record.metadata["platform"])
+        return Platform(**record.metadata[key])
     except (KeyError, TypeError) as error:
         raise RecordError(
             f"the metadata hold no platform ({error}); expected what `gough-stewart run` writes"

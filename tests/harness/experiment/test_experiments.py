@@ -125,10 +125,10 @@ BROKEN = {
     ),
     "a number for a table": ("title = ", "limits = 3\ntitle = ", "limits: is 3; expected a table of keys"),
     "a change of nothing": ("[loop]", "[[change]]\nat = 1\n[loop]", "change.1: changes nothing"),
-    "a model without feedforward": (
+    "a model of the controller's own": (
         'feedforward = "gravity"',
         "model = {platform_mass = 3}",
-        "controller: model is what feedforward",
+        r"controller: the key model is no more.*\[plant.parameters\]",
     ),
     "a damping ratio beside gains": (
         'bandwidth = "2 Hz"',

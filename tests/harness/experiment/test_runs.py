@@ -72,7 +72,7 @@ def test_computed_torque_with_the_wrong_payload_is_worse(fmus: dict[str, Fmu]) -
     settings = ["loop.duration=1"]
     right, wrong = (
         run(shipped_experiment("circle_computed_torque", [*settings, *more]), plant="fmu3", fmu=fmus["3.0"].path)
-        for more in ([], ["controller.model.platform_mass=12"])
+        for more in ([], ["plant.parameters.platform_mass=12"])
     )
     assert np.abs(wrong["error.position"]).max() > 100 * np.abs(right["error.position"]).max()
 
