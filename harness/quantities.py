@@ -146,6 +146,7 @@ class _Vector:
 
 
 Number = Annotated[float, BeforeValidator(plain_number)]
+AnyTime = Annotated[float, _quantity("s")]
 Time = Annotated[float, _quantity("s", ">= 0")]
 PositiveTime = Annotated[float, _quantity("s", "> 0")]
 PositiveLength = Annotated[float, _quantity("m", "> 0")]

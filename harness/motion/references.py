@@ -15,7 +15,16 @@ from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
 from gough_stewart.harness.motion.profiles import motion_about, quintic, sine, step
 from gough_stewart.harness.motion.table import FromTable, read_reference
-from gough_stewart.harness.quantities import Angle, Frequency, Orientation, Position, PositiveLength, PositiveTime, Time
+from gough_stewart.harness.quantities import (
+    Angle,
+    AnyTime,
+    Frequency,
+    Orientation,
+    Position,
+    PositiveLength,
+    PositiveTime,
+    Time,
+)
 from gough_stewart.harness.section import Kind
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -210,11 +219,18 @@ class Circle(_AboutPose):
 
 
 class FromFile(ReferenceChoice):
-    """Go through the rows of a CSV file."""
+    """Go through the rows of a CSV file, from the file's `start_time` on, which is that of its first row by default.
+
+    `smoothing` is the cut-off of a low-pass without phase; see `FromTable.smoothed`.
+    """
 
     type: Literal["file"] = "file"
     file: str
+    start_time: AnyTime | None = None
+    smoothing: Frequency | None = None
 
     def about(self, platform: Platform, folder: Path = Path()) -> FromTable:  # noqa: ARG002 - the file has the poses
         """The file's poses, with quintic splines between them."""
-        return read_reference(folder / self.file)
+        table = read_reference(folder / self.file)
+        table = table.from_time(float(table.time[0]) if self.start_time is None else self.start_time)
+        return table if self.smoothing is None else table.smoothed(self.smoothing)

@@ -1,7 +1,7 @@
 """Reference motions from tables of poses, such as CSV files."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 _SPLINE_DEGREE = 5
+_FILTER_ORDER = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,7 @@ class FromTable:
     time: FloatArray  # (n,) [s]
     position: FloatArray  # (n, 3) [m]
     orientation: FloatArray  # (n, 3) [rad]
+    _spline: BSpline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         n = np.size(self.time)
@@ -69,9 +71,48 @@ class FromTable:
                 f"time {outside[0]:g} s is outside of the table, which goes from {first:g} to {last:g} s; make the run "
                 "shorter or the table longer"
             )
-        spline: BSpline = getattr(self, "_spline")  # noqa: B009 - set in __post_init__ on a frozen instance
         inside = np.clip(time, first, last)
-        return motion_of(*(spline(inside, k) for k in range(3)))
+        return motion_of(*(self._spline(inside, k) for k in range(3)))
+
+    def from_time(self, start: float) -> "FromTable":
+        """The same motion with its time [s] counted from `start`."""
+        return self if start == 0 else FromTable(self.time - start, self.position, self.orientation)
+
+    def smoothed(self, cutoff: float) -> "FromTable":
+        """Poses through a low-pass without phase, at even times.
+
+        A Butterworth filter of third order, forward and backward: gain 1/(1 + (√2 − 1)(f/fc)⁶), so that accelerations
+        of noise beyond fc fade as f⁻⁴. Rows at uneven times are resampled by the splines first.
+
+        Parameters
+        ----------
+        cutoff
+            [Hz]
+
+        Raises
+        ------
+        MotionError
+            The cut-off is not below half the rate of the rows, or the table shorter than the filter needs.
+        """
+        from scipy.signal import butter, sosfiltfilt  # takes a second to import, and is seldom needed
+
+        n = len(self.time)
+        time: FloatArray = np.linspace(self.time[0], self.time[-1], n)
+        rate = (n - 1) / float(time[-1] - time[0])
+        corner = cutoff * (math.sqrt(2) - 1) ** (-1 / (2 * _FILTER_ORDER))
+        if not corner < rate / 2:
+            raise MotionError(
+                f"smoothing is {cutoff:g} Hz; expected below {rate / 2.32:.3g} Hz, for rows at {rate:.4g} Hz"
+            )
+        sections = butter(_FILTER_ORDER, corner, fs=rate, output="sos")
+        # one period of the cut-off, mirrored at both ends
+        padding = math.ceil(rate / cutoff)
+        if not padding < n:
+            raise MotionError(
+                f"smoothing is {cutoff:g} Hz; expected above {rate / n:.3g} Hz, for {n} rows at {rate:.4g} Hz"
+            )
+        pose = sosfiltfilt(sections, self._spline(time), axis=0, padtype="odd", padlen=padding)
+        return FromTable(time, pose[:, :3], pose[:, 3:])
 
 
 def read_reference(path: Path | str) -> FromTable:

@@ -1,6 +1,7 @@
 """Reference motions against closed forms, central differences and what no motion may be."""
 
 import itertools
+import math
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -8,13 +9,23 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import polars
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import ExperimentError, MotionError
 from gough_stewart.harness.motion.motion import Motion, Reference
-from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, ReferenceChoice, Sine, Step
+from gough_stewart.harness.motion.references import (
+    Chirp,
+    Circle,
+    FromFile,
+    Hold,
+    PointToPoint,
+    ReferenceChoice,
+    Sine,
+    Step,
+)
 from gough_stewart.harness.motion.table import FromTable, read_reference
 from gough_stewart.harness.quantities import Velocity
 from gough_stewart.harness.section import ByType, Section
@@ -535,3 +546,62 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
         read_reference(tmp_path / "a.csv")
     with pytest.raises(MotionError, match=rf"{tmp_path.name}: (cannot read|is not CSV)"):
         read_reference(tmp_path)
+
+
+def log_of(start: float, step: float = 0.01, n: int = 800) -> FromTable:
+    """A slow sine in every coordinate, each with its own phase, from a time that is not 0."""
+    time: FloatArray = start + step * np.arange(float(n))
+    pose = 0.1 * np.sin(2 * np.pi * 0.4 * (time - start)[:, None] + np.arange(6))
+    return FromTable(time, pose[:, :3], pose[:, 3:])
+
+
+def written_log(log: FromTable, path: Path) -> None:
+    names = [f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3)]
+    table = np.column_stack([log.time, log.position, log.orientation])
+    polars.DataFrame(table, schema=["time", *names]).write_csv(path)
+
+
+def test_a_log_may_begin_at_any_time(tmp_path: Path) -> None:
+    """Expected: a run begins at the first row, or at the file's time that is named."""
+    log = log_of(12.3)
+    written_log(log, tmp_path / "log.csv")
+    platform, times = load_preset("liu2000"), np.array([0.0, 0.5, 2.0])
+    begin = FromFile(file="log.csv").about(platform, tmp_path)(times)
+    later = FromFile(file="log.csv", start_time=14.3).about(platform, tmp_path)(times)
+    assert begin.position == pytest.approx(0.1 * np.sin(2 * np.pi * 0.4 * times[:, None] + np.arange(3)), abs=1e-8)
+    assert later.position == pytest.approx(log(times + 14.3).position, abs=1e-12)
+    with pytest.raises(MotionError, match=r"time 8 s is outside of the table, which goes from 0 to 7\.99 s"):
+        FromFile(file="log.csv").about(platform, tmp_path)(np.array([8.0]))
+
+
+@pytest.mark.parametrize("frequency", [0.4, 2.0, 3.0, 6.0, 15.0])
+def test_smoothing_has_its_stated_gain_and_no_phase(frequency: float) -> None:
+    """Expected: 1/(1 + (√2 − 1)(f/fc)⁶), with the frequencies of the bilinear rule; far from the ends."""
+    rate, cutoff = 200.0, 3.0
+    time = np.arange(4000) / rate + 5.0
+    wave = np.sin(2 * np.pi * frequency * time[:, None] + np.arange(3))
+    smooth = FromTable(time, wave, -2 * wave).smoothed(cutoff)
+    warped = [math.tan(math.pi * f / rate) for f in (frequency, cutoff * (math.sqrt(2) - 1) ** (-1 / 6))]
+    gain = 1 / (1 + (warped[0] / warped[1]) ** 6)
+    middle = slice(800, 3200)
+    assert smooth.position[middle] == pytest.approx(gain * wave[middle], abs=1e-5)
+    assert smooth.orientation[middle] == pytest.approx(-2 * gain * wave[middle], abs=2e-5)
+
+
+def test_smoothing_takes_the_noise_out_of_accelerations() -> None:
+    """Expected: less than the motion's own 0.1 (0.8 π)² = 0.63 m/s², where 1 mm of noise alone makes tens of m/s²."""
+    log = log_of(0.0)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(log.time), 3))
+    noisy = FromTable(log.time, log.position + noise, log.orientation)
+    times = np.linspace(1.0, 7.0, 2000)
+    rough, smooth = (
+        np.abs(each(times).acceleration - log(times).acceleration).max() for each in (noisy, noisy.smoothed(1.5))
+    )
+    assert rough > 20
+    assert smooth < 0.3
+
+
+@pytest.mark.parametrize(("cutoff", "match"), [(60.0, "expected below 43.1 Hz, for rows at 100 Hz"), (0.05, "above")])
+def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str) -> None:
+    with pytest.raises(MotionError, match=match):
+        log_of(0.0).smoothed(cutoff)
