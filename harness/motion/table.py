@@ -32,7 +32,7 @@ class FromTable:
     time: FloatArray  # (n,) [s]
     position: FloatArray  # (n, 3) [m]
     orientation: FloatArray  # (n, 3) [rad]
-    _spline: BSpline = field(init=False, repr=False)
+    _spline: "BSpline" = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         n = np.size(self.time)

@@ -8,12 +8,12 @@ import pytest
 
 from gough_stewart.harness.control.laws import Sample
 from gough_stewart.harness.errors import ControllerError, ExperimentError, PlantError
-from gough_stewart.harness.experiment.analysis import analyse
+from gough_stewart.harness.experiment.analysis import margins
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.plants.plant import ModelPlant
+from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.results.record import machine_of, platform_of
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
@@ -100,11 +100,11 @@ def test_references_of_the_legs_and_gravity_are_those_believed() -> None:
 
 
 def test_gains_and_margins_come_from_the_belief() -> None:
-    """Expected: the same files, whatever the machine is; other ones where the belief changes."""
-    one, other = (analyse(experiment_with(machine)).files for machine in ({}, {"platform_mass": 900.0}))
-    assert one["margins.json"] == other["margins.json"]
+    """Expected: the same numbers, whatever the machine is; other ones where the belief changes."""
+    one, other = (margins(experiment_with(machine)) for machine in ({}, {"platform_mass": 900.0}))
+    assert one.as_dict() == other.as_dict()
     heavier = {"preset": "motion_base", "parameters": {"platform_mass": 900.0}}
-    assert analyse(experiment_with({}, platform=heavier)).files["margins.json"] != one["margins.json"]
+    assert margins(experiment_with({}, platform=heavier)).as_dict() != one.as_dict()
 
 
 def test_changes_during_a_run_are_changes_of_the_machine() -> None:
