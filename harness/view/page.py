@@ -14,7 +14,7 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, library, plotly
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.results.metrics import finite_part, metrics
-from gough_stewart.harness.results.record import Record, outcome_text, platform_of
+from gough_stewart.harness.results.record import Record, machine_of, outcome_text, platform_of
 from gough_stewart.harness.results.tables import metrics_sheets
 from gough_stewart.harness.view.charts import DASHES, chart_of, points_of
 from gough_stewart.harness.view.scene import FRAMES, frame_rows, scene_of
@@ -93,7 +93,8 @@ class _Shown(NamedTuple):
 
     record: Record
     finite: Record  # its rows that can be drawn
-    platform: Platform
+    platform: Platform  # the machine's own
+    believed: Platform
     name: str
 
 
@@ -101,7 +102,7 @@ def _shown(record: Record, name: str) -> _Shown:
     if "outcome" not in record.metadata:
         raise RecordError(f"{name}: the metadata hold no outcome; expected what `gough-stewart run` writes")
     try:
-        platform = platform_of(record)
+        platform, believed = machine_of(record), platform_of(record)
         finite = finite_part(record)
         sizes = [np.abs(finite[column]).max(axis=1) for column in _DRAWN]
     except GoughStewartError as error:
@@ -110,7 +111,7 @@ def _shown(record: Record, name: str) -> _Shown:
     rows = finite.table.height if small.all() else int(small.argmin())
     if not rows:
         raise RecordError(f"{name}: no row with finite values; there is nothing to show")
-    return _Shown(record, Record(finite.table.head(rows), record.metadata), platform, name)
+    return _Shown(record, Record(finite.table.head(rows), record.metadata), platform, believed, name)
 
 
 def _lead(record: Record) -> str:
@@ -141,13 +142,13 @@ def _heads(shown: Sequence[_Shown]) -> str:
 
 def _tables(shown: Sequence[_Shown], more: Sequence[Sheet]) -> str:
     parts = ["<h2>Results</h2>", _sheets(more)] if more else []
-    for record, finite, platform, name in shown:
+    for record, finite, platform, believed, name in shown:
         limits = limits_sheet(finite, platform)
         parts += [
             f"<h2>{html.escape(name) if len(shown) > 1 else 'Metrics'}</h2>",
             _sheets([*metrics_sheets(metrics(record)), *([limits] if limits else [])]),
             "<details><summary>Run, parameters, versions</summary>",
-            _sheets([run_sheet(record), parameters_sheet(platform), versions_sheet(record)], "sheets wide"),
+            _sheets([run_sheet(record), parameters_sheet(platform, believed), versions_sheet(record)], "sheets wide"),
             "</details>",
         ]
     return "".join(parts)

@@ -54,13 +54,22 @@ def limits_sheet(record: Record, platform: Platform) -> Sheet | None:
     return sheet if sheet.rows else None
 
 
-def parameters_sheet(platform: Platform) -> Sheet:
-    """Every parameter of the platform."""
-    sheet = Sheet(f"Platform: {platform.name}", ("", ""))
-    for name, value in platform.as_dict().items():
+def parameters_sheet(machine: Platform, believed: Platform) -> Sheet:
+    """Every parameter of the machine, and beside it what the designer believed where that is something else."""
+    differ = machine != believed
+    sheet = Sheet(f"Platform: {machine.name}", ("", "machine", "believed") if differ else ("", ""))
+    values = believed.as_dict()
+    for name, value in machine.as_dict().items():
         if value is None or name == "name":
             continue
-        sheet.add(Named(name, TABLE[name].unit) if name in TABLE else name, _plain(value))
+        texts = [_plain(value)]
+        if differ:
+            texts.append(
+                ""
+                if values.get(name) is not None and np.array_equal(value, values[name])
+                else _plain(values.get(name, "–"))
+            )
+        sheet.add(Named(name, TABLE[name].unit) if name in TABLE else name, *texts)
     return sheet
 
 

@@ -15,14 +15,17 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.sources import standard_headers
+from gough_stewart.harness.experiment.file import experiment_from, with_settings
 from gough_stewart.model import interface
 from tests.support.c_hosts import ZIG
 from tests.support.fmu_plants import Fmu
@@ -94,7 +97,7 @@ def built(fmus: dict[str, Fmu], tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 def test_every_language_is_dealt_with() -> None:
-    known = {"python", "sh", "c", *NOT_RUN}
+    known = {"python", "sh", "c", "toml", *NOT_RUN}
     assert [b.place for b in BLOCKS if b.language not in known] == []
 
 
@@ -199,6 +202,13 @@ def test_every_table_has_a_head(page: str) -> None:
     lines = ["", *(ROOT / page).read_text(encoding="utf-8").splitlines(), ""]
     firsts = [k for k in range(1, len(lines) - 1) if lines[k].startswith("|") and not lines[k - 1].startswith("|")]
     assert [lines[k] for k in firsts if not lines[k + 1].startswith("| ---")] == []
+
+
+@pytest.mark.parametrize("block", of_language("toml"), ids=lambda b: b.place)
+def test_experiment_files_run(block: Block) -> None:
+    """Expected: that it completes; a tenth of a second shows whether its keys are right."""
+    experiment = experiment_from(with_settings(tomllib.loads(block.text), ["loop.duration=0.1"]))
+    assert gs.run(experiment).metadata["outcome"]["status"] == "completed"
 
 
 @pytest.mark.parametrize("block", of_language("c"), ids=lambda b: b.place)

@@ -188,7 +188,10 @@ def test_the_units_page_names_every_parameter_and_which_are_tunable(uneven: Plat
 
 
 def test_the_page_of_records_shows_every_parameter_with_its_unit(uneven: Platform) -> None:
-    rows = {getattr(first, "what", first): getattr(first, "unit", None) for first, *_ in parameters_sheet(uneven).rows}
+    rows = {
+        getattr(first, "what", first): getattr(first, "unit", None)
+        for first, *_ in parameters_sheet(uneven, uneven).rows
+    }
     assert {name: rows[name] for name in ALL} == {name: expected.unit for name, expected in ALL.items()}
 
 
