@@ -11,7 +11,6 @@ from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 Feedforward = Literal["none", "gravity", "computed_torque"]
-KINDS: tuple[Feedforward, ...] = ("none", "gravity", "computed_torque")
 
 
 def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatArray:

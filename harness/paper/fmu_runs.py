@@ -1,7 +1,7 @@
 """The open-loop case through the FMU, as any importer would run it: by FMPy."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -9,11 +9,11 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase
 
-FmiType = Literal["CoSimulation", "ModelExchange"]
 TOLERANCE = 1e-8
 
 
@@ -26,34 +26,32 @@ def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.floa
     ------
     StepError
         The FMU or the solver gave up, with what the FMU told.
+    PlantError
+        As `UnitFile` and `Unit`.
     """
-    description = fmpy.read_model_description(str(fmu))
-    scalars = description.fmiVersion == "2.0"
-    starts, columns = dict[str, Any](), list[str]()
-    for name, value in {**case.start._asdict(), "actuator_force": case.actuator_force}.items():
-        elements = BY_NAME[name].variable.scalar_names
-        starts |= dict(zip(elements, value.tolist(), strict=True)) if scalars else {name: value.tolist()}
-    for variable in interface.STATES:
-        columns += variable.scalar_names if scalars else [variable.name]
-    told: list[str] = []
-    try:
-        result = fmpy.simulate_fmu(
-            str(fmu),
-            model_description=description,
-            fmi_type=fmi_type,
-            start_values=starts,
-            output=columns,
-            stop_time=case.duration,
-            output_interval=case.duration / (len(case.time) - 1),
-            relative_tolerance=TOLERANCE,
-            debug_logging=True,
-            # instance name comes first in FMI 2.0; the message is last in both
-            logger=lambda *arguments: told.append(arguments[-1].decode()),
-        )
-    except (FMICallException, RuntimeError) as error:
-        reason = "; ".join([*told, str(error)])
-        raise StepError(f"FMI {description.fmiVersion} {fmi_type}", float("nan"), float("nan"), reason) from error
-    if told or len(result) != len(case.time):
-        last = float(result["time"][-1])
-        raise StepError(f"FMI {description.fmiVersion} {fmi_type}: rows", len(result), last, "; ".join(told))
-    return np.concatenate([np.asarray(result[c]).reshape(len(result), -1) for c in columns], axis=1)
+    with UnitFile(fmu) as file, Unit(file, fmi_type) as unit:
+        starts, columns = dict[str, Any](), list[str]()
+        for name, value in {**case.start._asdict(), "actuator_force": case.actuator_force}.items():
+            elements = BY_NAME[name].variable.scalar_names
+            starts |= dict(zip(elements, value.tolist(), strict=True)) if unit.is_fmi2 else {name: value.tolist()}
+        for variable in interface.STATES:
+            columns += variable.scalar_names if unit.is_fmi2 else [variable.name]
+        who = f"FMI {file.version} {fmi_type}"
+        try:
+            result = fmpy.simulate_fmu(
+                str(file.folder),
+                model_description=file.description,
+                fmu_instance=unit.fmu,
+                fmi_type=fmi_type,
+                start_values=starts,
+                output=columns,
+                stop_time=case.duration,
+                output_interval=case.duration / (len(case.time) - 1),
+                relative_tolerance=TOLERANCE,
+            )
+        except (FMICallException, RuntimeError) as error:
+            reason = "; ".join(text for text in (unit.told(), str(error)) if text)
+            raise StepError(who, float("nan"), float("nan"), reason) from error
+        if unit.messages or len(result) != len(case.time):
+            raise StepError(f"{who}: rows", len(result), float(result["time"][-1]), unit.told())
+        return np.concatenate([np.asarray(result[c]).reshape(len(result), -1) for c in columns], axis=1)

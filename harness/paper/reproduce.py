@@ -12,9 +12,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 from gough_stewart.harness.paper import figures, readings, report
 from gough_stewart.harness.paper.agreement import agreement, of_fmus
-from gough_stewart.harness.paper.fmu_runs import FmiType, run_fmu
+from gough_stewart.harness.paper.fmu_runs import run_fmu
 from gough_stewart.harness.paper.open_loop import run_kane, run_kernel, run_stepping
 from gough_stewart.harness.paper.record import csv_of, record_of_case
+from gough_stewart.harness.plants.unit import FmiType
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import Role
+from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.platform import Platform
@@ -442,9 +443,15 @@ def test_a_failed_step_undoes_what_was_set_between(fmu3: Fmu) -> None:
     p.free()
 
 
-@pytest.mark.parametrize("options", [{"eventModeUsed": True}, {"requiredIntermediateVariables": [4711]}])
-def test_what_is_not_declared_gives_no_instance(fmu3: Fmu, options: dict[str, Any]) -> None:
-    with pytest.raises(Exception, match="instantiate"):
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"eventModeUsed": True}, "event mode is not offered"),
+        ({"requiredIntermediateVariables": [4711]}, "value reference 4711 is not available in intermediate updates"),
+    ],
+)
+def test_what_is_not_declared_gives_no_instance(fmu3: Fmu, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(PlantError, match=f"gives no instance: .*{message}"):
         Plant(fmu3, **options)
 
 

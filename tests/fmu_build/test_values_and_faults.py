@@ -8,6 +8,7 @@ import pytest
 
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import Role
+from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, PlatformError
 from gough_stewart.model.formulations.cases import paper_case
@@ -62,6 +63,7 @@ def test_a_value_that_no_platform_has_is_discarded_by_name(
         assert refused(p.set, name, value) == DISCARD
         assert np.array_equal(p.get(name), before)
         (message,) = p.messages
+        assert message.instance == ("plant" if p.is_fmi2 else None)
         assert (message.status, message.category) == (DISCARD, "logStatusDiscard")
         assert found in message.text
         assert expected in message.text
@@ -209,16 +211,16 @@ def test_unknown_references_wrong_counts_and_null_pointers_are_errors(fmu: Fmu) 
 
 
 def test_an_importer_with_another_description_gets_no_instance(fmu: Fmu) -> None:
-    with pytest.raises(Exception, match="instantiate"):
+    with pytest.raises(PlantError, match=r"gives no instance: .*wrong token 'another'; expected"):
         plant(fmu, token="another").__enter__()
-    with pytest.raises(Exception, match="instantiate"):
+    with pytest.raises(PlantError, match=r"gives no instance: .*name"):
         plant(fmu, name=" ").__enter__()
 
 
 def test_an_unknown_kind_of_unit_gets_no_instance_and_says_so(fmu2: Fmu) -> None:
     with plant(fmu2) as p:
         instantiate = p.fmu.dll.fmi2Instantiate
-        assert not instantiate(b"plant", 7, fmu2.token.encode(), b"", byref(p._callbacks), 0, 0)
+        assert not instantiate(b"plant", 7, fmu2.token.encode(), b"", byref(p.callbacks), 0, 0)
         assert "no FMU type 7" in p.messages[-1].text
 
 

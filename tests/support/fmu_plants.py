@@ -3,26 +3,17 @@
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import (
-    FMU2Model,
-    FMU2Slave,
-    calloc,
-    fmi2CallbackFunctions,
-    fmi2CallbackLoggerTYPE,
-    free,
-)
-from fmpy.fmi3 import FMU3Model, FMU3Slave, fmi3Float64, fmi3Int32, fmi3ValueReference
+from fmpy.fmi3 import fmi3Float64, fmi3Int32, fmi3ValueReference
 from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import ROWS
+from gough_stewart.harness.plants.unit import Unit, UnitFile, references
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
@@ -30,72 +21,24 @@ OK, WARNING, DISCARD, ERROR = range(4)
 N = interface.size_of(interface.STATES)
 
 
-class Fmu:
-    """An FMU unpacked."""
+class Fmu(UnitFile):
+    """An FMU unpacked beside itself."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.folder = Path(fmpy.extract(str(path), unzipdir=tempfile.mkdtemp(dir=path.parent)))
-        self.description = fmpy.read_model_description(str(path))
-
-    @property
-    def version(self) -> str:
-        """2.0 or 3.0."""
-        return str(self.description.fmiVersion)
-
-    @property
-    def token(self) -> str:
-        """Guid or instantiation token."""
-        return str(self.description.guid or self.description.instantiationToken)
+        super().__init__(path, Path(tempfile.mkdtemp(dir=path.parent)))
 
 
-@dataclass(frozen=True)
-class Message:
-    """What an instance told its importer."""
+class Plant(Unit):
+    """An instance with more of what FMPy can do."""
 
-    status: int
-    category: str
-    text: str
-
-
-class Plant:
-    """An instance."""
-
-    def __init__(self, fmu: Fmu, co_simulation: bool = True, logging: bool = True, **options: Any) -> None:
-        self.is_fmi2 = fmu.version == "2.0"
-        self.messages: list[Message] = []
-        identifier = "gough_stewart"
-        arguments = {
-            "guid": options.pop("token", fmu.token),
-            "unzipDirectory": str(fmu.folder),
-            "modelIdentifier": identifier,
-            "instanceName": options.pop("name", "plant"),
-        }
-        self.fmu: Any
-        if self.is_fmi2:
-            self.fmu = (FMU2Slave if co_simulation else FMU2Model)(**arguments)
-            self._callbacks = fmi2CallbackFunctions()
-            self._callbacks.logger = fmi2CallbackLoggerTYPE(self._log2)
-            self._callbacks.allocateMemory = type(self._callbacks.allocateMemory)(calloc)
-            self._callbacks.freeMemory = type(self._callbacks.freeMemory)(free)
-            self.fmu.instantiate(callbacks=self._callbacks, loggingOn=logging)
-        else:
-            self.fmu = (FMU3Slave if co_simulation else FMU3Model)(**arguments)
-            self.fmu.instantiate(loggingOn=logging, logMessage=self._log3, **options)
-
-    def _log2(self, _environment: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
-        assert name.decode() == self.fmu.instanceName
-        self.messages.append(Message(status, category.decode(), message.decode()))
-
-    def _log3(self, _environment: Any, status: int, category: bytes, message: bytes) -> None:
-        self.messages.append(Message(status, category.decode(), message.decode()))
+    def __init__(self, fmu: Fmu, co_simulation: bool = True, **options: Any) -> None:
+        super().__init__(fmu, "CoSimulation" if co_simulation else "ModelExchange", **options)
 
     # --- values ------------------------------------------------------------------------------------------------
 
     def references(self, name: str) -> list[int]:
         """Value references of a whole variable."""
-        row = layout.BY_NAME[name]
-        return list(range(row.first, row.first + row.variable.size)) if self.is_fmi2 else [row.reference]
+        return references(name, self.is_fmi2)
 
     def set(self, name: str, value: ArrayLike) -> None:
         """Set a whole variable."""
@@ -135,18 +78,7 @@ class Plant:
             self.set_platform(platform)
         for name, value in (values or {}).items():
             self.set(name, value)
-        if self.is_fmi2:
-            self.fmu.setupExperiment(tolerance=tolerance, startTime=time, stopTime=stop)
-            self.fmu.enterInitializationMode()
-        else:
-            self.fmu.enterInitializationMode(tolerance=tolerance, startTime=time, stopTime=stop)
-        self.fmu.exitInitializationMode()
-        if isinstance(self.fmu, FMU2Model):
-            self.fmu.newDiscreteStates()
-            self.fmu.enterContinuousTimeMode()
-        elif isinstance(self.fmu, FMU3Model):
-            self.fmu.updateDiscreteStates()
-            self.fmu.enterContinuousTimeMode()
+        self.initialise(tolerance, time, stop)
         return self
 
     def step(self, time: float, step: float) -> Any:
@@ -186,28 +118,21 @@ class Plant:
 
     def output_rates(self, name: str) -> NDArray[np.float64]:
         """First time derivatives of an output."""
-        references, size = self.references(name), layout.BY_NAME[name].variable.size
+        found, size = self.references(name), layout.BY_NAME[name].variable.size
         if self.is_fmi2:
-            return np.array(self.fmu.getRealOutputDerivatives(references, [1] * size))
+            return np.array(self.fmu.getRealOutputDerivatives(found, [1] * size))
         values = (fmi3Float64 * size)()
         self.fmu.fmi3GetOutputDerivatives(
-            self.fmu.component, (fmi3ValueReference * 1)(*references), 1, (fmi3Int32 * 1)(1), values, size
+            self.fmu.component, (fmi3ValueReference * 1)(*found), 1, (fmi3Int32 * 1)(1), values, size
         )
         return np.array(values)
-
-    def free(self) -> None:
-        """The end."""
-        self.fmu.freeInstance()
 
 
 @contextmanager
 def plant(fmu: Fmu, co_simulation: bool = True, **options: Any) -> Iterator[Plant]:
     """An instance that is freed."""
-    made = Plant(fmu, co_simulation, **options)
-    try:
+    with Plant(fmu, co_simulation, **options) as made:
         yield made
-    finally:
-        made.free()
 
 
 def refused(call: Any, *arguments: Any) -> int:

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from gough_stewart.fmu_build.build import VERSIONS, build
-from gough_stewart.harness.paper.fmu_runs import FmiType, run_fmu
+from gough_stewart.harness.paper.fmu_runs import run_fmu
 from gough_stewart.harness.paper.open_loop import run_kernel
+from gough_stewart.harness.plants.unit import FmiType
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import paper_case
 

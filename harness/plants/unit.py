@@ -1,0 +1,249 @@
+"""A unit of this project in FMPy: its file unpacked, an instance with its messages, variables by name.
+
+The one place that knows how FMPy runs a unit. The plant, the runs of the paper and the tests of the unit stand on it.
+"""
+
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from ctypes import POINTER, Array, byref, c_bool, c_double, c_uint
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self
+
+import fmpy
+import numpy as np
+from fmpy.fmi2 import FMU2Model, FMU2Slave, calloc, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE, fmi2True, free
+from fmpy.fmi3 import FMU3Model, FMU3Slave
+from numpy.typing import ArrayLike
+
+from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.model import interface
+
+FmiType = Literal["CoSimulation", "ModelExchange"]
+_CLASSES = {
+    ("2.0", "CoSimulation"): FMU2Slave,
+    ("2.0", "ModelExchange"): FMU2Model,
+    ("3.0", "CoSimulation"): FMU3Slave,
+    ("3.0", "ModelExchange"): FMU3Model,
+}
+_REMEDY = "make one by `gough-stewart build`"
+
+
+class UnitFile:
+    """The file of a unit, unpacked until it is closed.
+
+    Parameters
+    ----------
+    path
+        The archive.
+    folder
+        An empty one to unpack it in, which stays; by default a temporary one, which `close` removes.
+
+    Raises
+    ------
+    PlantError
+        No such file, not an FMU, or an FMU of another model or version.
+    """
+
+    def __init__(self, path: Path | str, folder: Path | None = None) -> None:
+        self.path = Path(path)
+        self.description = _description_of(self.path)
+        self.version = str(self.description.fmiVersion)
+        self._temporary: tempfile.TemporaryDirectory[str] | None = None
+        if folder is None:
+            self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
+            folder = Path(self._temporary.name)
+        self.folder = folder
+        try:
+            fmpy.extract(str(self.path), unzipdir=str(self.folder))
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def token(self) -> str:
+        """GUID or instantiation token."""
+        return str(self.description.guid or self.description.instantiationToken)
+
+    def close(self) -> None:
+        """Remove the temporary folder; a second time does nothing."""
+        if self._temporary is not None:
+            self._temporary.cleanup()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Message(NamedTuple):
+    """What an instance tells its importer."""
+
+    status: int
+    category: str
+    text: str
+    instance: str | None  # its name, which FMI 3.0 leaves out
+
+
+class Values:
+    """Whole variables with a buffer for their values, in the form that a unit gets and sets them."""
+
+    def __init__(self, names: Iterable[str], is_fmi2: bool) -> None:
+        rows = [BY_NAME[name] for name in names]
+        size = interface.size_of(row.variable for row in rows)
+        found = [reference for row in rows for reference in references(row.variable.name, is_fmi2)]
+        self.array = np.zeros(size)
+        self._references: Array[c_uint] = (c_uint * len(found))(*found)
+        pointer = self.array.ctypes.data_as(POINTER(c_double))
+        self.arguments = (self._references, len(found), pointer) + (() if is_fmi2 else (size,))
+
+
+class Unit:
+    """An instance of a unit; `fmu` is FMPy's, for all that is not here. Calls that fail raise FMPy's FMICallException.
+
+    Parameters
+    ----------
+    options
+        Of FMI 3.0's instantiation, as FMPy names them.
+
+    Raises
+    ------
+    PlantError
+        No binary for this machine, or one that cannot be loaded or instantiated.
+    """
+
+    def __init__(
+        self,
+        file: UnitFile,
+        fmi_type: FmiType = "CoSimulation",
+        *,
+        name: str = "plant",
+        token: str | None = None,
+        logging: bool = True,
+        **options: Any,
+    ) -> None:
+        self.is_fmi2 = file.version == "2.0"
+        self.messages: list[Message] = []
+        interface_type = getattr(file.description, "coSimulation" if fmi_type == "CoSimulation" else "modelExchange")
+        arguments = {
+            "guid": file.token if token is None else token,
+            "unzipDirectory": str(file.folder),
+            "modelIdentifier": interface_type.modelIdentifier,
+            "instanceName": name,
+        }
+        try:
+            self.fmu: Any = _CLASSES[file.version, fmi_type](**arguments)
+            if self.is_fmi2:
+                # kept, since the instance calls them for as long as it lives
+                self.callbacks = fmi2CallbackFunctions()
+                self.callbacks.logger = fmi2CallbackLoggerTYPE(self._hear)
+                self.callbacks.allocateMemory = type(self.callbacks.allocateMemory)(calloc)
+                self.callbacks.freeMemory = type(self.callbacks.freeMemory)(free)
+                self.fmu.instantiate(callbacks=self.callbacks, loggingOn=logging)
+            else:
+                self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
+        except Exception as error:  # FMPy raises it bare
+            told = self.told()
+            reason = f"gives no instance: {told}" if told else f"does not run on this machine ({error})"
+            raise PlantError(f"{file.path}: {reason}; build it here by `gough-stewart build`") from error
+        if self.is_fmi2:
+            self._get, self._set = self.fmu.fmi2GetReal, self.fmu.fmi2SetReal
+        else:
+            self._get, self._set = self.fmu.fmi3GetFloat64, self.fmu.fmi3SetFloat64
+        if fmi_type == "CoSimulation":
+            # of what FMI 3.0 answers to a step only the status matters here: the unit has no events, and returns early
+            # only when asked to
+            answers = tuple(byref(each) for each in (c_bool(), c_bool(), c_bool(), c_double()))
+            self._step = self.fmu.fmi2DoStep if self.is_fmi2 else self.fmu.fmi3DoStep
+            self._step_arguments = (fmi2True,) if self.is_fmi2 else (True, *answers)
+
+    def read(self, values: Values) -> None:
+        """Fill the buffer."""
+        self._get(self.fmu.component, *values.arguments)
+
+    def write(self, values: Values) -> None:
+        """Hand the buffer over."""
+        self._set(self.fmu.component, *values.arguments)
+
+    def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
+        """Set whole variables, in one call."""
+        buffer = Values(values, self.is_fmi2)
+        buffer.array[:] = np.concatenate([np.ravel(value) for value in values.values()])
+        self.write(buffer)
+
+    def initialise(self, tolerance: float | None = None, time: float = 0.0, stop: float | None = None) -> None:
+        """Through initialisation; of Model Exchange on to continuous time."""
+        times = {"tolerance": tolerance, "startTime": time, "stopTime": stop}
+        if self.is_fmi2:
+            self.fmu.setupExperiment(**times)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(**times)
+        self.fmu.exitInitializationMode()
+        if isinstance(self.fmu, FMU2Model | FMU3Model):
+            (self.fmu.newDiscreteStates if self.is_fmi2 else self.fmu.updateDiscreteStates)()
+            self.fmu.enterContinuousTimeMode()
+
+    def do_step(self, time: float, step: float) -> None:
+        """A communication step of Co-Simulation."""
+        self._step(self.fmu.component, time, step, *self._step_arguments)
+
+    def told(self) -> str:
+        """What it has told since it was last asked; empty as long as all is well."""
+        texts = [message.text for message in self.messages]
+        self.messages.clear()
+        return "; ".join(texts)
+
+    def free(self) -> None:
+        """The end; a second time does nothing."""
+        fmu, self.fmu = self.fmu, None
+        if fmu is not None:
+            fmu.freeInstance()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.free()
+
+    def _hear(self, *arguments: Any) -> None:
+        # environment, in FMI 2.0 the instance's name, status, category, message
+        status, category, text = arguments[-3:]
+        name = arguments[1].decode() if self.is_fmi2 else None
+        self.messages.append(Message(status, category.decode(), text.decode(errors="replace"), name))
+
+
+def references(name: str, is_fmi2: bool) -> list[int]:
+    """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
+    row = BY_NAME[name]
+    return list(range(row.first, row.first + row.variable.size)) if is_fmi2 else [row.reference]
+
+
+def _description_of(path: Path) -> Any:
+    if not path.is_file():
+        raise PlantError(f"{path}: no such file; expected an FMU; {_REMEDY}")
+    try:
+        description = fmpy.read_model_description(str(path))
+    except Exception as error:  # FMPy, zipfile and lxml each have their own
+        raise PlantError(f"{path}: is not an FMU ({error}); {_REMEDY}") from error
+    if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
+        kind = f"FMI {description.fmiVersion}"
+        raise PlantError(
+            f"{path}: {kind}, {description.modelName}; expected Co-Simulation of FMI 2.0 or 3.0; {_REMEDY}"
+        )
+    found = {v.name: v.valueReference for v in description.modelVariables}
+    for name, reference in _expected(is_fmi2=description.fmiVersion == "2.0"):
+        if found.get(name) != reference:
+            raise PlantError(
+                f"{path}: is the FMU of another model or version, {description.modelName} (variable {name} not found "
+                f"where it belongs); {_REMEDY}"
+            )
+    return description
+
+
+def _expected(is_fmi2: bool) -> Iterator[tuple[str, int]]:
+    """Names of the interface with the value references that units of this project give them."""
+    for variable in interface.VARIABLES:
+        names = variable.scalar_names if is_fmi2 else (variable.name,)
+        yield from zip(names, references(variable.name, is_fmi2), strict=True)
