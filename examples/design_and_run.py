@@ -1,7 +1,5 @@
 """Design a PD controller on the linear model, look at its margins, run it on the FMU, draw what happened."""
 
-from pathlib import Path
-
 import gough_stewart as gs
 
 platform = gs.load_preset("motion_base")
@@ -11,4 +9,4 @@ print(gs.margins("heave_step", controller=controller))
 
 record = gs.run("heave_step", plant="fmu3", controller=controller)
 print(gs.metrics(record)["step_response"])
-Path("heave.png").write_bytes(gs.run_figures(record)["pose.png"])
+gs.save_record(record, "results/designed")  # record, metrics, figures

@@ -56,7 +56,8 @@ def build(
     fmi
         "2.0", "3.0".
     targets
-        Systems that the FMU shall run on: "native", "all", or names of `gough_stewart.fmu_build.targets`.
+        Systems that the FMU shall run on: "native", "all", or "x86_64-linux", "aarch64-linux", "x86_64-windows",
+        "x86_64-darwin", "aarch64-darwin".
     platform
         Gives the start values of the parameters; the paper's by default. Others can be set at run time.
     progress
@@ -68,6 +69,10 @@ def build(
         An unknown version or target, or the compiler's complaint.
     OutputError
         The files cannot be written there.
+
+    Examples
+    --------
+    >>> gs.build("fmus", fmi=["3.0"], targets=["x86_64-linux", "x86_64-windows"])
     """
     folder, told = Path(out), progress or (lambda _text: None)
     if platform is not None and not isinstance(platform, Platform):

@@ -4,32 +4,80 @@
 
     record = gs.run("heave_step", {"loop.duration": 1})
     print(gs.metrics(record))
+    gs.view(record, "heave.html")
 
-Names, by what they are for; `help(gs.run)` explains one, and each is loaded when it is first asked for.
+`help(gs.run)` explains a name. Units are SI; frames and signs are on the page "notation" of the documentation.
 
 Platforms
-    Platform, load_platform, save_platform, load_preset, preset_names
-Geometry and forces, over any leading axes
-    leg_geometry, leg_jacobian, forward_kinematics, static_leg_forces, mass_matrix, inverse_dynamics; State,
-    Acceleration, stack
-Stepping and compiling the plant
-    SteppingModel, VARIABLES, build
-Linear model, as python-control systems
-    plant_system, trim, linearise, modes
-Controllers
-    gains_from_bandwidth, Gains, pid, sampled, LinearController, Sample
-Experiments
-    experiment_names, load_experiment, Experiment, run, margins, LoopMargins
-Results
-    Record, read_record, save_record, metrics, run_figures, view
-Workspace
-    sweep, evaluate_poses
-The paper
-    reproduce
-Errors
-    GoughStewartError, the base of all; StepError, UnstableLoopError
+    Platform                  geometry, masses, friction, gravity, home pose, limits; checked, read-only
+    load_platform             a platform from a TOML file
+    save_platform             a platform to a TOML file
+    load_preset               a platform that ships, such as "motion_base"
+    preset_names              the names of those
 
-Everything else in this package is internal: it may move or change from version to version.
+Geometry and forces, over any leading axes
+    leg_geometry              vectors, lengths and directions of the legs in a pose
+    leg_jacobian              from the platform's velocities to those of the legs
+    forward_kinematics        the pose that has given leg lengths
+    static_leg_forces         forces that hold a pose
+    mass_matrix               of the platform with its legs, 6×6
+    inverse_dynamics          forces that give an acceleration
+    State                     pose and velocities
+    Acceleration              of the platform, linear and angular
+    stack                     many platforms as one batch
+
+The plant
+    SteppingModel             the platform as a plant: set forces, do a step, get results
+    build                     the same as compiled FMUs
+    VARIABLES                 the table of their variables: names, shapes, units
+
+Linear model, as python-control systems
+    plant_system              the platform, nonlinear
+    linearise                 the platform about rest in a pose, by exact Jacobians
+    trim                      rest in a pose, and the forces that hold it
+    modes                     frequency and damping of a linear system
+
+Controllers
+    PD, PID                   as an experiment has them, from bandwidth or gains
+    gains_from_bandwidth      gains from bandwidth and damping
+    Gains                     gains of one's own
+    pid                       gains as a continuous python-control system
+    sampled                   a continuous controller in discrete time
+    LinearController          a controller that feeds back other signals than leg lengths
+    Sample                    what a controller that is a function gets
+
+Motions
+    Hold, Step, PointToPoint  stay, jump, go
+    Sine, Chirp, Circle       swing, swing faster and faster, go round
+
+Experiments
+    experiment_names          those that ship
+    load_experiment           one of them, or a TOML file, with settings of one's own
+    Experiment                what it gives
+    run                       run one, on the model or the FMU
+    margins                   how far its loop is from instability
+    LoopMargins               what that gives
+
+Results
+    Record                    a run, row by row
+    read_record               a record from its files
+    save_record               a record to its files, with metrics and figures
+    metrics                   tracking, step response, forces, power, energy
+    view                      a page for the browser: the platform moving beside curves
+
+Workspace
+    sweep                     where a platform can go, how well, how strongly, on a grid
+    evaluate_poses            the same at poses of one's own
+
+The paper
+    reproduce                 Liu, Li & Li (2000) by five roads, compared
+
+Errors
+    GoughStewartError         the base of all that is raised on purpose
+    StepError                 a step that the platform cannot do
+    UnstableLoopError         a loop that has no margins
+
+Whatever has no place here is internal, and may change from version to version.
 """
 
 from functools import cache
@@ -50,8 +98,6 @@ def _homes() -> dict[str, str]:
 def __getattr__(name: str) -> object:
     """Load a public name at its first use (PEP 562)."""
     value: object
-    if name == "__all__":
-        return [*_homes(), "__version__"]
     if name == "__version__":
         from importlib.metadata import version
 

@@ -1,6 +1,8 @@
 """The public names: type checkers read them here, and `__init__.py` loads each from its module when it is asked for."""
 
 from gough_stewart.fmu_build.build import build as build
+from gough_stewart.harness.control.controllers import PD as PD
+from gough_stewart.harness.control.controllers import PID as PID
 from gough_stewart.harness.control.gains import gains_from_bandwidth as gains_from_bandwidth
 from gough_stewart.harness.control.laws import LinearController as LinearController
 from gough_stewart.harness.control.laws import Sample as Sample
@@ -19,8 +21,13 @@ from gough_stewart.harness.experiment.file import load_experiment as load_experi
 from gough_stewart.harness.experiment.files import save_record as save_record
 from gough_stewart.harness.experiment.run import run as run
 from gough_stewart.harness.experiment.schema import Experiment as Experiment
+from gough_stewart.harness.motion.references import Chirp as Chirp
+from gough_stewart.harness.motion.references import Circle as Circle
+from gough_stewart.harness.motion.references import Hold as Hold
+from gough_stewart.harness.motion.references import PointToPoint as PointToPoint
+from gough_stewart.harness.motion.references import Sine as Sine
+from gough_stewart.harness.motion.references import Step as Step
 from gough_stewart.harness.paper.reproduce import reproduce as reproduce
-from gough_stewart.harness.results.figures import run_figures as run_figures
 from gough_stewart.harness.results.metrics import metrics as metrics
 from gough_stewart.harness.results.record import Record as Record
 from gough_stewart.harness.results.record import read_record as read_record

@@ -64,7 +64,8 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     """Mass matrix M (..., 6, 6) for the twist [v; ω]; symmetric, positive definite.
 
     M = [[m 1, −m r̃], [m r̃, J − m r̃ r̃]] + Σ_i G_iᵀ E_i G_i, with Ṗ_i = G_i [v; ω], G_i = [1, −c̃_i], E_i the
-    apparent mass of leg i at P_i (see `leg_dynamics`), r = R r_G, J = R J_p Rᵀ.
+    apparent mass of leg i at P_i (see `leg_dynamics`), r = R r_G, J = R J_p Rᵀ. In kg, kg m and kg m²; position [m],
+    orientation [rad] (..., 3).
     """
     legs = leg_geometry(parameters, position, orientation)
     return _mass_matrix(parameters, legs, _lumped_body(parameters, orientation, legs))
@@ -110,6 +111,12 @@ def inverse_dynamics(
     ------
     SingularPoseError
         The leg forces cannot produce the wrench at this pose.
+
+    Examples
+    --------
+    >>> platform, rest = gs.load_preset("motion_base"), np.zeros(3)
+    >>> state = gs.State(platform.home_position, platform.home_orientation, rest, rest)
+    >>> gs.inverse_dynamics(platform, state, gs.Acceleration(np.array([0, 0, 2.0]), rest))
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
     body = _lumped_body(parameters, state.orientation, legs)
@@ -127,10 +134,17 @@ def static_leg_forces(
 ) -> Array:
     """Actuator forces (..., 6) [N] that hold a pose at rest against gravity and an external wrench.
 
+    Position [m], orientation [rad] (..., 3); the wrench (..., 6) [N, N m] at Op, in world components.
+
     Raises
     ------
     SingularPoseError
         The leg forces cannot hold this pose.
+
+    Examples
+    --------
+    >>> platform = gs.load_preset("liu2000")
+    >>> gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
     """
     rest = 0 * position
     state = State(position, orientation, rest, rest)

@@ -61,6 +61,11 @@ def forward_kinematics(
         The guess, or a pose on the way, has a pitch of ±90°.
     InterfaceError
         Lengths or guess of a wrong shape, not finite, lengths ≤ 0, or a tolerance that is none.
+
+    Examples
+    --------
+    >>> found = gs.forward_kinematics(gs.load_preset("liu2000"), [3.24, 3.25, 3.26, 3.25, 3.24, 3.25])
+    >>> found.position, found.orientation, found.residual
     """
     if not 0 < tolerance <= 1e-3:
         raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-3], say 1e-12")

@@ -44,6 +44,11 @@ def leg_geometry(parameters: Parameters, position: Array, orientation: Array) ->
     """Vectors, lengths and directions of the legs at a pose.
 
     l_i = t + R p_i − B_i, L_i = |l_i|, u_i = l_i / L_i; position [m], orientation [rad] (..., 3).
+
+    Examples
+    --------
+    >>> platform = gs.load_preset("liu2000")
+    >>> gs.leg_geometry(platform, platform.home_position, platform.home_orientation).length
     """
     # (..., 1, 3, 3) rotations on (..., 6, 3) points: R_ab p_ib summed over b
     R = matrix_from_orientation(orientation)[..., None, :, :]
@@ -73,7 +78,7 @@ def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
 def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Leg Jacobian J (..., 6, 6) with L̇ = J [v; ω], and wrench [force; torque about Op] = Jᵀ F.
 
-    Row i is [u_iᵀ, (c_i × u_i)ᵀ], [1] and [m].
+    Row i is [u_iᵀ, (c_i × u_i)ᵀ], [1] and [m]; position [m], orientation [rad] (..., 3).
     """
     return jacobian_of_legs(leg_geometry(parameters, position, orientation))
 

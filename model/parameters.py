@@ -163,7 +163,14 @@ PHYSICAL = tuple(_rows(ParametersOf).values())
 
 
 def stack(parameters: Sequence[Parameters]) -> Parameters:
-    """Many platforms as one batch: every parameter gets a leading axis of their number."""
+    """Many platforms as one batch: every parameter gets a leading axis of their number.
+
+    Examples
+    --------
+    >>> platforms = gs.stack([gs.load_preset("liu2000"), gs.load_preset("motion_base")])
+    >>> gs.mass_matrix(platforms, np.array([0, 0, 2.5]), np.zeros(3)).shape
+    (2, 6, 6)
+    """
     return Parameters(
         **{p.name: np.stack([np.asarray(getattr(each, p.name)) for each in parameters]) for p in PHYSICAL}
     )

@@ -63,12 +63,17 @@ def platform_to_toml(platform: Platform) -> str:
 
 
 def load_platform(path: Path | str) -> Platform:
-    """Read a platform file.
+    """Read a platform from a TOML file: the fields of `Platform` by name, in SI units.
 
     Raises
     ------
     PlatformFileError
-        The file cannot be read, or as `platform_from_toml`.
+        The file cannot be read, is not TOML, has an unknown key, misses one, or says what no platform can have.
+
+    Examples
+    --------
+    >>> gs.save_platform(gs.load_preset("motion_base"), "mine.toml")
+    >>> platform = gs.load_platform("mine.toml")
     """
     path = Path(path)
     try:
@@ -80,7 +85,7 @@ def load_platform(path: Path | str) -> Platform:
 
 
 def save_platform(platform: Platform, path: Path | str) -> None:
-    """Write a platform file, whole or not at all.
+    """Write a platform as TOML that `load_platform` reads back to an equal one; whole or not at all.
 
     Raises
     ------
@@ -94,7 +99,7 @@ def save_platform(platform: Platform, path: Path | str) -> None:
 
 
 def preset_names() -> tuple[str, ...]:
-    """Names of the platforms that ship with the package."""
+    """Names of the platforms that ship with the package, for `load_preset`."""
     return shipped.names(*_PRESETS)
 
 
@@ -112,12 +117,16 @@ def preset_text(name: str) -> str:
 
 
 def load_preset(name: str) -> Platform:
-    """The platform that ships under this name, for instance `liu2000`.
+    """The platform that ships under a name: the paper's `liu2000`, `desktop_hexapod` or `motion_base`.
 
     Raises
     ------
     PlatformFileError
-        No preset of that name.
+        No preset of that name; the nearest is suggested.
+
+    Examples
+    --------
+    >>> gs.load_preset("motion_base").platform_mass
     """
     return platform_from_toml(preset_text(name), f"preset '{name}'")
 

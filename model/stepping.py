@@ -67,6 +67,13 @@ class SteppingModel:
         The plant's parameters and home pose.
     tolerance
         Of the integration, from 1e-13 to 1e-2.
+
+    Examples
+    --------
+    >>> plant = gs.SteppingModel(gs.load_preset("liu2000"))
+    >>> plant.set("actuator_force", [30.0] * 6)
+    >>> plant.do_step(0.0, 0.01)
+    >>> plant.get("position"), plant.get("leg_length[3]")
     """
 
     # sign of det J of the present pose, None where it has to be checked anew

@@ -73,7 +73,7 @@ class PoseQualities(NamedTuple):
 
 
 def evaluate_poses(
-    platform: Platform, position: Array, orientation: Array, told: Callable[[int], None] | None = None
+    platform: Platform, position: Array, orientation: Array, progress: Callable[[int], None] | None = None
 ) -> PoseQualities:
     """Reach, conditioning and static strength at poses.
 
@@ -87,8 +87,13 @@ def evaluate_poses(
     ----------
     position, orientation
         Poses (..., 3) [m], [rad]; they broadcast.
-    told
+    progress
         Called with the number of poses that are done.
+
+    Examples
+    --------
+    >>> found = gs.evaluate_poses(gs.load_preset("motion_base"), [[0, 0, 2.0], [0, 0, 3.5]], [0, 0.1, 0])
+    >>> found.reachable, found.condition_number, found.payload
     """
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     shape = position.shape[:-1]
@@ -98,8 +103,8 @@ def evaluate_poses(
     for first in range(0, max(len(positions), 1), CHUNK):
         here = slice(first, first + CHUNK)
         parts.append(_evaluated(platform, positions[here], orientations[here]))
-        if told is not None:
-            told(min(first + CHUNK, len(positions)))
+        if progress is not None:
+            progress(min(first + CHUNK, len(positions)))
     columns: list[Any] = [None if c[0] is None else np.concatenate(c) for c in zip(*parts, strict=True)]
     return PoseQualities._make(None if column is None else column.reshape(shape) for column in columns)
 

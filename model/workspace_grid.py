@@ -64,25 +64,32 @@ def sweep(
     over: Mapping[str, Range | None] | None = None,
     at: Mapping[str, float] | None = None,
     points: int | None = None,
-    told: Callable[[int], None] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> Workspace:
-    """Reach, conditioning and static strength on a grid of poses.
+    """Where a platform can go, how well and how strongly: `evaluate_poses` on a grid.
 
     Parameters
     ----------
+    platform
+        Whose limits count; those that it does not state keep it from nothing.
     over
         Two or three coordinates and their ranges [m or rad]; None lets the range be found. Default: x and y.
     at
         Values of other coordinates [m or rad]; those of the home pose if they are not given.
     points
-        Per swept coordinate; default `POINTS`.
-    told
+        Per swept coordinate; by default 101, of three coordinates 31.
+    progress
         Called with the number of poses that are done.
 
     Raises
     ------
     WorkspaceError
         Coordinates, ranges or a number of points that make no grid.
+
+    Examples
+    --------
+    >>> space = gs.sweep(gs.load_preset("motion_base"), {"x": None, "pitch": (-0.2, 0.2)}, {"z": 2.2}, points=21)
+    >>> space.qualities.reachable.mean(), space.swept["x"][[0, -1]]
     """
     over = {"x": None, "y": None} if over is None else dict(over)
     at = {} if at is None else dict(at)
@@ -95,7 +102,7 @@ def sweep(
     ranges = default_ranges(platform, over, fixed)
     swept = {name: np.linspace(*ranges[name], count) for name in over}
     poses = _poses(swept, fixed)
-    qualities = evaluate_poses(platform, poses[..., :3], poses[..., 3:], told)
+    qualities = evaluate_poses(platform, poses[..., :3], poses[..., 3:], progress)
     return Workspace(platform, swept, fixed, found, assumed, qualities)
 
 

@@ -94,5 +94,5 @@ def _run(experiment: "Experiment", plant: PlantKind | None, fmu: Path | None) ->
             plant=plant,
             fmu=fmu,
             progress=lambda time: progress.update(task, completed=time, description=experiment.title),
-            told=lambda what: progress.update(task, description=what),
+            status=lambda what: progress.update(task, description=what),
         )

@@ -158,7 +158,17 @@ class _SixChannels(ControllerChoice):
 
 
 class PD(_SixChannels):
-    """Proportional and derivative action in six channels."""
+    """Proportional and derivative action in six channels.
+
+    `bandwidth` [Hz] and `damping_ratio`, or `proportional_gain` [N/m] and `derivative_gain` [N s/m], numbers or six of
+    them; `space` "leg" or "task", `derivative_on` "error" or "measurement", `derivative_filter` [s], `discretisation`,
+    `feedforward` "none", "gravity" or "computed_torque".
+
+    Examples
+    --------
+    >>> controller = gs.PD(bandwidth=3, damping_ratio=0.9, feedforward="gravity")
+    >>> record = gs.run("heave_step", {"controller": controller, "loop.duration": 0.1})
+    """
 
     type: Literal["pd"] = "pd"
 
@@ -168,7 +178,15 @@ class PD(_SixChannels):
 
 
 class PID(_SixChannels):
-    """The same with integral action; anti-windup by back-calculation."""
+    """A PD with integral action; anti-windup by back-calculation.
+
+    The keys of `PD`, and `integral_time` [s], or with gains `integral_gain` [N/(m s)]; `anti_windup_time` [s].
+
+    Examples
+    --------
+    >>> controller = gs.PID(bandwidth=2, damping_ratio=0.8, integral_time=1.5, feedforward="gravity")
+    >>> gs.margins("heave_step", {"controller": controller}).disk.alpha
+    """
 
     type: Literal["pid"] = "pid"
     integral_gain: IntegralGains | None = None

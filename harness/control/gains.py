@@ -36,13 +36,22 @@ def gains_from_bandwidth(
         Undamped natural frequency of the heaviest mode [Hz].
     damping_ratio
         ζ of that mode.
+    space
+        "leg", or "task" for a controller of the pose.
     integral_time
-        Ti [s]; the loop stays stable for Ti > 1 / (2 ζ ωn).
+        Ti [s]; the loop stays stable for Ti > 1 / (2 ζ ωn). None is no integral action.
+    derivative_filter, anti_windup_time
+        As in `Gains` [s].
 
     Raises
     ------
     ControllerError
         Not positive, or an integral time that makes the loop unstable.
+
+    Examples
+    --------
+    >>> gains = gs.gains_from_bandwidth(gs.load_preset("motion_base"), bandwidth=2.0, damping_ratio=0.8)
+    >>> gains.proportional[0], gains.derivative[0]
     """
     for name, value in (("bandwidth", bandwidth), ("damping_ratio", damping_ratio)):
         if not (math.isfinite(value) and value > 0):

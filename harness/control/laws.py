@@ -20,11 +20,24 @@ Space = Literal["leg", "task"]
 
 
 class Sample(NamedTuple):
-    """What a controller knows at a sample; signals by name: position, orientation, …, leg_velocity."""
+    """What a controller that is a function gets at a sample; signals by name, in SI units.
 
-    time: float  # [s]
-    reference: Mapping[str, FloatArray]  # and acceleration, angular_acceleration
+    Names are position, orientation, velocity, angular_velocity, leg_length, leg_velocity.
+
+    Examples
+    --------
+    >>> def law(sample: gs.Sample):
+    ...     error = sample.reference["leg_length"] - sample.measured["leg_length"]
+    ...     return 8e4 * error - 9e3 * sample.measured["leg_velocity"]
+    >>> record = gs.run("heave_step", {"loop.duration": 0.1}, controller=law)
+    """
+
+    time: float
+    """[s]"""
+    reference: Mapping[str, FloatArray]
+    """What is wanted, with acceleration and angular_acceleration beside the signals."""
     measured: Mapping[str, FloatArray]
+    """What the sensors say."""
 
 
 _ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])

@@ -61,6 +61,11 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     ------
     InterfaceError
         A name that is none of these, a name twice, or no name.
+
+    Examples
+    --------
+    >>> plant = gs.plant_system(gs.load_preset("liu2000"), outputs=("leg_length",))
+    >>> plant.input_labels[:6], plant.nstates
     """
     from control import nlsys
 
@@ -94,6 +99,11 @@ def trim(
         The pose or the wrench is not finite, or has another shape; or the pitch is ±90°.
     SingularPoseError
         The legs cannot hold the pose.
+
+    Examples
+    --------
+    >>> point = gs.trim(gs.load_preset("motion_base"), position=[0.2, 0.1, 2.1])
+    >>> point.state, point.inputs[:6]
     """
     p, o = _pose(platform, position, orientation)
     wrench = np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench
@@ -124,6 +134,11 @@ def linearise(
     ------
     InterfaceError, SingularPoseError
         As `plant_system` and `trim`.
+
+    Examples
+    --------
+    >>> linear = gs.linearise(gs.load_preset("liu2000"), outputs=("leg_length", "leg_velocity"))
+    >>> linear.A.shape, linear.C.shape
     """
     from control import ss
 
@@ -141,6 +156,10 @@ def modes(system: Any) -> list[Mode]:
     """Modes of a linear system, the slowest first; those of discrete time through λ = ln(z) / dt.
 
     A pole at z = 0, of a pure delay, has no counterpart in continuous time and is left out.
+
+    Examples
+    --------
+    >>> for mode in gs.modes(gs.linearise(gs.load_preset("liu2000"))): print(mode.frequency, mode.damping_ratio)
     """
     poles = np.asarray(system.poles(), dtype=complex)
     if system.isdtime(strict=True):

@@ -31,21 +31,30 @@ _BOUNDLESS = 1e6  # a gain that may grow or sink by more than this is free
 class LegMargins:
     """Margins with the loop cut at one leg and closed at the others; infinite where nothing is to be feared."""
 
-    gain_up: float  # factor by which the leg's gain may grow
-    gain_down: float  # factor to which it may sink
-    phase: float  # [rad], by which the leg may lag or lead
-    delay: float  # [s], the same as time at the crossover that allows least
-    crossover: float  # of the gain, the fastest [Hz]; NaN if there is none
+    gain_up: float
+    """Factor by which the leg's gain may grow."""
+    gain_down: float
+    """Factor to which it may sink."""
+    phase: float
+    """By which the leg may lag or lead [rad]."""
+    delay: float
+    """The same as time at the crossover that allows least [s]."""
+    crossover: float
+    """Of the gain, the fastest [Hz]; NaN if there is none."""
 
 
 @dataclass(frozen=True)
 class DiskMargin:
     """What all legs may change by at the same time, each in its own way."""
 
-    alpha: float  # 1 / max μ((S − T)/2), by the upper bound min σ(D (S − T) D⁻¹)/2 of μ, so never too large
-    gain: tuple[float, float]  # (1 − α/2)/(1 + α/2) to its inverse
-    phase: float  # 2 atan(α/2) [rad]
-    frequency: float  # where μ peaks [Hz]
+    alpha: float
+    """1 / max μ((S − T)/2), by the upper bound min σ(D (S − T) D⁻¹)/2 of μ, so never too large."""
+    gain: tuple[float, float]
+    """(1 − α/2)/(1 + α/2) to its inverse."""
+    phase: float
+    """2 atan(α/2) [rad]."""
+    frequency: float
+    """Where μ peaks [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +62,13 @@ class Margins:
     """All margins of a loop."""
 
     legs: tuple[LegMargins, ...]
+    """With the loop cut at each leg and closed at the others."""
     disk: DiskMargin
-    sensitivity_peak: float  # max σ(S)
-    complementary_peak: float  # max σ(T)
+    """Of all legs at once."""
+    sensitivity_peak: float
+    """max σ(S)"""
+    complementary_peak: float
+    """max σ(T)"""
 
     def as_dict(self) -> dict[str, Any]:
         """In plain types; None for what is infinite or undefined."""

@@ -31,13 +31,28 @@ FILTER_RATIO = 20.0
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of six channels; numbers, or six of them. Without integral action by default."""
+    """Gains of six channels; numbers, or six of them. Without integral action by default.
 
-    proportional: ArrayLike  # kp [N/m]; in task space [N/m, N m/rad]
-    derivative: ArrayLike  # kd [N s/m]
-    integral: ArrayLike = 0.0  # ki [N/(m s)]
-    derivative_filter: float | None = None  # Tf [s]; kd / (20 kp) of the fastest channel by default
-    anti_windup_time: float | None = None  # Tt [s]; √(Ti Td) by default, Ti = kp/ki, Td = kd/kp
+    Raises
+    ------
+    ControllerError
+        Gains that are not finite or below 0, a proportional one of 0, or a time that is not above 0 s.
+
+    Examples
+    --------
+    >>> gains = gs.Gains(proportional=2e5, derivative=[2e4, 2e4, 2e4, 1e4, 1e4, 1e4])
+    """
+
+    proportional: ArrayLike
+    """kp [N/m]; in task space [N/m, N m/rad]."""
+    derivative: ArrayLike
+    """kd [N s/m]; in task space [N s/m, N m s/rad]."""
+    integral: ArrayLike = 0.0
+    """ki [N/(m s)]; in task space [N/(m s), N m/(rad s)]."""
+    derivative_filter: float | None = None
+    """Tf [s]; kd / (20 kp) of the fastest channel by default."""
+    anti_windup_time: float | None = None
+    """Tt [s]; √(Ti Td) by default, Ti = kp/ki, Td = kd/kp."""
 
     def __post_init__(self) -> None:
         for name in ("proportional", "derivative", "integral"):
@@ -73,13 +88,26 @@ class Gains:
 def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSpace":
     """Six channels of PD, or of PID with anti-windup where a gain is integral; continuous.
 
-    Inputs: reference_leg_length[1..6], leg_length[1..6], and of PID limit_excess[1..6] (force after the limits minus
-    force before them). Outputs: actuator_force[1..6]. Source: the module's formula.
+    With e = r − y [m], F = kp e + kd s/(Tf s + 1) (e or −y) + x, ẋ = ki e + (F_limited − F)/Tt [N]. Inputs:
+    reference_leg_length[1..6], leg_length[1..6], and of PID limit_excess[1..6] (force after the limits minus force
+    before them). Outputs: actuator_force[1..6].
+
+    Parameters
+    ----------
+    gains
+        From `gains_from_bandwidth`, or one's own.
+    derivative_on
+        "error" follows moving references without lag; "measurement" spares the actuators the kick of a step.
 
     Raises
     ------
     ControllerError
         `derivative_on` is neither "error" nor "measurement".
+
+    Examples
+    --------
+    >>> continuous = gs.pid(gs.Gains(proportional=2e5, derivative=2e4), "measurement")
+    >>> record = gs.run("heave_step", {"loop.duration": 0.1}, controller=gs.sampled(continuous, 1e-3))
     """
     from control import ss
 

@@ -26,15 +26,27 @@ _SHOWN_MODES = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins(Margins):
-    """How far the loop of an experiment is from instability: its margins, with the gains and modes they belong to."""
+    """How far the loop of an experiment is from instability, from `margins`.
+
+    Of each leg, with the others closed, `legs` has `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
+    `crossover` [Hz]; of all at once `disk` has `alpha`, `gain`, `phase` [rad] and `frequency` [Hz], and
+    `sensitivity_peak` and `complementary_peak` are the largest σ(S) and σ(T).
+    """
 
     title: str
-    sample_time: float  # [s]
-    delay: int  # [samples]
-    lag: float  # of the actuators [s]
-    gains: Gains | None  # of PD and PID
-    modes: tuple[Mode, ...]  # of the closed loop, the slowest first
-    loop: Any  # loop transfer L (6×6) at the actuators as a control.StateSpace, u = −L u
+    """Of the experiment."""
+    sample_time: float
+    """[s]"""
+    delay: int
+    """[samples]"""
+    lag: float
+    """Of the actuators [s]."""
+    gains: Gains | None
+    """Of PD and PID."""
+    modes: tuple[Mode, ...]
+    """Of the closed loop, the slowest first."""
+    loop: Any
+    """Loop transfer L (6×6) at the actuators as a python-control system, u = −L u."""
 
     def __repr__(self) -> str:
         """The margins of all legs at once, the smallest of one leg, and the slowest mode, a line each."""

@@ -82,7 +82,8 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
 
     Examples
     --------
-    >>> gs.save_record(gs.run("heave_step"), "results/heave")
+    >>> record = gs.run("heave_step", {"loop.duration": 0.1})
+    >>> files = gs.save_record(record, "results/heave", report=True)
     """
     folder = Path(folder)
     check_output_folder(folder, names_of_files())

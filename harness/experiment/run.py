@@ -26,7 +26,7 @@ def run(
     controller: Any = None,
     injection: Injection | None = None,
     progress: TimeProgress | None = None,
-    told: StepProgress | None = None,
+    status: StepProgress | None = None,
 ) -> Record:
     """Run an experiment; a loop that diverges or is interrupted leaves a record that says so in its outcome.
 
@@ -46,7 +46,7 @@ def run(
         A function of the time of a sample [s] that gives six forces [N], added to the command to excite the loop.
     progress
         Called with the time [s] of the run.
-    told
+    status
         Called with what is being done before, while an FMU is built.
 
     Raises
@@ -58,12 +58,12 @@ def run(
 
     Examples
     --------
-    >>> record = gs.run("heave_step", {"loop.duration": 1}, plant="fmu3")
+    >>> record = gs.run("heave_step", {"loop.duration": 0.3, "controller.bandwidth": 3})
     >>> record["position"][-1], record["error.leg_length"].shape
     """
     chosen = experiment_of(experiment, settings)
     prepared = prepare(chosen, controller, injection)
-    return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, told=told)
+    return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status)
 
 
 def run_prepared(
@@ -73,7 +73,7 @@ def run_prepared(
     plant: PlantKind | Plant | None = None,
     fmu: Path | str | None = None,
     progress: TimeProgress | None = None,
-    told: StepProgress | None = None,
+    status: StepProgress | None = None,
 ) -> Record:
     """`run` of an experiment that is prepared already."""
     choice = experiment.plant
@@ -89,7 +89,7 @@ def run_prepared(
             tolerance=choice.tolerance,
             fixed_step_size=choice.fixed_step_size,
             fmu=fmu,
-            progress=told,
+            progress=status,
         )
     else:
         _check_plant(plant, fmu)

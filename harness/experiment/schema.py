@@ -164,7 +164,13 @@ class DisturbanceChoice(Section):
 
 
 class Experiment(Section):
-    """A whole experiment."""
+    """A whole experiment, checked: the tables of its file by name, from `load_experiment`.
+
+    Examples
+    --------
+    >>> experiment = gs.load_experiment("circle", {"loop.delay": 1})
+    >>> experiment.loop.sample_time, experiment.reference.frequency
+    """
 
     title: str
     description: str = ""

@@ -94,7 +94,10 @@ class _AboutPose(ReferenceChoice):
 
 
 class Hold(_AboutPose):
-    """Stay in a pose."""
+    """Stay in a pose.
+
+    `position` [m], `orientation` [rad]; home by default.
+    """
 
     type: Literal["hold"] = "hold"
 
@@ -116,7 +119,11 @@ class _Change(_AboutPose):
 
 
 class Step(_Change):
-    """Jump by a change at a time; velocity and acceleration are zero on both sides."""
+    """Jump by a change at a time; velocity and acceleration are zero on both sides.
+
+    `position_change` [m], `orientation_change` [rad], `at` > 0 [s]; about `position` [m] and `orientation` [rad],
+    home by default.
+    """
 
     type: Literal["step"] = "step"
     at: PositiveTime  # at 0 there would be nothing to step from
@@ -127,7 +134,11 @@ class Step(_Change):
 
 
 class PointToPoint(_Change):
-    """Go by a change from rest to rest: s = 10 τ³ − 15 τ⁴ + 6 τ⁵, τ = (t − at)/duration."""
+    """Go by a change from rest to rest: s = 10 τ³ − 15 τ⁴ + 6 τ⁵, τ = (t − at)/duration.
+
+    `position_change` [m], `orientation_change` [rad], `at` [s], `duration` [s]; about `position` [m] and
+    `orientation` [rad], home by default.
+    """
 
     type: Literal["point_to_point"] = "point_to_point"
     at: Time = 0.0
@@ -151,7 +162,17 @@ class _Swing(_AboutPose):
 
 
 class Sine(_Swing):
-    """Swing: amplitude · sin(2π f t + phase), faded in by the quintic."""
+    """Swing: amplitude · sin(2π f t + phase), faded in by the quintic.
+
+    `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad], `fade_in` [s]; about
+    `position` [m] and `orientation` [rad], home by default.
+
+    Examples
+    --------
+    >>> swing = gs.Sine(position_amplitude=(0, 0, 0.02), frequency=1.5, fade_in=1)
+    >>> record = gs.run("circle", {"reference": swing, "loop.duration": 0.1})
+    >>> swing.about(gs.load_preset("liu2000"))(np.linspace(0, 1, 11)).velocity.shape
+    """
 
     type: Literal["sine"] = "sine"
     frequency: Frequency
@@ -173,6 +194,8 @@ class Chirp(_Swing):
     """Swing with a frequency that changes linearly over a duration, then stays.
 
     amplitude · sin 2π (f0 t + (f1 − f0) t²/(2 T)) up to T, with continuous phase afterwards.
+    `position_amplitude` [m], `orientation_amplitude` [rad], `from_frequency` f0 and `to_frequency` f1 [Hz], `duration`
+    T [s], `fade_in` [s]; about `position` [m] and `orientation` [rad], home by default.
     """
 
     type: Literal["chirp"] = "chirp"
@@ -197,7 +220,11 @@ class Chirp(_Swing):
 
 
 class Circle(_AboutPose):
-    """Circle about a position, radius (cos 2π f t, sin 2π f t) in a plane; the radius is faded in by the quintic."""
+    """Circle about a position, radius (cos 2π f t, sin 2π f t) in a plane; the radius is faded in by the quintic.
+
+    `radius` [m], `frequency` [Hz], `plane` "xy", "xz" or "yz", `fade_in` [s]; about `position` [m] and
+    `orientation` [rad], home by default.
+    """
 
     type: Literal["circle"] = "circle"
     radius: PositiveLength

@@ -68,7 +68,7 @@ def metrics(record: Record) -> Metrics:
 
     Examples
     --------
-    >>> found = gs.metrics(gs.run("heave_step"))
+    >>> found = gs.metrics(gs.run("heave_step", {"loop.duration": 1}))
     >>> print(found)
     >>> found["tracking"]["position"]["norm_peak"], found["step_response"][0]["rise_time"]
     """

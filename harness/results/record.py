@@ -99,12 +99,17 @@ class Record:
 
 
 def read_record(path: Path | str) -> Record:
-    """A record from `record.parquet`, or from `record.csv` with `metadata.json` beside it, or from their folder.
+    """Read a record: from `record.parquet`, from `record.csv` with `metadata.json` beside it, or from their folder.
 
     Raises
     ------
     RecordError
         The file, or the one beside it, is missing or is something else.
+
+    Examples
+    --------
+    >>> files = gs.save_record(gs.run("heave_step", {"loop.duration": 0.1}), "results/heave")
+    >>> gs.read_record("results/heave")["error.position"].shape
     """
     path = Path(path)
     expected = "expected record.parquet, or record.csv with metadata.json beside it, as `gough-stewart run` writes them"

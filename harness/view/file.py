@@ -48,8 +48,8 @@ def view(
 
     Examples
     --------
-    >>> slow, fast = (gs.run("pitch_sine", {"controller.bandwidth": hertz}) for hertz in (2, 4))
-    >>> gs.view([slow, fast], "bandwidths.html", names=["2 Hz", "4 Hz"])
+    >>> records = [gs.run("pitch_sine", {"controller.bandwidth": hertz, "loop.duration": 0.1}) for hertz in (2, 4)]
+    >>> page = gs.view(records, "bandwidths.html", names=["2 Hz", "4 Hz"])
     """
     out, say = Path(out), progress or (lambda _what: None)
     if out.suffix not in (".html", ".htm"):
