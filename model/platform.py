@@ -1,6 +1,7 @@
 """The platform: geometry, masses, friction, gravity, home pose and limits; frozen, and checked when made."""
 
 from dataclasses import dataclass, fields
+from inspect import cleandoc
 from typing import Any
 
 import numpy as np
@@ -18,15 +19,21 @@ LARGEST_NUMBER = 1e30
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Platform(PlatformFields):
-    """A Gough–Stewart platform with six identical legs; names and units as in the interface table.
+    """A Gough–Stewart platform with six identical legs; every parameter by name, in SI units.
 
     Arrays are copied, converted to float64 and read-only. To change something, `dataclasses.replace` makes a new
-    platform, checked again. Frames and signs: docs/notation.md.
+    platform, checked again. Parameters, frames and signs: docs/notation.md.
 
     Raises
     ------
     PlatformError
         A parameter that no platform can have; its `field` names it, its text tells value, expectation and remedy.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> loaded = replace(gs.load_preset("motion_base"), platform_mass=1500.0)
+    >>> loaded.actuator_force_max, loaded.base_points.shape
     """
 
     def __post_init__(self) -> None:
@@ -67,6 +74,12 @@ class Platform(PlatformFields):
     def as_dict(self) -> dict[str, Any]:
         """Every field by name, in file order: texts, floats, arrays; limits that are not set are left out."""
         return {name: getattr(self, name) for name in (*TEXTS, *TABLE) if getattr(self, name) is not None}
+
+
+# help() lists the parameters, as the table has them
+Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n----------\n" + "\n".join(
+    f"{name} : {row.shape or 'number'} [{row.unit}]\n    {row.description}" for name, row in TABLE.items()
+)
 
 
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:

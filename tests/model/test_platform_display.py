@@ -1,5 +1,6 @@
 """Platforms, models and workspaces that show themselves: lines for a terminal, a table for a notebook."""
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +46,13 @@ def test_a_platform_is_a_table_of_all_its_parameters_in_a_notebook(uneven: Platf
     assert rows["gravity"][:2] == ["0, 0, -9.81", "m/s2"]
     assert rows["base_points"][0].startswith("13, 24, 0; 7, 16, 0; ")
     assert "crooked" in page.findtext("caption")
+
+
+def test_help_lists_the_parameters_of_a_platform(uneven: Platform) -> None:
+    """Expected: every number of a platform with its unit, as the file of a platform has them."""
+    text = inspect.getdoc(Platform) or ""
+    assert [name for name in uneven.as_dict() if f"\n{name} : " not in text] == ["name", "source"]
+    assert "\nplatform_inertia : (3, 3) [kg.m2]\n" in text
 
 
 def test_a_stepping_model_says_where_it_is(uneven: Platform) -> None:
