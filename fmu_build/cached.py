@@ -2,6 +2,7 @@
 
 import hashlib
 import tempfile
+from functools import cache
 from importlib import resources
 from importlib.metadata import version
 from importlib.resources.abc import Traversable
@@ -43,6 +44,7 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
     return path
 
 
+@cache
 def _digest() -> str:
     """Of every file of the packages that FMUs are made from, and of the versions of what makes them."""
     state = hashlib.sha256()

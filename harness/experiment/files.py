@@ -91,10 +91,20 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
 
 
 def warnings_of(record: Record) -> list[str]:
-    """What a run did that no machine may do, and yet went on; unless it was told to ignore the stroke."""
+    """What a run did that no machine may do, and yet went on; a stroke that it was to ignore is left out."""
+    found = []
+    feedforward, limit = np.abs(record["controller.feedforward"]), record.metadata["force_limit"]
+    if limit is not None and feedforward.max() > limit:
+        row, leg = (int(k) for k in np.unravel_index(feedforward.argmax(), feedforward.shape))
+        found.append(
+            f"feedforward asks leg {leg + 1} for {feedforward[row, leg]:.4g} N at {record['time'][row]:.6g} s; its "
+            f"force limit is {limit:.4g} N. Make the reference slower or smaller; if it is a noisy recording, smooth it"
+        )
     exceeded = record["flag.stroke_exceeded"]
-    if record.metadata["experiment"]["limits"]["stroke"] != "warn" or not exceeded.any():
-        return []
-    row, leg = (int(k) for k in np.argwhere(exceeded)[0])
-    length, time = record["leg_length"][row, leg], record["time"][row]
-    return [f"leg {leg + 1} has left its stroke at {time:.6g} s, {length:.6g} m long; see flag.stroke_exceeded"]
+    if record.metadata["experiment"]["limits"]["stroke"] == "warn" and exceeded.any():
+        row, leg = (int(k) for k in np.argwhere(exceeded)[0])
+        length, time = record["leg_length"][row, leg], record["time"][row]
+        found.append(
+            f"leg {leg + 1} has left its stroke at {time:.6g} s, {length:.6g} m long; see flag.stroke_exceeded"
+        )
+    return found

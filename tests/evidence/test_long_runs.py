@@ -5,6 +5,7 @@ import resource
 import numpy as np
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.model import dynamics
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform_toml import load_preset
@@ -12,6 +13,7 @@ from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from tests.model.formulations.test_formulations import solve_by_kane, solve_by_newton_euler
 from tests.model.test_energy import spring_energy_error
+from tests.support.fmu_plants import Fmu
 from tests.support.random_platforms import random_sample, relative_difference
 
 pytestmark = pytest.mark.evidence
@@ -78,3 +80,21 @@ def test_soak_of_the_stepping_model_leaks_nothing_and_stays_deterministic() -> N
     print(f"\npeak memory after 100, 200, 300 rounds: {grown} KiB")
     assert len(end) == 1
     assert grown[-1] - grown[0] <= 1024
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_shipped_experiments_end_alike_on_model_and_unit(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: whole, within 1e-7 m, rad; the largest difference is printed.
+
+    All but `too_slow`, which diverges: there any difference grows to the size of the motion.
+    """
+    worst = 0.0
+    for name in sorted(set(gs.experiment_names()) - {"too_slow"}):
+        model, unit = (
+            gs.run(name, plant=kind, fmu=fmu)  # type: ignore[arg-type]
+            for kind, fmu in (("model", None), (f"fmu{version[0]}", fmus[version].path))
+        )
+        assert len(model.table) == len(unit.table)
+        worst = max(worst, *(float(np.abs(model[each] - unit[each]).max()) for each in ("position", "orientation")))
+    print(f"FMI {version}: {worst:.2g} m, rad")
+    assert worst < 1e-7

@@ -13,6 +13,7 @@ from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import loop_margins
 from gough_stewart.harness.errors import ControllerError, ExperimentError, RecordError
 from gough_stewart.harness.experiment.file import experiment_of, shipped_experiment, shipped_text
+from gough_stewart.harness.experiment.files import warnings_of
 from gough_stewart.model.errors import OutputError
 
 SHORT = {"loop.duration": 0.03, "loop.plant_step": 0.0005, "reference.frequency": 3.0, "plant.kind": "model"}
@@ -144,3 +145,17 @@ def test_a_page_shows_records_and_folders_under_their_names(tmp_path: Path) -> N
         gs.view(record, tmp_path / "x.html", names=["a", "b"])
     with pytest.raises(OutputError, match=r"expected the name of a page, such as .*kept\.html"):
         gs.view(record, tmp_path / "kept")
+
+
+def test_feedforward_beyond_the_force_limit_is_said_with_leg_and_time() -> None:
+    """Expected: the largest force of computed torque over the run, by hand; silence within the limit."""
+    settings = {"loop.duration": 0.05, "loop.sample_time": 0.002, "loop.plant_step": 0.001}
+    free = gs.run("circle_computed_torque", settings, plant="model")
+    assert warnings_of(free) == []
+    forces = np.abs(free["controller.feedforward"])
+    row, leg = divmod(int(forces.argmax()), 6)
+    limited = gs.run(
+        "circle_computed_torque", {**settings, "actuators.force_limit": 0.75 * forces.max()}, plant="model"
+    )
+    (warning,) = warnings_of(limited)
+    assert f"leg {leg + 1} for {forces.max():.4g} N at {free['time'][row]:.6g} s; its force limit is" in warning
