@@ -9,10 +9,11 @@ from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.drawing import drawing_svg
 from gough_stewart.fmu_build.formulas import STYLE, to_html
 from gough_stewart.fmu_build.layout import Role, Row
-from gough_stewart.fmu_build.tables import DEFAULT_TOLERANCE, MOST_FIXED_STEPS, start_values
+from gough_stewart.fmu_build.tables import MOST_FIXED_STEPS, start_values
 from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.integrator import MOST_INTERNAL_STEPS, TOLERANCES
+from gough_stewart.model.integrator import MOST_INTERNAL_STEPS
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
 _STYLE = """
 body { font-family: Helvetica, Arial, sans-serif; line-height: 1.45; color: #222222; background: #ffffff;

@@ -6,8 +6,8 @@ from lxml import etree
 
 from gough_stewart.fmu_build.layout import Row
 from gough_stewart.fmu_build.package import package_metadata
-from gough_stewart.fmu_build.tables import DEFAULT_TOLERANCE
 from gough_stewart.fmu_build.units import BY_NAME, UNITS
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 
 MODEL_IDENTIFIER = "gough_stewart"
 MODEL_NAME = "GoughStewart"

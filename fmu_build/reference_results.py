@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 
 from gough_stewart.fmu_build.layout import BY_NAME
 from gough_stewart.fmu_build.model_description import MODEL_IDENTIFIER
-from gough_stewart.fmu_build.tables import DEFAULT_TOLERANCE
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
 # The reference is ten thousand times finer than the unit's default.

@@ -11,9 +11,9 @@ from gough_stewart.fmu_build.layout import BY_NAME, ROWS, Role, Row
 from gough_stewart.model import integrator, interface, kernel, platform, platform_checks, pose_limits
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.vectors import Array
 
-DEFAULT_TOLERANCE = 1e-8
 # A second in steps of a microsecond: four seconds of computing.
 MOST_FIXED_STEPS = 1_000_000
 
@@ -98,8 +98,8 @@ def plant_header() -> str:
     places |= {f"R_{v.name.upper()}": _place(v, results) for v in results if not v.is_state}
     places |= {f"P_{v.name.upper()}": _place(v, parameters) for v in parameters}
     limits = {
-        "SMALLEST_TOLERANCE": integrator.TOLERANCES[0],
-        "LARGEST_TOLERANCE": integrator.TOLERANCES[1],
+        "SMALLEST_TOLERANCE": TOLERANCES[0],
+        "LARGEST_TOLERANCE": TOLERANCES[1],
         "MOST_INTERNAL_STEPS": integrator.MOST_INTERNAL_STEPS,
         "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
         "LARGEST_PITCH": pose_limits.LARGEST_PITCH,

@@ -34,6 +34,7 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 LARGEST = 1e12
+ZEROS = (0.0, 0.0, 0.0)
 
 
 def number(value: object, unit: str) -> float:

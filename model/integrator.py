@@ -8,8 +8,6 @@ from scipy.integrate import DOP853
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.vectors import FloatArray
 
-# Below, the error estimate drowns in rounding; above, it means nothing.
-TOLERANCES = (1e-13, 1e-2)
 # In one communication step: after ten to twenty seconds it has failed, rather than still being on its way.
 MOST_INTERNAL_STEPS = 20_000
 

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.integrator import TOLERANCES, integrate
+from gough_stewart.model.integrator import integrate
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.real import real_array
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
 
 @dataclass(frozen=True)
@@ -79,13 +80,15 @@ class SteppingModel:
     # sign of det J of the present pose, None where it has to be checked anew
     _handedness: float | None
 
-    def __init__(self, platform: Platform, tolerance: float = 1e-8) -> None:
+    def __init__(self, platform: Platform, tolerance: float = DEFAULT_TOLERANCE) -> None:
         if not isinstance(platform, Platform):
             raise InterfaceError("platform", f"is {platform!r}; expected a Platform, such as load_preset('liu2000')")
         self._tolerance = _number("tolerance", tolerance)
         low, high = TOLERANCES
         if not low <= self._tolerance <= high:
-            raise InterfaceError("tolerance", f"is {tolerance!r}; expected from {low:g} to {high:g}, say 1e-8")
+            raise InterfaceError(
+                "tolerance", f"is {tolerance!r}; expected from {low:g} to {high:g}, say {DEFAULT_TOLERANCE:g}"
+            )
         self._initial_platform = platform
         self._kernel = Kernel()
         self.reset()

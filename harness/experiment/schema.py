@@ -6,10 +6,12 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.motion.reach import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import (
+    ZEROS,
     AngularVelocity,
     Force,
     Number,
@@ -25,8 +27,8 @@ from gough_stewart.harness.quantities import (
 )
 from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.formulations.cases import PAPER_PRESET
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
-_REST = (0.0, 0.0, 0.0)
 # Noise and steps below are rounding, and their inverse overflows.
 _FINEST = 1e-15
 _SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
@@ -59,7 +61,7 @@ class PlantChoice(Section):
     # the machine's own platform: another file, other values of single parameters
     file: str | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
-    tolerance: Annotated[Number, Field(ge=1e-13, le=1e-2)] = 1e-8
+    tolerance: Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])] = DEFAULT_TOLERANCE
     fixed_step_size: Time = 0.0
 
 
@@ -137,7 +139,7 @@ class LimitChoice(Section):
 
     stroke: Literal["ignore", "warn", "stop"] = "warn"
     position_error: PositiveLength | None = None
-    condition_number: Annotated[Number, Field(gt=1)] = 100.0
+    condition_number: Annotated[Number, Field(gt=1)] = WORST_CONDITION_NUMBER
 
 
 class ChangeChoice(Section):
@@ -159,8 +161,8 @@ class DisturbanceChoice(Section):
 
     at: Time
     duration: PositiveTime
-    force: Force = _REST
-    torque: Torque = _REST
+    force: Force = ZEROS
+    torque: Torque = ZEROS
 
 
 class Experiment(Section):

@@ -11,9 +11,6 @@ from gough_stewart.model.vectors import FloatArray
 # Times are multiples of a step up to rounding: a jump at 0.2 s has happened in the row of 0.19999999999 s [s].
 ROUNDING = 1e-9
 
-# Times are multiples of a step up to rounding: a jump at 0.2 s has happened in the row of 0.19999999999 s [s].
-ROUNDING = 1e-9
-
 
 class Motion(NamedTuple):
     """A motion of the platform frame at n times; each (n, 3)."""

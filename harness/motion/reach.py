@@ -18,6 +18,9 @@ from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
+# Of the leg Jacobian with angles scaled to lengths; a motion that comes as near to a singular pose is refused.
+WORST_CONDITION_NUMBER = 100.0
+
 
 class LegMotion(NamedTuple):
     """A motion of the legs at n times; each (n, 6)."""
@@ -43,7 +46,9 @@ def legs_of(platform: Platform, motion: Motion) -> LegMotion:
     return LegMotion(np.asarray(legs.length), np.asarray(rates.length_rate))
 
 
-def check_reach(platform: Platform, time: FloatArray, motion: Motion, largest_condition_number: float = 100.0) -> None:
+def check_reach(
+    platform: Platform, time: FloatArray, motion: Motion, largest_condition_number: float = WORST_CONDITION_NUMBER
+) -> None:
     """Refuse a motion that leaves the stroke or the joint angles, or comes near a singular pose.
 
     Parameters

@@ -16,6 +16,7 @@ from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
 from gough_stewart.harness.motion.profiles import motion_about, quintic, sine, step
 from gough_stewart.harness.motion.table import FromTable, read_reference
 from gough_stewart.harness.quantities import (
+    ZEROS,
     Angle,
     AnyTime,
     Frequency,
@@ -28,8 +29,6 @@ from gough_stewart.harness.quantities import (
 from gough_stewart.harness.section import Kind
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
-
-_NONE = (0.0, 0.0, 0.0)
 
 
 class ReferenceChoice(Kind):
@@ -110,8 +109,8 @@ class Hold(_AboutPose):
 class _Change(_AboutPose):
     """A motion from a pose to another."""
 
-    position_change: Position = _NONE
-    orientation_change: Orientation = _NONE
+    position_change: Position = ZEROS
+    orientation_change: Orientation = ZEROS
 
     @property
     def _direction(self) -> FloatArray:
@@ -152,8 +151,8 @@ class PointToPoint(_Change):
 class _Swing(_AboutPose):
     """A motion to and fro."""
 
-    position_amplitude: Position = _NONE
-    orientation_amplitude: Orientation = _NONE
+    position_amplitude: Position = ZEROS
+    orientation_amplitude: Orientation = ZEROS
     fade_in: Time = 0.0
 
     @property

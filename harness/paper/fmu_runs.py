@@ -13,8 +13,7 @@ from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase
-
-TOLERANCE = 1e-8
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 
 
 def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.float64]:
@@ -25,7 +24,7 @@ def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.floa
     Raises
     ------
     StepError
-        The FMU or the solver gave up, with what the FMU told.
+        The FMU or the solver gave up, with the FMU's messages.
     PlantError
         As `UnitFile` and `Unit`.
     """
@@ -47,11 +46,11 @@ def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.floa
                 output=columns,
                 stop_time=case.duration,
                 output_interval=case.duration / (len(case.time) - 1),
-                relative_tolerance=TOLERANCE,
+                relative_tolerance=DEFAULT_TOLERANCE,
             )
         except (FMICallException, RuntimeError) as error:
-            reason = "; ".join(text for text in (unit.told(), str(error)) if text)
+            reason = "; ".join(text for text in (unit.take_messages(), str(error)) if text)
             raise StepError(who, float("nan"), float("nan"), reason) from error
         if unit.messages or len(result) != len(case.time):
-            raise StepError(f"{who}: rows", len(result), float(result["time"][-1]), unit.told())
+            raise StepError(f"{who}: rows", len(result), float(result["time"][-1]), unit.take_messages())
         return np.concatenate([np.asarray(result[c]).reshape(len(result), -1) for c in columns], axis=1)

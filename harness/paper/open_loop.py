@@ -13,6 +13,7 @@ from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import Array, FloatArray
 
 
@@ -66,7 +67,7 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
 
 
 def run_stepping(
-    case: OpenLoopCase, tolerance: float = 1e-8, rows: bool = True, progress: TimeProgress | None = None
+    case: OpenLoopCase, tolerance: float = DEFAULT_TOLERANCE, rows: bool = True, progress: TimeProgress | None = None
 ) -> FloatArray:
     """States (n, 12) of the stepping model, one communication step per row, or one over the whole case.
 

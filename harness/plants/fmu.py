@@ -10,12 +10,13 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plants.plant import TOLERANCE, Plant
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.unit import Unit, UnitFile, Values
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
 _DISCARD = 2
@@ -48,7 +49,7 @@ class FmuPlant(Plant):
         path: Path | str,
         platform: Platform,
         start: State | None = None,
-        tolerance: float = TOLERANCE,
+        tolerance: float = DEFAULT_TOLERANCE,
         fixed_step_size: float = 0.0,
     ) -> None:
         self.path = Path(path)
@@ -93,7 +94,7 @@ class FmuPlant(Plant):
         try:
             self._unit.do_step(time, step)
         except FMICallException as error:
-            reason = self._unit.told() or str(error)
+            reason = self._unit.take_messages() or str(error)
             if error.status == _DISCARD:
                 raise StepError(f"FMU, FMI {self.fmi_version}: step", step, time, reason) from error
             raise PlantError(f"{self.path}: {reason}") from error
@@ -107,9 +108,9 @@ class FmuPlant(Plant):
         try:
             call(*arguments)
         except FMICallException as error:
-            raise PlantError(f"{self.path}: {what} refused: {self._unit.told() or error}") from error
+            raise PlantError(f"{self.path}: {what} refused: {self._unit.take_messages() or error}") from error
         self._refuse_messages()
 
     def _refuse_messages(self) -> None:
         if self._unit.messages:  # the unit has nothing to say as long as all is well
-            raise PlantError(f"{self.path}: {self._unit.told()}")
+            raise PlantError(f"{self.path}: {self._unit.take_messages()}")

@@ -2,18 +2,19 @@
 
 from collections.abc import Mapping
 
-from gough_stewart.harness.plants.plant import TOLERANCE, Plant
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
 
 class ModelPlant(Plant):
     """The stepping model as a `Plant`."""
 
-    def __init__(self, platform: Platform, start: State | None = None, tolerance: float = TOLERANCE) -> None:
+    def __init__(self, platform: Platform, start: State | None = None, tolerance: float = DEFAULT_TOLERANCE) -> None:
         self._model = SteppingModel(platform, tolerance)
         if start is not None:
             self._model.set_many(start._asdict())

@@ -10,10 +10,11 @@ from pathlib import Path
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
-from gough_stewart.harness.plants.plant import TOLERANCE, Plant
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.progress import StepProgress
 from gough_stewart.model.state import State
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 
 
 @contextmanager
@@ -22,7 +23,7 @@ def open_plant(
     platform: Platform,
     start: State | None = None,
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float = DEFAULT_TOLERANCE,
     fixed_step_size: float = 0.0,
     fmu: Path | str | None = None,
     progress: StepProgress | None = None,

@@ -6,8 +6,6 @@ from typing import Protocol, Self
 
 from gough_stewart.model.vectors import FloatArray
 
-TOLERANCE = 1e-8  # of the integration, for all plants alike
-
 
 class Plant(Protocol):
     """The platform as the loop sees it, whatever it is made of.

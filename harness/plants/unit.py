@@ -144,8 +144,8 @@ class Unit:
             else:
                 self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
         except Exception as error:  # FMPy raises it bare
-            told = self.told()
-            reason = f"gives no instance: {told}" if told else f"does not run on this machine ({error})"
+            text = self.take_messages()
+            reason = f"gives no instance: {text}" if text else f"does not run on this machine ({error})"
             raise PlantError(f"{file.path}: {reason}; build it here by `gough-stewart build`") from error
         if self.is_fmi2:
             self._get, self._set = self.fmu.fmi2GetReal, self.fmu.fmi2SetReal
@@ -189,8 +189,8 @@ class Unit:
         """A communication step of Co-Simulation."""
         self._step(self.fmu.component, time, step, *self._step_arguments)
 
-    def told(self) -> str:
-        """What it has told since it was last asked; empty as long as all is well."""
+    def take_messages(self) -> str:
+        """The messages since the last call as one text; empty as long as all is well."""
         texts = [message.text for message in self.messages]
         self.messages.clear()
         return "; ".join(texts)

@@ -193,8 +193,8 @@ outcome component_result_rates(component *c, double rates[])
 outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time)
 {
     if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE)) {
-        write_message(c->message, "tolerance = %g refused; expected from %g to %g, say 1e-8", tolerance,
-                      SMALLEST_TOLERANCE, LARGEST_TOLERANCE);
+        write_message(c->message, "tolerance = %g refused; expected from %g to %g, say %g", tolerance,
+                      SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE);
         return MISUSE;
     }
     if (!isfinite(start_time) || !(stop_time >= start_time)) {
