@@ -137,6 +137,8 @@ INPUTS = tuple(v for v in VARIABLES if v.causality == "input")
 STATES = tuple(v for v in VARIABLES if v.is_state)
 OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
 LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
+# Those that may change during a run.
+TUNABLE = tuple(v for v in VARIABLES if v.variability == "tunable")
 RESULTS = OUTPUTS + LOCALS
 # The platform's own parameters, which the kernel takes as run-time inputs; `fixed_step_size` is the FMU's.
 PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL)

@@ -146,6 +146,11 @@ def controller_of(given: Any) -> Controller:
     return LinearController(given)
 
 
+def signals_of(controller: Controller) -> tuple[str, ...]:
+    """The signals that a controller looks at; a function may look at all."""
+    return controller.signals if isinstance(controller, LinearController) else signals.NAMES
+
+
 def law_of(
     controller: Controller, sample_time: float, jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
 ) -> Law:
@@ -181,7 +186,7 @@ class _LinearLaw:
         self._matrix = np.ascontiguousarray(np.block([[system.A, system.B], [system.C, system.D]]))
         self._xu = np.zeros(n + system.ninputs)
         self._x, self._u = self._xu[:n], self._xu[n:]  # views
-        self.used = controller.signals
+        self.used = signals_of(controller)
         self._at = _as_slice(signals.positions(controller.signals))
         self._form = system.ninputs
 
@@ -247,7 +252,7 @@ class _TaskLaw(_LinearLaw):
 class _FunctionLaw:
     def __init__(self, function: ControlFunction) -> None:
         self._function = function
-        self.used = signals.NAMES
+        self.used = signals_of(function)
 
     @property
     def state(self) -> FloatArray:

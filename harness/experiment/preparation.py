@@ -23,7 +23,7 @@ from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.reach import LegMotion, check_reach, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError
-from gough_stewart.model.interface import VARIABLES, nearest
+from gough_stewart.model.interface import TUNABLE, nearest
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
@@ -33,7 +33,7 @@ from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 Injection = Callable[[float], ArrayLike]
-_TUNABLE = tuple(v.name for v in VARIABLES if v.variability == "tunable")
+_TUNABLE = tuple(v.name for v in TUNABLE)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws import signals_of
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.loop.loop import Run
 from gough_stewart.harness.output.versions import versions
@@ -35,7 +35,7 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
         reference = np.concatenate([*prepared.motion, *prepared.legs], axis=1)[:n]
         parts.append(([name for prefix, size in _REFERENCE for name in columns(prefix, size)], reference))
         parts += _errors(run.results, reference)
-    used = () if prepared.controller is None else _signals_of(prepared)
+    used = () if prepared.controller is None else signals_of(prepared.controller)
     if used:
         names = [f"measured.{name}" for name in signals.column_names(used)]
         parts.append((names, run.measured[at][:, signals.positions(used)]))
@@ -61,10 +61,6 @@ def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str],
         at += size
     names = ("position", "orientation", "leg_length")
     return [(columns(f"error.{name}", wanted[name].shape[1]), wanted[name] - actual[name]) for name in names]
-
-
-def _signals_of(prepared: Prepared) -> tuple[str, ...]:
-    return prepared.controller.signals if isinstance(prepared.controller, LinearController) else signals.NAMES
 
 
 def _changed_parameters(prepared: Prepared, time: FloatArray) -> list[tuple[list[str], FloatArray]]:

@@ -78,8 +78,8 @@ class FmuPlant(Plant):
         known = {}
         for name, value in values.items():
             variable, element = interface.find(name)
-            if variable.variability != "tunable" or element is not None:
-                tunable = ", ".join(v.name for v in interface.VARIABLES if v.variability == "tunable")
+            if variable not in interface.TUNABLE or element is not None:
+                tunable = ", ".join(v.name for v in interface.TUNABLE)
                 raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
             known[name] = interface.checked_value(variable, value)
         self._checked("parameters", self._unit.write_by_name, known)
