@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 
 from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.companions import build_description, terminals_and_icons
@@ -172,14 +173,22 @@ def _compile(unit: Unit, targets: Iterable[Target], told: StepProgress) -> dict[
     # those of both versions, so that the kernel is the same compilation for both
     headers = unit.sources.headers | standard_headers("2.0") | standard_headers("3.0")
 
+    stop = Event()
+
     def library(target: Target) -> bytes:
-        compiled = compile_library(unit.sources.units, headers, target)
+        compiled = compile_library(unit.sources.units, headers, target, stop)
         told(f"FMI {unit.fmi_version}: {target.name}")
         return compiled
 
     targets = tuple(targets)
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        return dict(zip(targets, pool.map(library, targets), strict=True))
+        compiled = pool.map(library, targets)
+        try:
+            return dict(zip(targets, compiled, strict=True))
+        except BaseException:  # an interrupt, or one that failed: nobody waits for the others
+            stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def _token(own: Sources, description: bytes, fmi_version: str) -> str:

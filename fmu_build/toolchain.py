@@ -1,6 +1,7 @@
 """The C compiler: `zig cc` from the ziglang wheel, the same for every target."""
 
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -8,6 +9,8 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
+from threading import Event
+from typing import Any
 
 from platformdirs import user_cache_path
 
@@ -25,8 +28,12 @@ FLAGS = (
 LIBRARY = "gough_stewart"
 
 
-def compile_library(units: Mapping[str, str], headers: Mapping[str, str], target: Target) -> bytes:
+def compile_library(
+    units: Mapping[str, str], headers: Mapping[str, str], target: Target, stop: Event | None = None
+) -> bytes:
     """The shared library of some C files, the same bytes for the same sources.
+
+    The compiler ends soon after `stop` is set, with all processes that it has started.
 
     Raises
     ------
@@ -40,10 +47,26 @@ def compile_library(units: Mapping[str, str], headers: Mapping[str, str], target
         library = Path(scratch, LIBRARY + target.suffix)
         command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags]
         command += ["-I", str(include), *files, "-o", str(library), "-lm"]
-        done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise BuildError(f"the compiler failed for {target.name}:\n{done.stderr.strip()}")
+        code, message = _run(command, scratch, stop or Event())
+        if code != 0:
+            raise BuildError(f"the compiler failed for {target.name}:\n{message.strip()}")
         return library.read_bytes()
+
+
+def _run(command: Sequence[str], folder: str, stop: Event) -> tuple[int, str]:
+    """Exit code of a command and what it said on its error stream; in a group of its own, to be ended as a whole."""
+    group: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
+    with subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **group
+    ) as compiler:
+        while True:
+            try:
+                message = compiler.communicate(timeout=0.1)[1]
+            except subprocess.TimeoutExpired:
+                if stop.is_set():
+                    compiler.kill() if sys.platform == "win32" else os.killpg(compiler.pid, signal.SIGKILL)
+            else:
+                return compiler.returncode, message
 
 
 def _place_of(files: Mapping[str, str]) -> Path:

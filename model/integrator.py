@@ -47,6 +47,9 @@ def integrate(
         solver = DOP853(
             lambda _time, x: derivatives(x), start, x, end, rtol=tolerance, atol=tolerance, first_step=first
         )
+        # where ẋ overflows SciPy finds no size to begin with, and would look for a smaller one for ever
+        if not solver.h_abs > 0:
+            raise _not_held(float(solver.h_abs), float(solver.t), tolerance)
         proposed, steps = float(solver.h_abs), 0
         while solver.t < end:
             steps += 1
@@ -61,12 +64,16 @@ def integrate(
             proposed = float(solver.h_abs)
             solver.step()
             if solver.status == "failed" or not np.isfinite(solver.y).all():
-                raise StepError(
-                    "internal step size",
-                    float(solver.h_abs),
-                    float(solver.t),
-                    f"the tolerance {tolerance:g} cannot be held; forces too large, or nearly singular",
-                )
+                raise _not_held(float(solver.h_abs), float(solver.t), tolerance)
             check(solver.y, float(solver.t))
     # The last step was cut to end on time: what it would have been carries over.
     return solver.y, max(proposed, float(solver.h_abs))
+
+
+def _not_held(size: float, time: float, tolerance: float) -> StepError:
+    return StepError(
+        "internal step size",
+        size,
+        time,
+        f"the tolerance {tolerance:g} cannot be held; forces too large, or nearly singular",
+    )

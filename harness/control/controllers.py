@@ -4,7 +4,6 @@ One class a kind: its keys, their units, bounds and defaults, and how it is made
 kind takes; its `type` makes it known to experiment files.
 """
 
-import importlib.util
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,8 +14,9 @@ from pydantic import Field, model_validator
 
 from gough_stewart.harness.control.feedforward import Feedforward
 from gough_stewart.harness.control.gains import DAMPING_RATIO, gains_from_bandwidth
-from gough_stewart.harness.control.laws import Controller, LinearController, Space, controller_of
+from gough_stewart.harness.control.laws import Controller, LinearController, Space
 from gough_stewart.harness.control.pid import DerivativeOn, Gains, pid_matrices
+from gough_stewart.harness.control.python_file import controller_from_file
 from gough_stewart.harness.control.state_space import Method, discretised
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.quantities import (
@@ -228,17 +228,4 @@ class PythonController(ControllerChoice):
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:  # noqa: ARG002
         """The object of that name in the file, which is executed."""
-        file = folder / self.file
-        if not file.is_file():
-            raise ControllerError(f"{file}: no such file; expected a Python file that defines '{self.name}'")
-        spec = importlib.util.spec_from_file_location(file.stem, file)
-        if spec is None or spec.loader is None:
-            raise ControllerError(f"{file}: is no Python file; expected a name that ends in .py")
-        module = importlib.util.module_from_spec(spec)
-        try:
-            spec.loader.exec_module(module)
-        except Exception as error:  # the user's code may fail in any way
-            raise ControllerError(f"{file}: fails with {type(error).__name__}: {error}") from error
-        if not hasattr(module, self.name):
-            raise ControllerError(f"{file}: defines no '{self.name}'; expected the controller under that name")
-        return controller_of(getattr(module, self.name))
+        return controller_from_file(folder / self.file, self.name)

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.laws import Law
-from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.actuators import Actuators, Drives
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
@@ -204,7 +205,7 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
     ControllerError
         The controller gave no forces at its first sample.
     PlantError
-        The plant refuses what it is asked for.
+        The plant refuses what it is asked for before there is a row; later it ends the run.
     """
     n, times = loop.timing.steps, loop.timing.times
     n_results, n_inputs = interface.size_of(interface.RESULTS), interface.size_of(interface.INPUTS)
@@ -235,7 +236,7 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
                 plant.do_step(time, loop.timing.plant_step)
             if progress is not None and k % _ROWS_A_REPORT == 0:
                 progress(time)
-    except (StepError, ControllerError) as error:
+    except (StepError, ControllerError, PlantError) as error:
         if not rows:
             raise
         outcome = Outcome("diverged" if isinstance(error, StepError) else "stopped", float(times[rows - 1]), str(error))
@@ -300,8 +301,8 @@ class _Sampler:
                 j, nominal * self._loop.timing.plant_step, wanted, self.measured[j], self._excess
             )
         self.command[j] = command
-        # a sum is finite if its parts are, unless it overflows, which is as bad; np.isfinite takes twice as long
-        if not math.isfinite(command.sum()):
+        # false of NaN, too; NumPy takes three times as long
+        if not all(abs(force) <= LARGEST_NUMBER for force in command.tolist()):
             return Outcome("diverged", time, f"the controller's forces are {command.tolist()} N")
         self.force_limited[j], self._excess = self._drives.command(command)
         return None

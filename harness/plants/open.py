@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.platform import Platform
@@ -30,6 +31,8 @@ def open_plant(
 ) -> Iterator[Plant]:
     """A plant that is closed in the end; an FMU without a file is built for this machine, or taken from the cache.
 
+    An FMU with a file is code of somebody else: it runs in a process of its own, so that a crash is its own, too.
+
     Raises
     ------
     PlantError
@@ -48,11 +51,14 @@ def open_plant(
         return
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
-    from gough_stewart.harness.plants.fmu import FmuPlant
-
     version = FMI_VERSIONS[kind]
-    file = cached_build(version, progress) if fmu is None else fmu
-    with FmuPlant(file, platform, start, tolerance, fixed_step_size) as unit:
+    if fmu is None:
+        from gough_stewart.harness.plants.fmu import FmuPlant
+
+        with FmuPlant(cached_build(version, progress), platform, start, tolerance, fixed_step_size) as own:
+            yield own
+        return
+    with IsolatedFmu(fmu, platform, start, tolerance, fixed_step_size) as unit:
         if unit.fmi_version != version:
-            raise PlantError(f"{file}: is FMI {unit.fmi_version}; expected FMI {version} for the plant {kind}")
+            raise PlantError(f"{fmu}: is FMI {unit.fmi_version}; expected FMI {version} for the plant {kind}")
         yield unit

@@ -2,9 +2,11 @@
 
 import csv
 import os
+import signal
 import struct
 import subprocess
 import sys
+import tempfile
 import zipfile
 from ctypes import c_double
 from pathlib import Path
@@ -309,3 +311,28 @@ def test_a_place_that_cannot_be_written_is_an_error_before_anything_is_built(tmp
         with pytest.raises(OutputError, match=expected):
             build(place, progress=told.append)
     assert told == []
+
+
+def test_an_interrupt_ends_the_compiler_and_all_it_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: no process left, and nothing in the temporary folder; the compiler is one that takes for ever."""
+    lines = ["import os, signal, subprocess, sys, pathlib, time", "child = subprocess.Popen(['sleep', '1000'])"]
+    lines += [f"pathlib.Path({str(tmp_path / 'child')!r}).write_text(str(child.pid))"]
+    lines += ["os.kill(os.getppid(), signal.SIGINT)", "time.sleep(1000)"]
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__init__.py").write_text("")
+    (tmp_path / "ziglang" / "__main__.py").write_text("\n".join(lines))
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    # a test run in the background may have been told to ignore it
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            build(tmp_path / "out", fmi=["3.0"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    child = Path("/proc", (tmp_path / "child").read_text())
+    # init may take a moment to bury it
+    assert not child.exists() or "State:\tZ" in (child / "status").read_text()
+    assert list((tmp_path / "temporary").iterdir()) == []
+    assert list((tmp_path / "out").iterdir()) == []

@@ -53,6 +53,12 @@ def test_rule_7_a_tolerance_that_cannot_be_held_fails_the_step() -> None:
     fails({}, [1e300] * 6, "internal step size", "cannot be held", 1e-3)
 
 
+@pytest.mark.parametrize("force", [1e306, -1e307, 1e308, 1.7e308])
+def test_rule_7_forces_whose_accelerations_overflow_fail_the_step(force: float) -> None:
+    """Expected: an error at once, where SciPy's choice of a first step is not a number."""
+    fails({}, [force] * 6, "internal step size", "cannot be held", 1e-3)
+
+
 def test_rule_7_a_step_without_end_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: the limit, made small here; the same motion passes in shorter steps."""
     monkeypatch.setattr("gough_stewart.model.integrator.MOST_INTERNAL_STEPS", 3)

@@ -1,5 +1,9 @@
 """Experiments run whole: plants agree, feedforward pays, records say what happened."""
 
+import importlib
+import pickle
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +13,8 @@ import pytest
 
 from gough_stewart.fmu_build.layout import BY_NAME
 from gough_stewart.harness.control.laws import LinearController, Sample
+from gough_stewart.harness.control.python_file import controller_from_file
+from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.paper.open_loop import run_kernel
@@ -165,6 +171,27 @@ def test_a_controller_from_a_python_file(tmp_path: Path) -> None:
     }
     record = run(experiment_from(values).from_file("mine", tmp_path))
     assert record["controller.force[1]"].tolist() == pytest.approx([0, 0.005, 0.01, 0.015, 0.015])
+
+
+def test_a_controller_file_may_hold_dataclasses_and_its_controller_goes_to_another_process(tmp_path: Path) -> None:
+    """Expected: 3 N per second, here and from a pickle; the module hides none of the same name."""
+    lines = ["from __future__ import annotations", "from dataclasses import dataclass", "@dataclass", "class Ramp:"]
+    lines += ["    slope: float", "    def __call__(self, sample):", "        return [self.slope * sample.time] * 6"]
+    (tmp_path / "json.py").write_text("\n".join([*lines, "controller = Ramp(3.0)"]))
+    ramp = controller_from_file(tmp_path / "json.py", "controller")
+    assert "dumps" in dir(importlib.import_module("json"))
+    code = "import pickle, sys; print(pickle.load(sys.stdin.buffer)(type('Sample', (), {'time': 2.0})))"
+    done = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(ramp), capture_output=True, check=False)
+    assert done.stdout.decode().strip() == str([6.0] * 6), done.stderr.decode()
+
+
+@pytest.mark.parametrize(
+    "line", ["raise ValueError('no oil')", "import sys; sys.exit('no oil')", "raise SystemExit(0)"]
+)
+def test_a_controller_file_that_fails_says_so(tmp_path: Path, line: str) -> None:
+    (tmp_path / "mine.py").write_text(line)
+    with pytest.raises(ControllerError, match=r"mine.py: fails with (ValueError|SystemExit): (no oil|0)"):
+        controller_from_file(tmp_path / "mine.py", "controller")
 
 
 def test_a_controller_of_another_sample_time_is_refused() -> None:

@@ -307,6 +307,16 @@ def test_forces_that_are_not_finite_end_the_run_before_they_act() -> None:
     assert len(first.time) == 1
 
 
+@pytest.mark.parametrize("force", [1e31, -1e308])
+def test_forces_that_no_plant_takes_end_the_run_before_they_act(force: float) -> None:
+    """Expected: the same outcome whatever the plant is; an FMU would refuse them, and the model fail in its step."""
+    run = run_with(lambda s: np.array([1, 1, 1, 1, 1, force if s.time > 0.095 else 1.0]), loop_of())
+    assert run.outcome.status == "diverged"
+    assert f"{force!r}" in str(run.outcome.cause)
+    assert run.time[-1] == pytest.approx(0.1)
+    assert (run.inputs[:, :6] == 1.0).all()
+
+
 def test_a_platform_that_has_left_its_reference_ends_the_run() -> None:
     """Expected: at a = 0.5 m/s², 0.2 − t²/4 < −0.3 first at t > √2 s, a row of 10 ms later at most."""
     loop = loop_of(3.0, limits=Limits(largest_position_error=0.3))

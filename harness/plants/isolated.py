@@ -1,0 +1,170 @@
+"""The FMU of somebody else as a plant in a process of its own: what it does to that process is not done to the run."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.plant import TOLERANCE, Plant
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+
+# How long a unit may take to clean up after itself [s].
+_PATIENCE = 2.0
+
+
+class IsolatedFmu(Plant):
+    """`FmuPlant` in a process of its own; if that ends, or says nothing any more, it does so alone.
+
+    Calls and answers go through its standard streams as pickles, one answer for each call. An answer is a pair: whether
+    all went well, and the value or the error. What the unit itself prints is kept for the message if it crashes.
+
+    Raises
+    ------
+    PlantError
+        As `FmuPlant`, or the process has ended.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        platform: Platform,
+        start: State | None = None,
+        tolerance: float = TOLERANCE,
+        fixed_step_size: float = 0.0,
+    ) -> None:
+        self.path = Path(path)
+        # everything that the unit leaves behind is in there
+        self._folder = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
+        self._printed = Path(self._folder.name, "printed")
+        try:
+            with self._printed.open("wb") as printed:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", _program()],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=printed,
+                    env={**os.environ, "TMPDIR": self._folder.name, "TEMP": self._folder.name},
+                    **_own_group(),
+                )
+            self.fmi_version: str = self._answer_to("start", (self.path, platform, start, tolerance, fixed_step_size))
+        except BaseException:
+            self.close()
+            raise
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        """Rule 2 of `Plant`."""
+        self._answer_to("set_inputs", (inputs,))
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        """Rule 3 of `Plant`."""
+        self._answer_to("set_parameters", (dict(values),))
+
+    def results(self) -> FloatArray:
+        """Rule 4 of `Plant`."""
+        found: FloatArray = self._answer_to("results", ())
+        return found
+
+    def do_step(self, time: float, step: float) -> None:
+        """Rules 5 and 6 of `Plant`."""
+        self._answer_to("do_step", (time, step))
+
+    def close(self) -> None:
+        """Rule 8 of `Plant`."""
+        process = getattr(self, "_process", None)
+        if process is not None and process.returncode is None:
+            self._end(process)
+        self._folder.cleanup()
+
+    # --- inside ------------------------------------------------------------------------------------------------
+
+    def _answer_to(self, call: str, arguments: tuple[Any, ...]) -> Any:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        try:
+            _send(self._process.stdin, (call, arguments))
+            well, value = pickle.load(self._process.stdout)
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            where = f"do_step at time {arguments[0]:.9g} s" if call == "do_step" else call
+            raise PlantError(f"{self.path}: the unit {self._how_it_ended()} in {where}{self._last_line()}") from error
+        if not well:
+            raise value
+        return value
+
+    def _how_it_ended(self) -> str:
+        self._end(self._process)
+        code = self._process.returncode
+        if code >= 0:
+            return f"ended its process with exit code {code}"
+        return f"crashed ({signal.Signals(-code).name})"
+
+    def _last_line(self) -> str:
+        lines = self._printed.read_bytes()[-2000:].decode(errors="replace").strip().splitlines()
+        return f": {lines[-1][:200]}" if lines else ""
+
+    def _end(self, process: "subprocess.Popen[bytes]") -> None:
+        for stream in (process.stdin, process.stdout):
+            assert stream is not None
+            with suppress(OSError):  # what was to be sent when it ended
+                stream.close()
+        try:
+            process.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def serve() -> None:
+    """The other side: an `FmuPlant` that answers calls until there are no more."""
+    calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    # a unit that reads or prints does not get into the conversation
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    from gough_stewart.harness.plants.fmu import FmuPlant
+
+    plant: FmuPlant | None = None
+    answer: Any
+    try:
+        while True:
+            try:
+                call, arguments = pickle.load(calls)
+            except EOFError:
+                return
+            try:
+                if plant is None:
+                    plant = FmuPlant(*arguments)
+                    answer = True, plant.fmi_version
+                else:
+                    answer = True, getattr(plant, call)(*arguments)
+            except GoughStewartError as error:
+                answer = False, error
+            _send(answers, answer)
+    finally:
+        if plant is not None:
+            plant.close()
+
+
+def _send(stream: IO[bytes], message: Any) -> None:
+    pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
+    stream.flush()
+
+
+def _program() -> str:
+    """What the process runs; modules are found where this one finds them."""
+    return f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve()"
+
+
+def _own_group() -> dict[str, Any]:
+    """Ctrl-C is for the run alone, which ends the unit when it has kept its rows."""
+    if sys.platform == "win32":
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"process_group": 0}

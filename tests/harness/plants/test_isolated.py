@@ -1,0 +1,120 @@
+"""An FMU of somebody else: whatever it does, the rows before it stay, and the cause is named."""
+
+import os
+import re
+import signal
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.control.laws import Sample
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.isolated import IsolatedFmu
+from gough_stewart.harness.results.record import Record
+from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+from tests.support.failing_unit import FAILS_AT, Failure, failing_unit
+from tests.support.fmu_plants import Fmu
+
+
+@pytest.fixture(scope="module")
+def unit(fmus: dict[str, Fmu], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return failing_unit(fmus["2.0"], tmp_path_factory.mktemp("unit") / "failing.fmu")
+
+
+def no_forces(_sample: Sample) -> FloatArray:
+    return np.zeros(6)
+
+
+def run_with(unit: Path, failure: Failure, law: Callable[[Sample], FloatArray] = no_forces) -> Record:
+    """0.02 s at 1 ms a row."""
+    values = {
+        "title": "a unit that fails",
+        "plant": {"kind": "fmu2", "fixed_step_size": float(failure)},
+        "reference": {"type": "hold"},
+        "controller": {"type": "open_loop"},
+        "loop": {"duration": 0.02},
+        "limits": {"stroke": "ignore", "position_error": 100},
+    }
+    return run(experiment_from(values), fmu=unit, controller=law)
+
+
+@pytest.mark.parametrize(
+    ("failure", "cause"),
+    [
+        (Failure.ERROR, r"failing.fmu: the oil is cold"),
+        (Failure.FATAL, r"failing.fmu: .*"),
+        (Failure.EXIT, r"ended its process with exit code 7 in do_step at time 0.01 s: out of oil"),
+        (Failure.CRASH, r"crashed \(SIGABRT\) in do_step at time 0.01 s"),
+    ],
+)
+def test_a_unit_that_fails_in_mid_run_leaves_the_rows_before(unit: Path, failure: Failure, cause: str) -> None:
+    """Expected: rows up to the first time after FAILS_AT, the outcome with the cause."""
+    record = run_with(unit, failure)
+    outcome = record.metadata["outcome"]
+    assert outcome["status"] == "stopped"
+    assert re.search(cause, outcome["cause"])
+    assert record["time"][-1] == pytest.approx(np.ceil(1e3 * FAILS_AT) / 1e3)
+
+
+def test_ctrl_c_ends_a_unit_that_hangs_and_keeps_the_rows(unit: Path) -> None:
+    """Expected: an outcome that says interrupted, within the time that the unit is given, and no process left."""
+
+    def law(sample: Sample) -> FloatArray:
+        if sample.time > FAILS_AT:
+            threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+        return np.zeros(6)
+
+    # a test run in the background may have been told to ignore it
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        record = run_with(unit, Failure.HANG, law)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert record.metadata["outcome"]["status"] == "interrupted"
+    assert record["time"][-1] == pytest.approx(0.01)
+
+
+def test_what_a_unit_prints_does_not_disturb(unit: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run_with(unit, Failure.PRINT).metadata["outcome"]["status"] == "completed"
+    assert capfd.readouterr().out == ""
+
+
+def test_it_is_the_same_plant_as_in_process(fmus: dict[str, Fmu], paper: Platform) -> None:
+    """Expected: to the last bit, over changes of inputs and parameters, and errors with their data."""
+    path, rows = fmus["3.0"].path, []
+    for kind in (FmuPlant, IsolatedFmu):
+        with kind(path, paper) as plant:
+            plant.set_parameters({"platform_mass": 12.5})
+            plant.set_inputs(np.linspace(-30.0, 80.0, 12))
+            plant.do_step(0.0, 0.02)
+            rows.append(plant.results())
+            with pytest.raises(InterfaceError, match="base_points"):
+                plant.set_parameters({"base_points": np.zeros((6, 3))})
+            plant.set_inputs(np.append(np.tile([1e4, -1e4], 3), np.zeros(6)))
+            with pytest.raises(StepError, match=r"at time 0\.02") as caught:
+                plant.do_step(0.02, 1.0)
+            assert caught.value.time == 0.02
+    assert (rows[0] == rows[1]).all()
+
+
+def test_it_leaves_nothing(
+    fmus: dict[str, Fmu], paper: Platform, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Expected: rule 8; the temporary folder is as empty as before, whether the unit was had or not."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    plant = IsolatedFmu(fmus["3.0"].path, paper)
+    assert len(list(tmp_path.iterdir())) == 1
+    plant.close()
+    plant.close()
+    with pytest.raises(PlantError, match=r"nowhere.fmu: no such file"):
+        IsolatedFmu("nowhere.fmu", paper)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,92 @@
+"""An FMU with our description and somebody else's binary, which fails in mid-run in a way that can be chosen."""
+
+import inspect
+import re
+import zipfile
+from enum import IntEnum
+from pathlib import Path
+
+import fmpy.fmi2
+
+from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.fmu_build.targets import chosen_targets
+from gough_stewart.fmu_build.toolchain import LIBRARY, compile_library
+from tests.support.fmu_plants import Fmu
+
+# From this time on a step fails [s].
+FAILS_AT = 0.0095
+
+
+class Failure(IntEnum):
+    """What happens then; handed over in the place of the parameter `fixed_step_size`."""
+
+    ERROR = 1
+    FATAL = 2
+    EXIT = 3
+    CRASH = 4
+    HANG = 5
+    PRINT = 6  # no failure: it writes to its standard output, and goes on
+
+
+_SOURCE = """
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+typedef struct { void (*log)(void*, const char*, int, const char*, const char*, ...); void* rest[4]; } Callbacks;
+static int failure;
+static const Callbacks* callbacks;
+#define API __attribute__((visibility("default")))
+API void* fmi2Instantiate(const char* a, int b, const char* c, const char* d, const Callbacks* e, int f, int g) {
+  (void)a; (void)b; (void)c; (void)d; (void)f; (void)g;
+  callbacks = e;
+  return &failure;
+}
+API int fmi2SetReal(void* c, const unsigned* references, size_t n, const double* values) {
+  (void)c;
+  for (size_t k = 0; k < n; k++) if (references[k] == FIXED_STEP_SIZE) failure = (int)values[k];
+  return 0;
+}
+API int fmi2GetReal(void* c, const unsigned* references, size_t n, double* values) {
+  (void)c; (void)references;
+  for (size_t k = 0; k < n; k++) values[k] = 1;
+  return 0;
+}
+API int fmi2SetupExperiment(void* c, int d, double t, double s, int e, double u) {
+  (void)c; (void)d; (void)t; (void)s; (void)e; (void)u;
+  return 0;
+}
+API int fmi2EnterInitializationMode(void* c) { (void)c; return 0; }
+API int fmi2ExitInitializationMode(void* c) { (void)c; return 0; }
+API int fmi2DoStep(void* c, double time, double step, int n) {
+  (void)c; (void)step; (void)n;
+  if (time < FAILS_AT) return 0;
+  switch (failure) {
+    case 1: callbacks->log(NULL, "plant", 3, "logStatusError", "the oil is cold"); return 3;
+    case 2: return 4;
+    case 3: fprintf(stderr, "out of oil\\n"); exit(7);
+    case 4: abort();
+    case 5: for (;;) { volatile int x = 0; (void)x; }
+    case 6: printf("%1000d\\n", 1); fflush(stdout);
+  }
+  return 0;
+}
+API void fmi2FreeInstance(void* c) { (void)c; }
+"""
+
+
+def failing_unit(fmu: Fmu, target: Path) -> Path:
+    """The archive of an FMU, FMI 2.0, with the binary replaced."""
+    (native,) = chosen_targets(["native"])
+    source = _SOURCE.replace("FIXED_STEP_SIZE", str(BY_NAME["fixed_step_size"].first))
+    source = source.replace("FAILS_AT", str(FAILS_AT))
+    # what FMPy looks for and does not call here
+    others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - set(
+        re.findall(r"fmi2\w+", source)
+    )
+    source += "\n".join(f"API int {name}(void) {{ return 0; }}" for name in sorted(others))
+    library = compile_library({"unit.c": source}, {}, native)
+    with zipfile.ZipFile(fmu.path) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            is_binary = name.startswith("binaries/") and Path(name).stem == LIBRARY
+            new.writestr(name, library if is_binary else old.read(name))
+    return target
