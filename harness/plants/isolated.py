@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import IO, Any
 
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plants.plant import TOLERANCE, Plant
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
 # How long a unit may take to clean up after itself [s].
@@ -39,7 +40,7 @@ class IsolatedFmu(Plant):
         path: Path | str,
         platform: Platform,
         start: State | None = None,
-        tolerance: float = TOLERANCE,
+        tolerance: float = DEFAULT_TOLERANCE,
         fixed_step_size: float = 0.0,
     ) -> None:
         self.path = Path(path)
