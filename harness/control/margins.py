@@ -11,18 +11,14 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from gough_stewart.harness.control.structured import ComplexArray, scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.model.vectors import FloatArray
 
-ComplexArray = NDArray[np.complex128]
-
 _GRID = 600
 _FINE_GRID = 4000
-# Of the scaling for μ: rounds of balancing, and steps of descent.
-_BALANCES, _DESCENTS, _WIDEST = 5, 40, 30.0
 _FLAT = 0.02  # relative change of a response that has come to its limit, and its distance from the real axis
 _BOUNDLESS = 1e6  # a gain that may grow or sink by more than this is free
 
@@ -179,47 +175,6 @@ def sensitivities(L: Any, omega: FloatArray) -> tuple[ComplexArray, ComplexArray
     one = np.eye(L.noutputs)
     S = np.asarray(np.linalg.inv(one + response(L, omega)), dtype=complex)
     return S, np.asarray(one - S)
-
-
-def scaled_norm(M: ComplexArray) -> FloatArray:
-    """Upper bound min over D of σ(D M D⁻¹), D > 0 diagonal, of the structured singular value μ of (n, m, m), each (n,).
-
-    For complex uncertainties, one in each channel: exact for m ≤ 3, and seldom a few percent above μ beyond (Packard &
-    Doyle 1993, "The complex structured singular value", Automatica 29(1), 71–109). ln σ is convex in ln D; what is
-    found is less than 1 % above the minimum, and never under it.
-    """
-    scales = _balance(M)
-    here, slope, best, step = scales, np.zeros(scales.shape), np.full(len(M), np.inf), np.full(len(M), 0.5)
-    for _ in range(_DESCENTS):
-        U, sizes, Vh = np.linalg.svd(_scaled(M, here))
-        lower = sizes[:, 0] < best
-        best = np.where(lower, sizes[:, 0], best)
-        scales = np.where(lower[:, None], here, scales)
-        # ∂ ln σ / ∂ ln D_i = |u_i|² − |v_i|²
-        slope = np.where(lower[:, None], np.abs(U[:, :, 0]) ** 2 - np.abs(Vh[:, 0, :]) ** 2, slope)
-        step = np.where(lower, 1.2 * step, 0.5 * step)
-        # where a channel feels no other, the best scaling is infinite
-        here = np.clip(scales - step[:, None] * slope, -_WIDEST, _WIDEST)
-    return best
-
-
-def _balance(M: ComplexArray) -> FloatArray:
-    """Scales ln D (n, m) that makes row i and column i of D M D⁻¹ about equally long, as Osborne (1960) does."""
-    squares, scales = np.abs(M) ** 2, np.zeros(M.shape[:2])
-    for _ in range(_BALANCES):
-        for i in range(M.shape[-1]):
-            # the weight is 0 on the diagonal, which no scaling changes
-            weight = np.exp(2 * (scales[:, i : i + 1] - scales))
-            weight[:, i] = 0.0
-            row = (squares[:, i, :] * weight).sum(axis=1)
-            column = (squares[:, :, i] / np.where(weight > 0, weight, np.inf)).sum(axis=1)
-            both = (row > 0) & (column > 0)
-            scales[:, i] -= 0.25 * np.log(np.where(both, row, 1.0) / np.where(both, column, 1.0))
-    return scales
-
-
-def _scaled(M: ComplexArray, scales: FloatArray) -> ComplexArray:
-    return np.asarray(M * np.exp(scales[:, :, None] - scales[:, None, :]))
 
 
 def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMargins:

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from gough_stewart.harness.control.linear import modes
 from gough_stewart.harness.control.margins import (
-    ComplexArray,
     LegMargins,
     Margins,
     closed_loop,
@@ -19,6 +18,7 @@ from gough_stewart.harness.control.margins import (
     response,
     sensitivities,
 )
+from gough_stewart.harness.control.structured import ComplexArray
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import DASHES, entitle, label, pictures
 from gough_stewart.model.vectors import FloatArray

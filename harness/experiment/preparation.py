@@ -17,8 +17,9 @@ from gough_stewart.harness.errors import ControllerError, ExperimentError, Reach
 from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Limits, Loop, Timing
+from gough_stewart.harness.loop.loop import Change, Limits, Loop
 from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.reach import LegMotion, check_reach, legs_of
 from gough_stewart.model.dynamics import static_leg_forces

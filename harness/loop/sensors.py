@@ -48,6 +48,30 @@ class Readings:
         return measured
 
 
+class Encoders:
+    """Readings at the controller's samples, or every so many plant steps, of which the controller has the latest.
+
+    Parameters
+    ----------
+    every
+        Plant steps from reading to reading; None for readings at the samples.
+    n
+        How many readings there will be.
+    """
+
+    def __init__(self, sensors: Sensors, every: int | None, n: int) -> None:
+        self._every, self._readings = every, Readings(sensors, n)
+        self._taken = 0
+        self._latest: FloatArray = np.zeros(signals.SIZE)
+
+    def __call__(self, k: int, now: FloatArray, is_sample: bool) -> FloatArray:
+        """The latest reading at a row, of the signals (24,) that are there now."""
+        if is_sample if self._every is None else k % self._every == 0:
+            self._latest = self._readings(self._taken, now)
+            self._taken += 1
+        return self._latest
+
+
 def _parts() -> list[slice]:
     ends = np.cumsum([v.size for v in signals.VARIABLES])
     return [slice(int(end) - v.size, int(end)) for v, end in zip(signals.VARIABLES, ends, strict=True)]

@@ -18,9 +18,9 @@ from gough_stewart.harness.control.margins import (
     frequency_range,
     loop_margins,
     response,
-    scaled_norm,
 )
 from gough_stewart.harness.control.pid import Gains, pid, sampled
+from gough_stewart.harness.control.structured import scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.model.platform_toml import load_preset
 

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from gough_stewart.harness.control.laws import Controller, Sample, controller_of, law_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Actuators, Drives
-from gough_stewart.harness.loop.loop import Change, Limits, Loop, Run, Timing, simulate
+from gough_stewart.harness.loop.loop import Change, Limits, Loop, Run, simulate
 from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTH, Masses

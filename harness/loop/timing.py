@@ -1,0 +1,108 @@
+"""The clocks of a run: plant steps, samples, and how late samples come."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.plants import signals
+from gough_stewart.model.vectors import FloatArray
+
+# A row takes some 150 numbers, and they are there twice while the record is made.
+MOST_STEPS = 1_000_000
+# Times are multiples of the plant step to this share of it.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Clocks of a run: the plant is stepped and recorded every `plant_step`, the controller runs every `sample_time`.
+
+    With `jitter` each sample comes late, by a time that is uniform from 0 up to the jitter, in whole plant steps.
+
+    Raises
+    ------
+    ControllerError
+        The plant step does not divide the sample time or the duration, there would be more than `MOST_STEPS`, or the
+        jitter is shorter than a plant step or not shorter than the sample time.
+    """
+
+    duration: float  # [s]
+    sample_time: float  # [s]
+    plant_step: float  # [s]
+    jitter: float = 0.0  # [s]
+    seed: int = 0  # of the jitter
+
+    def __post_init__(self) -> None:
+        for name in ("duration", "sample_time", "plant_step"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
+        if self.jitter and not self.plant_step <= self.jitter < self.sample_time:
+            raise ControllerError(
+                f"jitter is {self.jitter:g} s; expected less than the sample_time of {self.sample_time:g} s, and at "
+                f"least the plant_step of {self.plant_step:g} s, in whole ones of which samples come late"
+            )
+        for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
+            long, short = getattr(self, whole), getattr(self, part)
+            if not long / short <= MOST_STEPS:
+                raise ControllerError(
+                    f"{whole} {long:g} s has {long / short:.3g} plant steps of {short:g} s; expected at most "
+                    f"{MOST_STEPS}, which fill about 3 GB of memory; make it shorter, or the plant_step longer"
+                )
+            if round(long / short) < 1 or abs(long / short - round(long / short)) > _ROUNDING:
+                raise ControllerError(
+                    f"{part} {short:g} s does not divide {whole} {long:g} s ({long / short:g} times); expected a whole "
+                    f"number, for instance a {part} of {long / max(1, round(long / short)):g} s"
+                )
+
+    @property
+    def steps(self) -> int:
+        """Of the plant in the whole run."""
+        return round(self.duration / self.plant_step)
+
+    @property
+    def steps_a_sample(self) -> int:
+        """Of the plant from one sample to the next."""
+        return round(self.sample_time / self.plant_step)
+
+    @property
+    def times(self) -> FloatArray:
+        """Of the rows (steps + 1,) [s]."""
+        return np.arange(self.steps + 1, dtype=float) * self.plant_step
+
+    @property
+    def samples(self) -> FloatArray:
+        """Nominal times of the controller's samples [s]; none at the end, where nothing follows."""
+        return self.times[: self.steps : self.steps_a_sample]
+
+    @property
+    def rows_of_samples(self) -> NDArray[np.intp]:
+        """The rows at which the samples are taken (m,), jitter included."""
+        rows = np.arange(0, self.steps, self.steps_a_sample)
+        if self.jitter:
+            # behind the streams of the sensors' noise
+            late = np.random.default_rng([self.seed, len(signals.NAMES)]).uniform(0.0, self.jitter, len(rows))
+            late[0] = 0.0  # a run begins with a sample
+            rows = rows + np.floor(late / self.plant_step).astype(rows.dtype)
+        return np.minimum(rows, self.steps - 1)
+
+    def steps_in(self, time: float, what: str) -> int:
+        """How many plant steps a time [s] is, which has to be a whole number of them."""
+        steps = round(time / self.plant_step)
+        if steps < 1 or abs(time / self.plant_step - steps) > _ROUNDING:
+            raise ControllerError(
+                f"{what} is {time:g} s; expected a multiple of the plant_step of {self.plant_step:g} s"
+            )
+        return steps
+
+    def row(self, time: float, what: str) -> int:
+        """The row of a time [s] that has to be one of the plant steps."""
+        k = round(time / self.plant_step)
+        if abs(time / self.plant_step - k) > _ROUNDING or not 0 <= k <= self.steps:
+            raise ControllerError(
+                f"{what} at {time:g} s; expected a time from 0 to {self.duration:g} s that is a multiple of the "
+                f"plant_step of {self.plant_step:g} s"
+            )
+        return k
