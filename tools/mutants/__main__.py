@@ -5,6 +5,7 @@ import json
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 from pathlib import Path
 from queue import Queue
 
@@ -12,7 +13,7 @@ from tools.mutants.copies import copy_of
 from tools.mutants.mutation import Mutant
 from tools.mutants.rooms import DEFAULT_FOLDERS, tests_of
 from tools.mutants.selection import files_in, mutants_in_order, reason_of, reasons
-from tools.mutants.trial import Bench, CleanRunError, Fate
+from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
 
 ROOT = Path(__file__).parents[2]
 
@@ -79,9 +80,8 @@ def _fates(root: Path, folder: str, mutants: list[Mutant], options: argparse.Nam
             free.put(bench)
         tests = tuple(options.tests) if options.tests else tests_of(folder, root)
         print(f"{folder}: first {' '.join(tests)} on the sources as they are", flush=True)
-        evidence = benches[0].clean_run(tests, [folder])
 
-        def attempt(mutant: Mutant) -> Fate:
+        def attempt(mutant: Mutant, evidence: Evidence) -> Fate:
             bench = free.get()
             try:
                 return bench.trial(mutant, tests, evidence)
@@ -91,9 +91,10 @@ def _fates(root: Path, folder: str, mutants: list[Mutant], options: argparse.Nam
         waiting = list(mutants)
         pool = ThreadPoolExecutor(options.jobs)
         try:
+            evidence = benches[0].clean_run(tests, [folder])
             while waiting and (missing := options.number - sum(fate != Fate.INVALID for fate in fates.values())) > 0:
                 batch, waiting = waiting[:missing], waiting[missing:]
-                for mutant, fate in zip(batch, pool.map(attempt, batch), strict=True):
+                for mutant, fate in zip(batch, pool.map(attempt, batch, repeat(evidence)), strict=True):
                     fates[mutant] = fate
                     print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)
         finally:

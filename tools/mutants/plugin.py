@@ -1,7 +1,7 @@
 """pytest's part of a trial: the order of the tests, a limit on each one's time, and what became of them.
 
-The environment variable `MUTANTS_PLAN` names a file of JSON: `first` are the tests to begin with, `limits` the seconds
-of each by name, `limit` those of others, `result` the file to write.
+The environment variable `MUTANTS_PLAN` names a file of JSON: `first` are the tests to begin with, `skipped` those left
+out, `limits` the seconds of each by name, `limit` those of others, `result` the file to write.
 """
 
 import faulthandler
@@ -21,7 +21,9 @@ _complaints: list[str] = []
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Those that are likely to see the mutant come first."""
+    """Those that are likely to see the mutant come first; those that have run already do not run again."""
+    done = set(_PLAN["skipped"])
+    items[:] = [item for item in items if item.nodeid not in done]
     rank = {name: k for k, name in enumerate(_PLAN["first"])}
     items.sort(key=lambda item: rank.get(item.nodeid, len(rank)))
 

@@ -1,10 +1,8 @@
 """Tests run on a copy of the repository: once as it is, then once for each mutant."""
 
-import contextlib
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
@@ -78,7 +76,7 @@ class Bench:
         self.copy, self.scratch = copy, scratch
         scratch.mkdir(parents=True)
         (scratch / "tmp").mkdir()
-        self._process: subprocess.Popen[str] | None = None
+        self._server: subprocess.Popen[str] | None = None
         self._stopped = False
 
     def clean_run(self, tests: Iterable[str], folders: Iterable[str]) -> Evidence:
@@ -92,7 +90,7 @@ class Bench:
         data = self.scratch / "coverage"
         data.unlink(missing_ok=True)
         options = [*(f"--cov={folder}" for folder in folders), "--cov-context=test", "--cov-report="]
-        plan = {"first": [], "limits": {}, "limit": 3600}
+        plan = {"first": [], "skipped": [], "limits": {}, "limit": 3600}
         code, printed, result = self._pytest(tests, options, plan, {"COVERAGE_FILE": str(data)})
         if code != 0:
             raise CleanRunError(f"the tests have to pass before there are mutants; pytest says:\n{printed[-4000:]}")
@@ -118,8 +116,7 @@ class Bench:
             path.write_bytes(mutant.change.apply(kept.read_bytes()))
             if path.suffix == ".js" and not _is_javascript(path):
                 return Fate.INVALID
-            plan = {"first": evidence.first(mutant), "limits": evidence.limits(), "limit": 600}
-            code, printed, result = self._pytest(tests, ["-x", "-p", "no:cov"], plan, {"PYTHONDONTWRITEBYTECODE": "1"})
+            code, printed, result = self._pytest_in_two_parts(mutant, tests, evidence)
         finally:
             shutil.copy2(kept, path)
         if code == 0:
@@ -132,11 +129,27 @@ class Bench:
                 evidence.kills[name] = evidence.kills.get(name, 0) + 1
         return Fate.TIMEOUT if not result and "Timeout (" in printed else Fate.KILLED
 
+    def _pytest_in_two_parts(
+        self, mutant: Mutant, tests: Iterable[str], evidence: Evidence
+    ) -> tuple[int, str, dict[str, Any]]:
+        """First the modules with tests that may see the mutant soon, then the other tests."""
+        first = evidence.first(mutant)
+        plan = {"first": first, "skipped": [], "limits": evidence.limits(), "limit": 600}
+        options, environment = ["-x", "-p", "no:cov"], {"PYTHONDONTWRITEBYTECODE": "1"}
+        modules = sorted({test.partition("::")[0] for test in first})
+        code, printed, result = self._pytest(modules, options, plan, environment)
+        if code != 0 or len(result["seconds"]) == len(evidence.seconds):
+            return code, printed, result
+        plan["skipped"] = list(result["seconds"])
+        return self._pytest(tests, options, plan, environment)
+
     def stop(self) -> None:
         """Ends the tests that run now, and begins no others."""
         self._stopped = True
-        if self._process is not None:
-            _end(self._process)
+        if self._server is not None:
+            self._server.terminate()
+            with self._server:  # waits, and closes what leads to it
+                pass
 
     def _pytest(
         self, tests: Iterable[str], options: Iterable[str], plan: Mapping[str, object], environment: Mapping[str, str]
@@ -149,36 +162,45 @@ class Bench:
         plugins = ["-p", "tools.mutants.plugin", "-p", "no:cacheprovider", "-p", "no:xdist"]
         # what is compiled from a mutant stays out of the user's caches
         own = {
-            "PYTHONPATH": f"{self.copy}{os.pathsep}{_ROOT}",
+            "PYTHONPATH": f"{self.copy}{os.pathsep}{_ROOT}",  # of what the tests start
             "MUTANTS_PLAN": str(plan_file),
             "ZIG_GLOBAL_CACHE_DIR": str(self.scratch.parent / "zig"),
             "TMPDIR": str(self.scratch / "tmp"),
         }
-        with (self.scratch / "printed").open("w+", encoding="utf-8") as printed:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "pytest", "-q", *plugins, *options, *tests],
+        printed = self.scratch / "printed"
+        request = {
+            "arguments": ["-q", *plugins, *options, *tests],
+            "environment": {**own, **environment},
+            "printed": str(printed),
+        }
+        code = self._ask(json.dumps(request))
+        if self._stopped:
+            raise KeyboardInterrupt
+        return code, printed.read_text("utf-8"), json.loads(result.read_text("utf-8")) if result.exists() else {}
+
+    def _ask(self, request: str) -> int:
+        """Exit code of a run of pytest; a process that has the libraries forks for it."""
+        if self._server is None:
+            self._server = subprocess.Popen(
+                [sys.executable, "-m", "tools.mutants.server"],
                 cwd=self.copy,
-                env={**os.environ, **own, **environment},
-                stdout=printed,
-                stderr=subprocess.STDOUT,
-                stdin=subprocess.DEVNULL,
+                # one job is one processor
+                env={**os.environ, "PYTHONPATH": str(_ROOT), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
                 text=True,
-                start_new_session=True,
+                start_new_session=True,  # Ctrl-C is for the command
             )
-            try:
-                if self._stopped:
-                    raise KeyboardInterrupt
-                code = self._process.wait()
-            finally:
-                _end(self._process)  # and what it may have left behind
-            printed.seek(0)
-            return code, printed.read(), json.loads(result.read_text(encoding="utf-8")) if result.exists() else {}
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+        assert self._server.stdin is not None
+        assert self._server.stdout is not None
+        try:
+            self._server.stdin.write(request + "\n")
+            self._server.stdin.flush()
+            return int(self._server.stdout.readline())
+        except (OSError, ValueError):
+            if self._stopped:
+                raise KeyboardInterrupt from None
+            raise
 
 
 def _is_javascript(path: Path) -> bool:

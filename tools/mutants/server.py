@@ -1,0 +1,73 @@
+"""A process that has loaded the libraries, and forks into one run of pytest after the other; asked by lines of JSON.
+
+Loading NumPy, SciPy, CasADi and python-control takes longer than most mutants live. Nothing of the repository is
+loaded before the fork.
+"""
+
+import importlib
+import json
+import os
+import signal
+import sys
+from contextlib import suppress
+from types import FrameType
+from typing import Any
+
+_LIBRARIES = (
+    *("pytest", "hypothesis", "numpy", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial.transform"),
+    *("casadi", "control", "fmpy", "lxml.etree"),
+)
+_child = 0
+
+
+def serve() -> None:
+    """Answers each request `{"arguments": …, "environment": …, "printed": …}` with the exit code of pytest."""
+    for library in _LIBRARIES:
+        with suppress(ImportError):
+            importlib.import_module(library)
+    signal.signal(signal.SIGTERM, _end)
+    for line in sys.stdin:
+        print(_run(json.loads(line)), flush=True)
+
+
+def _run(request: dict[str, Any]) -> int:
+    global _child  # noqa: PLW0603 - the handler of the signal has no other way to it
+    _child = os.fork()
+    if _child == 0:
+        os.setpgid(0, 0)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        printed = os.open(request["printed"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        for stream, target in ((os.open(os.devnull, os.O_RDONLY), 0), (printed, 1), (printed, 2)):
+            os.dup2(stream, target)
+        os.environ.update(request["environment"])
+        os._exit(_pytest(request["arguments"]))
+    _, status = os.waitpid(_child, 0)
+    _kill(_child)  # what it may have left behind
+    return os.waitstatus_to_exitcode(status)
+
+
+def _pytest(arguments: list[str]) -> int:
+    import pytest
+
+    try:
+        return int(pytest.main(arguments))
+    except BaseException:
+        return 3
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+
+
+def _kill(group: int) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, signal.SIGKILL)
+
+
+def _end(_signal: int, _frame: FrameType | None) -> None:
+    if _child:
+        _kill(_child)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    serve()
