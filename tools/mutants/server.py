@@ -9,12 +9,14 @@ import json
 import os
 import signal
 import sys
+import traceback
 from contextlib import suppress
 from types import FrameType
 from typing import Any
 
+# Not those that are plugins of pytest: it wants to load them itself.
 _LIBRARIES = (
-    *("pytest", "hypothesis", "numpy", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial.transform"),
+    *("pytest", "numpy", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial.transform"),
     *("casadi", "control", "fmpy", "lxml.etree"),
 )
 _child = 0
@@ -52,6 +54,7 @@ def _pytest(arguments: list[str]) -> int:
     try:
         return int(pytest.main(arguments))
     except BaseException:
+        traceback.print_exc()
         return 3
     finally:
         sys.stdout.flush()
