@@ -7,9 +7,10 @@ from scipy.integrate import solve_ivp
 from gough_stewart.model import energy
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.kinematics import leg_geometry, leg_rates
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import Inputs, State
+from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 PAPER_START = State(np.array([0, 0, 3.0]), np.array([0, 0, -0.1]), np.array([0, 0.2, 0]), np.array([0, 0.1, 0]))
 
@@ -36,6 +37,27 @@ def test_energy_of_the_published_second_is_the_work_of_the_forces(paper: Platfor
     lengths = leg_geometry(paper, x[:, :3], x[:, 3:6]).length
     work = (lengths - lengths[0]) @ force
     E = total_energy(paper, x)
+    assert np.abs(E - E[0] - work).max() <= 1e-9 * np.abs(work).max()
+
+
+def test_energy_of_an_uneven_platform_is_the_work_of_all_forces_less_what_friction_takes() -> None:
+    """Expected: the power of actuators, external wrench and friction, summed along the way by the integrator."""
+    kernel, p, u = Kernel(), parameter_vector(UNEVEN), INPUTS.to_vector()
+
+    def derivative(_t: float, x: np.ndarray) -> np.ndarray:
+        state = State.from_vector(x[:12])
+        rate = leg_rates(UNEVEN, state).length_rate
+        friction = UNEVEN.leg_viscous_friction * rate
+        friction = friction + UNEVEN.leg_coulomb_friction * np.tanh(rate / UNEVEN.leg_friction_velocity)
+        power = (INPUTS.actuator_force - friction) @ rate
+        power += INPUTS.external_force @ state.velocity + INPUTS.external_torque @ state.angular_velocity
+        return np.append(kernel.derivatives(x[:12], u, p), power)
+
+    start = np.append(STATE.to_vector(), 0.0)
+    run = solve_ivp(derivative, (0, 0.8), start, method="DOP853", rtol=1e-11, atol=1e-11)
+    x, work = run.y[:12].T, run.y[12]
+    E = total_energy(UNEVEN, x)
+    assert np.abs(work).max() > 10
     assert np.abs(E - E[0] - work).max() <= 1e-9 * np.abs(work).max()
 
 

@@ -7,9 +7,12 @@ import pytest
 
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.pose_limits import check_pose
 from gough_stewart.model.stepping import SteppingModel
-from tests.model.test_stepping import PAPER, refused, started
+from tests.model.test_stepping import refused, started
+
+PAPER = load_preset("liu2000")
 
 
 def fails(start: dict[str, Any], forces: Any, quantity: str, message: str, span: float = 5.0) -> None:
@@ -63,7 +66,7 @@ def test_rule_7_a_step_without_end_fails(monkeypatch: pytest.MonkeyPatch) -> Non
     """Expected: the limit, made small here; the same motion passes in shorter steps."""
     monkeypatch.setattr("gough_stewart.model.integrator.MOST_INTERNAL_STEPS", 3)
     model = started()
-    refused(model, lambda: model.do_step(0.0, 1.0), StepError, "internal steps = 4 .*too many for one step")
+    refused(model, lambda: model.do_step(0.0, 0.8), StepError, "internal steps = 4 .*too many for one step")
     model.do_step(0.0, 0.01)
 
 
