@@ -33,6 +33,7 @@ class Plant(Unit):
 
     def __init__(self, fmu: Fmu, co_simulation: bool = True, **options: Any) -> None:
         super().__init__(fmu, "CoSimulation" if co_simulation else "ModelExchange", **options)
+        self.of = fmu
 
     # --- values ------------------------------------------------------------------------------------------------
 
