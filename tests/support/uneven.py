@@ -44,6 +44,7 @@ UNEVEN = Platform(
     leg_upper_com=0.58,
     leg_lower_inertia=0.13,
     leg_upper_inertia=0.061,
+    leg_armature=1.7,
     leg_viscous_friction=7.0,
     leg_coulomb_friction=1.9,
     leg_friction_velocity=0.06,
