@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +23,8 @@ from gough_stewart.model.vectors import FloatArray
 
 # How long a unit may take to clean up after itself [s].
 _PATIENCE = 2.0
+# How often its process looks whether the run is still there [s].
+_WATCH = 0.5
 
 
 class IsolatedFmu(Plant):
@@ -125,7 +129,8 @@ class IsolatedFmu(Plant):
 
 
 def serve() -> None:
-    """The other side: an `FmuPlant` that answers calls until there are no more."""
+    """The other side: an `FmuPlant` that answers calls until there are no more, or nobody is left to hear them."""
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # a unit that reads or prints does not get into the conversation
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
@@ -152,6 +157,13 @@ def serve() -> None:
     finally:
         if plant is not None:
             plant.close()
+
+
+def _end_with_parent(parent: int) -> None:
+    """A unit that hangs in a step does not see its conversation end; a process without parent gets another one."""
+    while os.getppid() == parent:
+        time.sleep(_WATCH)
+    os._exit(1)
 
 
 def _send(stream: IO[bytes], message: Any) -> None:

@@ -3,8 +3,11 @@
 import os
 import re
 import signal
+import subprocess
+import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -118,3 +121,29 @@ def test_it_leaves_nothing(
     with pytest.raises(PlantError, match=r"nowhere.fmu: no such file"):
         IsolatedFmu("nowhere.fmu", paper)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for the process there")
+def test_a_hanging_unit_ends_with_the_run_that_is_killed(unit: Path) -> None:
+    """Expected: no process of the unit is left after SIGKILL of the run, which can clean up nothing."""
+    program = f"""
+import sys
+from pathlib import Path
+from gough_stewart.harness.plants.isolated import IsolatedFmu
+from gough_stewart.model.platform_toml import load_preset
+plant = IsolatedFmu(Path({str(unit)!r}), load_preset("liu2000"), fixed_step_size={float(Failure.HANG)})
+print(plant._process.pid, flush=True)
+for k in range(20):
+    plant.do_step(k * 1e-3, 1e-3)
+"""
+    run = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
+    assert run.stdout is not None
+    child = Path("/proc", run.stdout.readline().strip())
+    assert child.exists()
+    time.sleep(0.3)  # until it hangs
+    run.kill()
+    run.communicate()
+    end = time.monotonic() + 20
+    while child.exists() and "zombie" not in (child / "status").read_text() and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not child.exists() or "zombie" in (child / "status").read_text()
