@@ -125,14 +125,14 @@ class PlatformFields(ParametersOf[FloatArray, float]):
         default_factory=_vector(0.0, 0.0, 0.0),
         metadata=_row("rad", "roll, pitch, yaw in the home pose, the start value of orientation", shape=(3,)),
     )
-    leg_length_min: float | None = field(default=None, metadata=_row("m", "limit: shortest leg", "> 0"))
-    leg_length_max: float | None = field(default=None, metadata=_row("m", "limit: longest leg", "> 0"))
-    actuator_force_max: float | None = field(
-        default=None, metadata=_row("N", "limit: largest force of an actuator", "> 0")
-    )
+    leg_length_min: float | None = field(default=None, metadata=_row("m", "shortest leg", "> 0"))
+    leg_length_max: float | None = field(default=None, metadata=_row("m", "longest leg", "> 0"))
+    leg_velocity_max: float | None = field(default=None, metadata=_row("m/s", "leg velocity, at most", "> 0"))
+    actuator_force_max: float | None = field(default=None, metadata=_row("N", "actuator force, at most", "> 0"))
+    actuator_power_max: float | None = field(default=None, metadata=_row("W", "actuator power, at most", "> 0"))
     joint_angle_max: float | None = field(
         default=None,
-        metadata=_row("rad", "limit: largest angle of a joint from its direction in the home pose", "> 0"),
+        metadata=_row("rad", "joint angle from home, at most", "> 0"),
     )
     name: str = "unnamed"
     source: str = ""
@@ -158,6 +158,7 @@ def _rows(of: type[ParametersOf[Any, Any]]) -> Mapping[str, Parameter]:
 
 # Every number of a platform by name; texts are not among them.
 TABLE = _rows(PlatformFields)
+LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
 PHYSICAL = tuple(_rows(ParametersOf).values())
 

@@ -17,6 +17,7 @@ from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     joint_angles,
     leg_geometry,
+    scaled_jacobian_of_legs,
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
@@ -65,6 +66,7 @@ class PoseQualities(NamedTuple):
     condition_number: FloatArray  # of the same; infinite at a singular pose
     payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
     force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
+    largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction that `leg_velocity_max` admits [m/s]
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
@@ -81,7 +83,9 @@ def evaluate_poses(
     `joint_angle_max` from its direction in the home pose, |pitch| is below 90°, and det J has the sign that it has at
     home: else every way from home passes a singular pose. Payload and force margin are those of leg forces within
     ±`actuator_force_max` at rest; 0 where the actuators cannot hold the platform, and at poses with a condition number
-    of J above `LARGEST_CONDITION_NUMBER`.
+    of J above `LARGEST_CONDITION_NUMBER`. The largest speed s is such that no leg is faster than V = `leg_velocity_max`
+    in whatever direction the platform moves and turns with √(|v|² + ρ² |ω|²) = s: V/max_i |row_i|, rows of the scaled
+    leg Jacobian. Without turning it would be V at every pose.
 
     Parameters
     ----------
@@ -145,8 +149,18 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         _nearest([joint_margins[limit] for limit in joint_margins]),
         np.where(side == 1, smallest, -smallest),
         number,
-        *strength,
+        strength[0],
+        strength[1],
+        None if platform.leg_velocity_max is None else _largest_speed(legs, platform.leg_velocity_max),
     )
+
+
+def _largest_speed(legs: LegGeometry, fastest: float) -> FloatArray:
+    """Of poses (n, 3) [m/s]; 0 where a leg has no direction."""
+    with np.errstate(all="ignore"):
+        rows, _ = scaled_jacobian_of_legs(legs)
+        speed = fastest / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1)
+    return np.asarray(np.nan_to_num(speed))
 
 
 def _first_limit(

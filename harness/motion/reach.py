@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
 from gough_stewart.model.kinematics import (
     conditioning_of_legs,
     joint_angles,
@@ -49,7 +50,9 @@ def legs_of(platform: Platform, motion: Motion) -> LegMotion:
 def check_reach(
     platform: Platform, time: FloatArray, motion: Motion, largest_condition_number: float = WORST_CONDITION_NUMBER
 ) -> None:
-    """Refuse a motion that leaves the stroke or the joint angles, or comes near a singular pose.
+    """Refuse a motion that leaves stroke, joint angles, velocity or power, or comes near a singular pose.
+
+    Power is that of the forces by inverse dynamics which give the platform this motion without a load.
 
     Parameters
     ----------
@@ -93,6 +96,7 @@ def check_reach(
 def _bounds(platform: Platform, motion: Motion, largest_condition_number: float) -> list[_Bound]:
     pose = (motion.position, motion.orientation)
     legs = leg_geometry(platform, *pose)
+    condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
     side = side_of_singular_poses(platform, legs)
     pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # at LARGEST_PITCH itself the plant refuses
     bounds = [
@@ -100,7 +104,7 @@ def _bounds(platform: Platform, motion: Motion, largest_condition_number: float)
         _Bound(
             "the condition number of the leg Jacobian",
             "",
-            np.asarray(conditioning_of_legs(legs).condition_number),
+            condition_number,
             1.0 - 1e-9,
             largest_condition_number,
         ),
@@ -114,4 +118,20 @@ def _bounds(platform: Platform, motion: Motion, largest_condition_number: float)
         angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
         for where, values in zip(("base", "platform"), angles, strict=True):
             bounds.append(_Bound(f"the angle of the {where} joint", "rad", values, 0.0, platform.joint_angle_max))
+    fastest, strongest = platform.leg_velocity_max, platform.actuator_power_max
+    velocity = np.asarray(rates_of_legs(legs, State(*motion[:4])).length_rate)
+    if fastest is not None:
+        bounds.append(_Bound("the velocity", "m/s", velocity, -fastest, fastest))
+    if strongest is not None:
+        power = velocity * _forces_of(platform, motion, condition_number < LARGEST_CONDITION_NUMBER)
+        bounds.append(_Bound("the power", "W", power, -strongest, strongest))
     return bounds
+
+
+def _forces_of(platform: Platform, motion: Motion, regular: NDArray[np.bool_]) -> FloatArray:
+    """Actuator forces (n, 6) that give the motion; 0 where the legs cannot hold the pose, which is refused for that."""
+    forces = np.zeros((len(regular), 6))
+    if regular.any():
+        rows = [part[regular] for part in motion]
+        forces[regular] = inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))
+    return forces

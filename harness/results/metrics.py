@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.results.limits import shares_of_limits
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.vectors import FloatArray
 
@@ -63,6 +64,8 @@ def metrics(record: Record) -> Metrics:
       row does not count here or in the RMS of the force: nothing follows it.
     - `stroke`: by leg the `shortest` and `longest` length [m]; `margin` to the nearest limit of the platform [m],
       negative beyond it; `exceeded`, shares of the rows.
+    - `limits`: of `leg_velocity_max`, `actuator_force_max` and `actuator_power_max`, if the platform states them, the
+      `limit`, by leg the largest share `used` of it [1], and when it was `first_exceeded` [s], None if never.
 
     Parts are None where the record lacks their columns.
 
@@ -89,6 +92,7 @@ def metrics(record: Record) -> Metrics:
                 "energy": _energy(kept) if n else None,
                 "saturation": _saturation(kept) if n else None,
                 "stroke": _stroke(kept) if n else None,
+                "limits": _limits(kept) if n else None,
             }
         )
 
@@ -209,6 +213,16 @@ def _stroke(record: Record) -> dict[str, Any]:
         "margin": _number(min(margins)) if margins else None,
         "exceeded": _shares(record["flag.stroke_exceeded"]) if "flag.stroke_exceeded" in record else None,
     }
+
+
+def _limits(record: Record) -> dict[str, Any] | None:
+    time, platform = record["time"], record.metadata["platform"]
+    found = {}
+    for name, share in shares_of_limits(record, platform).items():
+        beyond = share > 1
+        firsts = [float(time[leg.argmax()]) if leg.any() else None for leg in beyond.T]
+        found[name] = {"limit": platform[name], "used": _list(share.max(axis=0)), "first_exceeded": firsts}
+    return found or None
 
 
 def _shares(flags: NDArray[Any]) -> dict[str, Any]:

@@ -66,6 +66,11 @@ def _legs(metrics: dict[str, Any]) -> Sheet:
     row("mean power", "W", metrics["power"]["mean"])
     row("net work", "J", energy["net"], number_text(energy["net_total"]))
     row("work, absolute", "J", energy["absolute"], number_text(energy["absolute_total"]))
+    for name, part in (metrics["limits"] or {}).items():
+        what = name.removesuffix("_max").replace("_", " ")
+        row(f"{what}, of its limit", "%", [None if used is None else 100 * used for used in part["used"]])
+        if any(first is not None for first in part["first_exceeded"]):
+            row(f"{what}, first beyond", "s", part["first_exceeded"])
     shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
     for name, share in shares.items():
         # a row of zeros says nothing

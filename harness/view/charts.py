@@ -1,7 +1,7 @@
 """The interactive curves of a page, as a figure of plotly.js: one column of panels over a common time axis."""
 
 import html
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -109,11 +109,12 @@ def _panels(records: Sequence[Record], platforms: Sequence[Platform]) -> list[_P
         return tuple(found)
 
     degree = 180 / np.pi
-    limits = {(p.leg_length_min, p.leg_length_max) for p in platforms}
-    stroke = tuple(x for x in next(iter(limits)) if x is not None) if len(limits) == 1 else ()
-    strongest = {record.metadata.get("force_limit") for record in records}
-    common = next(iter(strongest)) if len(strongest) == 1 else None
-    force = () if common is None else (float(common), -float(common))
+    low, high = (_common(getattr(p, name) for p in platforms) for name in ("leg_length_min", "leg_length_max"))
+    stroke = tuple(x for x in (low, high) if x is not None)
+    force = _both_ways(_common(record.metadata.get("force_limit") for record in records))
+    velocity = _both_ways(_common(p.leg_velocity_max for p in platforms))
+    power = _both_ways(_common(p.actuator_power_max for p in platforms))
+    powers = tuple(_Curves(r["actuator_force"] * r["leg_velocity"]) for r in records)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         condition = tuple(
             _Curves(conditioning(p, r["position"], r["orientation"]).condition_number[:, None])
@@ -130,9 +131,20 @@ def _panels(records: Sequence[Record], platforms: Sequence[Platform]) -> list[_P
         _Panel("orientation error [mrad]", _ANGLES, each("error.orientation", 1e3)),
         _Panel("actuator force of legs [N]", _LEGS, each("actuator_force", 1.0), force),
         _Panel("length of legs [m]", _LEGS, each("leg_length", 1.0, "reference.leg_length"), stroke),
-        _Panel("sliding velocity of legs [m/s]", _LEGS, each("leg_velocity", 1.0)),
+        _Panel("sliding velocity of legs [m/s]", _LEGS, each("leg_velocity", 1.0), velocity),
+        _Panel("actuator power of legs [W]", _LEGS, powers, power),
         _Panel("condition number of the leg Jacobian", ("condition number",), condition),
     ]
+
+
+def _common(limits: Iterable[float | None]) -> float | None:
+    """What all agree in, if they do."""
+    different = set(limits)
+    return different.pop() if len(different) == 1 else None
+
+
+def _both_ways(limit: float | None) -> tuple[float, ...]:
+    return () if limit is None else (float(limit), -float(limit))
 
 
 def _lines(

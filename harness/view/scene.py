@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.output.pages import packed
+from gough_stewart.harness.results.limits import shares_of_limits
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
@@ -73,6 +74,7 @@ def nearness_to_limits(record: Record, platform: Platform) -> dict[str, FloatArr
 
     - `stroke`: |L − middle| over half the stroke;
     - `force`: |F| over the limit of the actuators in the loop;
+    - `velocity`, `power`: |L̇| and |F L̇| over the platform's limits;
     - `joint angle`: the larger angle of the leg's two joints from home over the largest allowed.
     """
     found: dict[str, FloatArray] = {}
@@ -81,6 +83,9 @@ def nearness_to_limits(record: Record, platform: Platform) -> dict[str, FloatArr
         found["stroke"] = np.abs(record["leg_length"] - (low + high) / 2) / ((high - low) / 2)
     if record.metadata.get("force_limit"):
         found["force"] = np.abs(record["actuator_force"]) / record.metadata["force_limit"]
+    shares = shares_of_limits(record, platform.as_dict())
+    names = {"velocity": "leg_velocity_max", "power": "actuator_power_max"}
+    found |= {what: shares[name] for what, name in names.items() if name in shares}
     if platform.joint_angle_max is not None:
         pose = (record["position"], record["orientation"])
         angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.output.tables import Named, Sheet, number_text
 from gough_stewart.harness.results.record import Record, outcome_text
@@ -45,13 +46,18 @@ def limits_sheet(record: Record, platform: Platform) -> Sheet | None:
     sheet = Sheet("Limits and flags", ("", *(f"{i}" for i in range(1, 7))))
     for name, values in nearness_to_limits(record, platform).items():
         sheet.add(Named(f"{name}, most of its limit", "%"), *map(number_text, 100 * values.max(axis=0)))
+        if name in ("velocity", "power"):
+            sheet.add(Named(f"{name}, first beyond its limit at", "s"), *_firsts(record, values > 1))
     for name in FLAGS:
         if f"flag.{name}" in record:
             flags = record[f"flag.{name}"].astype(bool)
-            firsts = [record["time"][leg.argmax()] if leg.any() else None for leg in flags.T]
-            times = ("never" if first is None else number_text(first, 6) for first in firsts)
-            sheet.add(Named(f"{name.replace('_', ' ')}, first at", "s"), *times)
+            sheet.add(Named(f"{name.replace('_', ' ')}, first at", "s"), *_firsts(record, flags))
     return sheet if sheet.rows else None
+
+
+def _firsts(record: Record, flags: NDArray[np.bool_]) -> list[str]:
+    """When each leg's flag (n, 6) first goes up."""
+    return [number_text(record["time"][leg.argmax()], 6) if leg.any() else "never" for leg in flags.T]
 
 
 def parameters_sheet(machine: Platform, believed: Platform) -> Sheet:

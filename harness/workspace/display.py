@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gough_stewart.harness.output.tables import number_text
+from gough_stewart.model.parameters import LIMITS, TABLE
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit
@@ -69,6 +70,8 @@ def results_of(workspace: Workspace) -> list[Result]:
         strongest = reachable_values(workspace, q.force_margin).max(initial=0.0)
         unit = Shown("kN", 1e-3) if strongest >= _STRONG else Shown("N", 1.0)
         results.append(Result("force_margin", "force margin", unit, q.force_margin))
+    if q.largest_speed is not None:
+        results.append(Result("largest_speed", "largest speed", _shown_speed(workspace), q.largest_speed))
     if q.leg_length_margin is not None:
         length = shown_length(workspace)
         results.append(Result("leg_length_margin", "stroke left", length, q.leg_length_margin, ends_at_border=True))
@@ -128,22 +131,28 @@ def fixed_text(workspace: Workspace) -> str:
 
 
 def limits_text(workspace: Workspace) -> str:
-    """The platform's limits in one line; those that it does not state are named as such."""
-    parts = [f"{name} {value}" for name, value in limit_values(workspace).items()]
-    return ", ".join(parts)
+    """The limits that pictures show, in one line; those that the platform does not state are named as such."""
+    values = limit_values(workspace)
+    shown = ("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")
+    return ", ".join(f"{limit_title(name)} {values[name]}" for name in shown)
+
+
+def limit_title(name: str) -> str:
+    """What a limit of the platform is of, in words."""
+    return TABLE[name].description.removesuffix(", at most")
 
 
 def limit_values(workspace: Workspace) -> dict[str, str]:
-    """Each limit, with its value or that it is not stated."""
-    platform, length = workspace.platform, shown_length(workspace)
-    angle = Shown("°", 180 / np.pi)
+    """Each limit of the platform by name, as a text, or that it is not stated."""
+    units = {"m": shown_length(workspace), "m/s": _shown_speed(workspace), "rad": Shown("°", 180 / np.pi)}
+    found = {}
+    for row in LIMITS:
+        value = getattr(workspace.platform, row.name)
+        found[row.name] = "not stated" if value is None else units.get(row.unit, Shown(row.unit, 1.0)).text(value)
+    return found
 
-    def told(value: float | None, shown: Shown) -> str:
-        return "not stated" if value is None else shown.text(value)
 
-    return {
-        "shortest leg": told(platform.leg_length_min, length),
-        "longest leg": told(platform.leg_length_max, length),
-        "joint angle from home": told(platform.joint_angle_max, angle),
-        "actuator force": told(platform.actuator_force_max, Shown("N", 1.0)),
-    }
+def _shown_speed(workspace: Workspace) -> Shown:
+    """As lengths are."""
+    length = shown_length(workspace)
+    return Shown(f"{length.unit}/s", length.factor)

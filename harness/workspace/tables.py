@@ -8,6 +8,7 @@ from gough_stewart.harness.output.tables import Named, Sheet
 from gough_stewart.harness.workspace.display import (
     Result,
     Shown,
+    limit_title,
     limit_values,
     limits_met,
     results_of,
@@ -58,15 +59,15 @@ def _limits(workspace: Workspace) -> Sheet:
     sheet = Sheet("Limits of the platform", ("", "value", "keeps from"))
     code = workspace.qualities.limit
     kept = {
-        "shortest leg": (Limit.LEG_TOO_SHORT,),
-        "longest leg": (Limit.LEG_TOO_LONG,),
-        "joint angle from home": (Limit.BASE_JOINT, Limit.PLATFORM_JOINT),
+        "leg_length_min": (Limit.LEG_TOO_SHORT,),
+        "leg_length_max": (Limit.LEG_TOO_LONG,),
+        "joint_angle_max": (Limit.BASE_JOINT, Limit.PLATFORM_JOINT),
     }
     for name, value in limit_values(workspace).items():
         if name in kept and value != "not stated":
-            sheet.add(name, value, _percent(np.isin(code, kept[name])))
+            sheet.add(limit_title(name), value, _percent(np.isin(code, kept[name])))
         else:
-            sheet.add(name, value, "" if name not in kept else "nothing")
+            sheet.add(limit_title(name), value, "" if name not in kept else "nothing")
     for limit in (Limit.SINGULAR, Limit.PITCH):
         if limit in limits_met(workspace):
             sheet.add(limit.text, "", _percent(code == limit))

@@ -60,14 +60,18 @@ OTHERS = {
     "home_orientation": Expected((3,), "rad", [0, 0, 0], None),
     "leg_length_min": Expected((), "m", None, "> 0"),
     "leg_length_max": Expected((), "m", None, "> 0"),
+    "leg_velocity_max": Expected((), "m/s", None, "> 0"),
     "actuator_force_max": Expected((), "N", None, "> 0"),
+    "actuator_power_max": Expected((), "W", None, "> 0"),
     "joint_angle_max": Expected((), "rad", None, "> 0"),
 }
 ALL = PHYSICAL | OTHERS
 LIMITS: dict[str, Any] = {
     "leg_length_min": 1e-3,
     "leg_length_max": 1e3,
+    "leg_velocity_max": 0.7,
     "actuator_force_max": 1 / 3,
+    "actuator_power_max": 11.0,
     "joint_angle_max": 3.0,
 }
 

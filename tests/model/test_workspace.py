@@ -39,6 +39,7 @@ def limited(seed: int) -> tuple[Platform, FloatArray, FloatArray, np.random.Gene
         leg_length_max=1.2 * length.max(),
         joint_angle_max=0.4,
         actuator_force_max=float(force * rng.uniform(0.8, 4)),
+        leg_velocity_max=float(rng.uniform(0.1, 2)),
     )
     position = home[0] + 0.4 * platform.characteristic_length * rng.normal(size=(20, 3))
     return platform, position, home[1] + 0.3 * rng.normal(size=(20, 3)), rng
@@ -127,6 +128,29 @@ def test_condition_numbers_are_those_of_the_kinematics(seed: int) -> None:
     assert np.array_equal(q.singular_margin, side * expected.smallest_singular_value)
 
 
+@given(seeds)
+@settings(max_examples=15)
+def test_no_leg_is_too_fast_at_the_largest_speed_in_any_direction(seed: int) -> None:
+    """Expected: leg rates by differences of lengths; within the limit in random directions, at it in the worst one."""
+    platform, position, orientation, rng = limited(seed)
+    speed = evaluate_poses(platform, position, orientation).largest_speed
+    assert speed is not None
+    assert platform.leg_velocity_max is not None
+    t, R, rho, h = position[0], Rotation.from_euler("xyz", orientation[0]), platform.characteristic_length, 1e-6
+    twists = np.concatenate([np.eye(6), rng.normal(size=(500, 6))])
+    twists /= np.linalg.norm(twists, axis=1)[:, None]
+
+    def lengths(sign: int) -> np.ndarray:
+        turned = (Rotation.from_rotvec(sign * h * twists[:, 3:] / rho) * R).as_euler("xyz")
+        return np.asarray(leg_geometry(platform, t + sign * h * twists[:, :3], turned).length)
+
+    rates = (lengths(1) - lengths(-1)) / (2 * h)
+    fastest = speed[0] * np.abs(rates).max()
+    assert fastest <= platform.leg_velocity_max * (1 + 1e-6)
+    # by linearity the rates of the first six are a leg's gradient, along which it is fastest
+    assert speed[0] * np.linalg.norm(rates[:6], axis=0).max() == pytest.approx(platform.leg_velocity_max, rel=1e-6)
+
+
 @given(seeds, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 @settings(max_examples=25)
 def test_a_third_of_a_turn_changes_nothing_on_a_symmetric_platform(seed: int, roll: float, pitch: float) -> None:
@@ -139,7 +163,14 @@ def test_a_third_of_a_turn_changes_nothing_on_a_symmetric_platform(seed: int, ro
     turned = (turn * R * turn.inv()).as_euler("xyz")
     a = evaluate_poses(MOTION_BASE, position, R.as_euler("xyz"))
     b = evaluate_poses(MOTION_BASE, turn.apply(position), turned)
-    for name in ("leg_length_margin", "joint_angle_margin", "singular_margin", "payload", "force_margin"):
+    for name in (
+        "leg_length_margin",
+        "joint_angle_margin",
+        "singular_margin",
+        "payload",
+        "force_margin",
+        "largest_speed",
+    ):
         x, y = getattr(a, name), getattr(b, name)
         assert y == pytest.approx(x, rel=1e-6, abs=1e-6 * (1 + abs(float(x)))), name
 
@@ -169,6 +200,8 @@ def test_at_a_singular_pose_nothing_is_held() -> None:
     assert q.force_margin is not None
     assert q.condition_number[1] == np.inf
     assert q.payload[1] == q.force_margin[1] == 0 < q.payload[0]
+    speed = evaluate_poses(replace(platform, leg_velocity_max=1.0), base[0] - top[0], LEVEL).largest_speed
+    assert speed == 0
     fichter = evaluate_poses(replace(PAPER, actuator_force_max=1e4), PAPER.home_position, np.array([0, 0, np.pi / 2]))
     assert fichter.condition_number > 1e10
 
@@ -183,7 +216,7 @@ def test_without_gravity_any_payload_is_held() -> None:
 
 def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     q = evaluate_poses(PAPER, PAPER.home_position, LEVEL)
-    assert (q.leg_length_margin, q.joint_angle_margin, q.payload, q.force_margin) == (None,) * 4
+    assert (q.leg_length_margin, q.joint_angle_margin, q.payload, q.force_margin, q.largest_speed) == (None,) * 5
     one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
     assert one_sided.limit == Limit.LEG_TOO_LONG
 

@@ -23,7 +23,9 @@ from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_platform
 
 TIMES = np.linspace(0, 1, 101)
-DESKTOP, PAPER = load_preset("desktop_hexapod"), load_preset("liu2000")
+# velocity and power have tests of their own
+DESKTOP = replace(load_preset("desktop_hexapod"), leg_velocity_max=None, actuator_power_max=None)
+PAPER = load_preset("liu2000")
 UNLIMITED: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None, "joint_angle_max": None}
 FREE = replace(DESKTOP, **UNLIMITED)
 # the names of quantities in the error
@@ -308,3 +310,76 @@ def test_the_error_carries_its_data_to_another_process() -> None:
     copy = pickle.loads(pickle.dumps(caught.value))
     assert isinstance(copy, GoughStewartError)
     assert (str(copy), vars(copy)) == (str(caught.value), vars(caught.value))
+
+
+def first_beyond(time: FloatArray, values: FloatArray, limit: float) -> tuple[float, int, float]:
+    """Time, leg and value where values (n, 6) first leave ±limit."""
+    row = int((np.abs(values) > limit).any(axis=1).argmax())
+    leg = int((np.abs(values[row]) > limit).argmax())
+    return float(time[row]), leg + 1, float(values[row, leg])
+
+
+@given(seeds)
+def test_a_leg_that_would_be_too_fast_is_named_with_the_time(seed: int) -> None:
+    """Expected: rates by differences of leg lengths, leg by leg; just above the fastest of them nothing is refused."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    size = platform.characteristic_length
+    motion = swing(platform, 0.1 * size * rng.uniform(0.2, 1, 3), rng.uniform(-0.1, 0.1, 3), phase=0.3)(TIMES)
+    h, turned = 1e-6, Rotation.from_euler("xyz", motion.orientation)
+    ahead, behind = (
+        np.array(
+            [
+                np.linalg.norm(slow_legs(platform, *pose)[0], axis=1)
+                for pose in zip(
+                    motion.position + s * motion.velocity,
+                    (Rotation.from_rotvec(s * motion.angular_velocity) * turned).as_euler("xyz"),
+                    strict=True,
+                )
+            ]
+        )
+        for s in (h, -h)
+    )
+    rates = (ahead - behind) / (2 * h)
+    fastest = float(np.abs(rates).max())
+    check_reach(replace(platform, leg_velocity_max=1.001 * fastest), TIMES, motion)
+    limit = 0.8 * fastest
+    with pytest.raises(ReachError, match="the velocity of leg") as caught:
+        check_reach(replace(platform, leg_velocity_max=limit), TIMES, motion)
+    error = caught.value
+    time, leg, value = first_beyond(TIMES, rates, limit)
+    assert (error.quantity, error.time, error.leg) == ("the velocity", time, leg)
+    assert error.value == pytest.approx(value, rel=1e-5)
+
+
+def test_a_motion_that_would_take_too_much_power_is_refused() -> None:
+    """Expected: heave of six equal legs without mass: each gives a sixth of m (z̈ + g) ż + d/dt (½ 6 m_a L̇²)."""
+    z = PAPER.home_position[2] + 0.2 * np.sin(2 * np.pi * TIMES)
+    rate = 0.2 * 2 * np.pi * np.cos(2 * np.pi * TIMES)
+    acceleration = -0.2 * (2 * np.pi) ** 2 * np.sin(2 * np.pi * TIMES)
+    platform = replace(
+        PAPER, leg_armature=9.0, leg_lower_mass=1e-12, leg_upper_mass=1e-12, leg_lower_inertia=0, leg_upper_inertia=0
+    )
+    up = np.array([0.0, 0.0, 1.0])
+    none = np.zeros((len(TIMES), 3))
+    motion = Motion(np.outer(z, up), none, np.outer(rate, up), none, np.outer(acceleration, up), none)
+    L = np.hypot(z, np.linalg.norm(PAPER.base_points[0] - PAPER.platform_points[0]))
+    leg_rate = z * rate / L
+    leg_acceleration = (rate**2 + z * acceleration - leg_rate**2) / L
+    power = 10 * (acceleration + 9.81) * rate / 6 + 9 * leg_rate * leg_acceleration
+    most = float(np.abs(power).max())
+    check_reach(replace(platform, actuator_power_max=1.001 * most), TIMES, motion)
+    limit = 0.9 * most
+    with pytest.raises(ReachError, match=r"the power of leg . is .* W; expected") as caught:
+        check_reach(replace(platform, actuator_power_max=limit), TIMES, motion)
+    time, _, value = first_beyond(TIMES, np.repeat(power[:, None], 6, axis=1), limit)
+    assert caught.value.time == time
+    assert caught.value.value == pytest.approx(value, rel=1e-9)
+
+
+def test_power_at_a_singular_pose_does_not_hide_what_is_wrong() -> None:
+    """Expected: Fichter's pose, a quarter turn about z, is refused for its condition number."""
+    motion = from_home(replace(PAPER, actuator_power_max=1.0), [0, 0, 0], [0, 0, np.pi / 2])
+    with pytest.raises(ReachError) as caught:
+        check_reach(replace(PAPER, actuator_power_max=1.0), TIMES[:2], motion)
+    assert caught.value.quantity == NUMBER

@@ -219,6 +219,29 @@ def test_stroke_says_how_near_the_nearest_limit_came() -> None:
     assert metrics(record_of(5, leg_length_min=None))["stroke"]["margin"] is None
 
 
+def test_limits_say_how_much_of_them_each_leg_used_and_when_it_went_beyond() -> None:
+    """Expected: worked out by hand; the force is held over its row, so that power counts with both ends' velocities."""
+    force, velocity = np.zeros((4, 6)), np.zeros((4, 6))
+    velocity[2, 1], velocity[3, 4] = -0.6, 0.3
+    force[1, 1], force[3, 4], force[0, 0] = 20.0, -30.0, 50.0
+    values = {"actuator_force": force, "leg_velocity": velocity}
+    stated = {"leg_velocity_max": 0.5, "actuator_power_max": 10.0, "actuator_force_max": 50.0}
+    record = record_of(4, values)
+    record.metadata["platform"].update(stated)
+    found = metrics(record)["limits"]
+    assert {name: part["limit"] for name, part in found.items()} == stated
+    assert found["leg_velocity_max"]["used"] == pytest.approx([0, 1.2, 0, 0, 0.6, 0])
+    assert found["leg_velocity_max"]["first_exceeded"] == [None, 2 * STEP, None, None, None, None]
+    assert found["actuator_force_max"]["used"] == pytest.approx([1, 0.4, 0, 0, 0.6, 0])
+    assert found["actuator_force_max"]["first_exceeded"] == [None] * 6
+    assert found["actuator_power_max"]["used"] == pytest.approx([0, 1.2, 0, 0, 0.9, 0])
+    assert found["actuator_power_max"]["first_exceeded"] == [None, STEP, None, None, None, None]
+    text = printed(metrics(record))
+    assert "leg velocity, of its limit" in text
+    assert "actuator power, first beyond" in text
+    assert metrics(record_of(4, values))["limits"] is None
+
+
 # --- records that lack something -----------------------------------------------------------------------------------
 
 

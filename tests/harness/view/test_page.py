@@ -127,6 +127,9 @@ def test_nearness_is_one_at_each_limit(base: Platform) -> None:
     assert near["stroke"][:, 0] == pytest.approx([1, 0, 1])
     assert np.array_equal(near["force"], np.abs(home["actuator_force"]) / 100)
     assert np.abs(near["joint angle"]).max() < 1e-7
+    velocity, force = np.abs(home["leg_velocity"]), np.abs(home["actuator_force"])
+    assert near["velocity"] == pytest.approx(velocity / 0.8)
+    assert near["power"][-1] == pytest.approx(force[-1] * velocity[-1] / 12000)
     assert nearness_to_limits(Record(table, {}), load_preset("liu2000")) == {}
 
 
