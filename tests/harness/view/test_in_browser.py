@@ -187,7 +187,7 @@ def test_dragging_turns_the_view(still: Watched) -> None:
 
 
 def test_records_lie_over_each_other_and_can_be_hidden(browser: Browser, record: Record, tmp_path: Path) -> None:
-    """Expected: each at its own pose of the moment, also where one has ended; of 33 curves and 12 wanted ones each.
+    """Expected: each at its own pose of the moment, also where one has ended; of 39 curves and 12 wanted ones each.
 
     Arrows go to the next row of either, and a hidden record leaves the scene, and its curves and wanted ones; legends
     name the axes and legs all the same.
@@ -208,7 +208,7 @@ def test_records_lie_over_each_other_and_can_be_hidden(browser: Browser, record:
     traces = "document.querySelectorAll('#chart .scatterlayer .trace').length"
     entries = "[...document.querySelectorAll('#chart .legendtext')].map(e => e.textContent)"
     all_of_them, names = page.evaluate(traces), page.evaluate(entries)
-    assert all_of_them == 2 * (4 * 3 + 3 * 6 + 1) + 2 * (2 * 3 + 6)
+    assert all_of_them == 2 * (4 * 3 + 4 * 6 + 1) + 2 * (2 * 3 + 6)
     page.uncheck("input[data-record='0']")
     until(page, f"{traces} === {all_of_them // 2}")
     assert page.evaluate(entries) == names
