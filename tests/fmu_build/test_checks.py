@@ -49,6 +49,17 @@ def test_the_limit_of_the_condition_number_is_where_numpy_has_it(fmu: Fmu, share
 
 
 @pytest.mark.parametrize("leg", range(6))
+def test_a_leg_that_leans_along_one_axis_only_is_no_singular_pose(fmu: Fmu, leg: int) -> None:
+    """Expected: it starts; the Jacobian has zeros where elimination would begin."""
+    base = UNEVEN.base_points.copy()
+    base[leg, :2] = UNEVEN.platform_points[leg, :2]
+    with plant(fmu) as p:
+        values = {"base_points": base, "position": [0.0, 0.0, 3.0], "orientation": [0.0, 0.0, 0.0]}
+        p.start(start_of(uneven_case()) | values)
+        p.step(0.0, 0.01)
+
+
+@pytest.mark.parametrize("leg", range(6))
 def test_a_leg_shorter_than_its_share_of_the_platform_has_collapsed(fmu: Fmu, leg: int) -> None:
     """Expected: a thousandth of the root-mean-square arm; said of this leg, and with its length."""
     for share, is_refused in ((0.9, True), (1.1, False)):

@@ -39,6 +39,9 @@ def test_results_are_those_of_the_kernel(fmu: Fmu) -> None:
                 assert p.get(f"der({name})") == pytest.approx(value, rel=1e-11, abs=1e-11 * np.abs(value).max())
 
 
+# Bytes of a message with the zero at its end; message.h.
+MESSAGE_SIZE = 400
+
 BAD_VALUES = [
     ("actuator_force", [1, 2, np.nan, 4, 5, 6], "actuator_force[3] = nan N", "finite"),
     ("position", [0, np.inf, 3], "position[2] = inf m", "finite"),
@@ -361,12 +364,18 @@ def test_messages_leave_nothing_for_the_importer_to_format(fmu: Fmu) -> None:
         assert "%" not in p.messages[-1].text
 
 
-def test_a_message_that_is_too_long_ends_with_a_whole_character(fmu: Fmu) -> None:
-    """Expected: UTF-8 that decodes, for texts cut at every place of a character of two and of three bytes."""
+@pytest.mark.parametrize("character", ["a", "\u0080", "\u07ff", "\u0800", "\uffff", "\U00010000", "\U0010ffff"])
+def test_a_message_that_is_too_long_ends_with_a_whole_character(fmu: Fmu, character: str) -> None:
+    """Expected: as many whole characters as fit, for the first and the last of each length in UTF-8, cut anywhere."""
+    size = len(character.encode())
     with plant(fmu) as p:
-        for text in ("ü" * 300, "x" + "ü" * 300, "–" * 300, "x" + "–" * 300, "xx" + "–" * 300):
+        for shift in range(4):
+            text = "x" * shift + character * 700
             assert refused(p.fmu.setDebugLogging, True, [text]) == ERROR
-        assert len(p.messages) == 5
+            shown = p.messages[-1].text
+            assert shown.endswith(character)
+            assert text.startswith(shown[shown.index("'") + 1 :])
+            assert MESSAGE_SIZE - 1 - size < len(shown.encode()) <= MESSAGE_SIZE - 1
 
 
 def test_reset_goes_back_to_the_start_values(fmu: Fmu) -> None:

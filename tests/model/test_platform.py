@@ -13,6 +13,7 @@ from gough_stewart.model.errors import GoughStewartError, PlatformError
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, preset_names
+from tests.support.uneven import UNEVEN
 
 COINCIDENT = np.array([[2.0, 0, 0], [2.0, 0, 0], [0, 2, 0], [0, -2, 0], [-2, 0, 0], [1, 1, 0]])
 
@@ -54,7 +55,7 @@ COINCIDENT = np.array([[2.0, 0, 0], [2.0, 0, 0], [0, 2, 0], [0, -2, 0], [-2, 0, 
         ("actuator_force_max", 0.0, "is 0 N; expected > 0, or leave it out"),
         ("joint_angle_max", 45.0, "radians, not degrees"),
         ("name", 3, "expected a text"),
-        ("base_points", np.full((6, 3), 1e200), "expected numbers below 1e"),
+        ("base_points", np.append(np.arange(17.0), -1e200).reshape(6, 3), "expected numbers below 1e"),
     ],
 )
 def test_an_impossible_parameter_is_refused_by_name(paper: Platform, field: str, value: Any, message: str) -> None:
@@ -68,6 +69,16 @@ def test_base_and_platform_joint_in_one_place_is_refused(paper: Platform) -> Non
     shifted = paper.home_position - (paper.home_position + paper.platform_points[0] - paper.base_points[0])
     with pytest.raises(PlatformError, match="joint 1 coincide in the home pose"):
         replace(paper, home_position=shifted)
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_a_leg_of_no_length_is_told_by_its_share_of_the_base(leg: int) -> None:
+    """Expected: a millionth of the largest coordinate of a base joint, 2.04 m."""
+    joint = UNEVEN.base_points[leg] - leg_geometry(UNEVEN, np.zeros(3), UNEVEN.home_orientation).arm[leg]
+    for share, message in ((0.9, f"joint {leg + 1} coincide in the home pose"), (1.1, "leg_lower_com")):
+        above = joint + share * 2.04e-6 * np.array([0.6, 0.0, 0.8])
+        with pytest.raises(PlatformError, match=message):
+            replace(UNEVEN, home_position=above)
 
 
 def test_contradictory_stroke_is_refused(paper: Platform) -> None:

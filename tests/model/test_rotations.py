@@ -51,6 +51,15 @@ def test_pitch_of_90_degrees_is_refused(sign: int) -> None:
         rotations.orientation_from_matrix(rotations.matrix_from_orientation(np.array([0.3, sign * np.pi / 2, 0.1])))
 
 
+@pytest.mark.parametrize(
+    "bad", [np.diag([1.0, 1.0, -1.0]), 2 * np.eye(3), np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])]
+)
+def test_one_bad_matrix_in_a_batch_is_enough_to_be_refused(bad: np.ndarray) -> None:
+    """A reflection, a stretched one, and a pitch of 90°."""
+    with pytest.raises(OrientationError):
+        rotations.orientation_from_matrix(np.stack([np.eye(3), bad, np.eye(3)]))
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_pitch_just_short_of_90_degrees_still_converts(sign: int) -> None:
     orientation = np.array([0.3, sign * (np.pi / 2 - 1e-4), 0.1])

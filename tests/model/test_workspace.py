@@ -269,6 +269,11 @@ def test_without_limits_a_range_about_home_is_assumed_and_said() -> None:
     assert w.swept["roll"] == pytest.approx([-np.pi / 4, 0, np.pi / 4])
 
 
+def test_a_map_has_101_points_per_coordinate_unless_told_otherwise() -> None:
+    """Expected: as documented."""
+    assert sweep(PAPER, {"x": (-0.1, 0.1), "yaw": (0.0, 0.1)}).shape == (101, 101)
+
+
 def test_a_grid_has_its_poses_in_order() -> None:
     w = sweep(DESKTOP, {"z": (0.14, 0.16), "x": (0.0, 0.02)}, {"yaw": 0.1}, points=3)
     poses = w.coordinates()
