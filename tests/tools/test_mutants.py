@@ -83,6 +83,7 @@ PYTHON = {
     },
     "v = np.sqrt(np.mean(a))\n": {"v = (np.mean(a))", "v = np.sqrt(np.sum(a))"},
     "v = f(a, b)\n": {"v = f(b, a)"},
+    "v = zip(a, b, strict=True)\n": set(),
     "raise E(f'{1 + 2}')\n": {"pass"},
     "total += 2\n": {"pass", "total -= 2", "total += 3", "total += 1"},
     "@frozen(True)\nclass C:\n    'Text 1.'\n    n: Array[3] = True\n": {"n: Array[3] = False"},

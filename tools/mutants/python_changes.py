@@ -177,6 +177,10 @@ class _Collector(ast.NodeVisitor):
             self._replace(condition, b"not (" + self._text(condition) + b")")
         self.generic_visit(node)
 
+    def visit_keyword(self, node: ast.keyword) -> None:
+        if node.arg != "strict":  # of zip: what it asks for holds anyway
+            self.generic_visit(node)
+
     def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
         """Texts are for people."""
 

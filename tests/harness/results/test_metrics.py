@@ -166,6 +166,15 @@ def test_constant_force_does_force_times_displacement() -> None:
     assert found["energy"]["absolute_total"] == pytest.approx(0.6 * 15)
 
 
+def test_a_force_that_is_on_by_turns_has_the_rms_of_its_squares() -> None:
+    """Expected: c and −3 c in equal shares: √5 c, where a mean of amounts is 2 c; the last row does not last."""
+    amounts = np.array([1.0, 2, 3, 4, 5, 6])
+    force = np.r_[np.tile([1.0, -3.0], 50), 100.0][:, None] * amounts
+    found = metrics(record_of(101, {"actuator_force": force}))["force"]
+    assert np.allclose(found["rms"], np.sqrt(5) * amounts, rtol=1e-12)
+    assert np.allclose(found["peak"], 100 * amounts, rtol=1e-12)
+
+
 def test_peak_power_looks_at_both_ends_of_a_row() -> None:
     """Expected: 10 N act from row 0 to row 1, where the leg has 2 m/s; after that nothing acts."""
     force, velocity = np.zeros((4, 6)), np.zeros((4, 6))
