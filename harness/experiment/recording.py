@@ -86,6 +86,7 @@ def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> di
     return {
         "format": FORMAT,
         **circumstances,
+        "rows": len(run.time),
         "outcome": run.outcome._asdict(),
         "duration": timing.duration,
         "sample_time": timing.sample_time,

@@ -111,6 +111,8 @@ def read_record(path: Path | str) -> Record:
     >>> files = gs.save_record(gs.run("heave_step", {"loop.duration": 0.1}), "results/heave")
     >>> gs.read_record("results/heave")["error.position"].shape
     """
+    from gough_stewart.harness.results.record_checks import check_metadata, check_table
+
     path = Path(path)
     expected = "expected record.parquet, or record.csv with metadata.json beside it, as `gough-stewart run` writes them"
     if path.is_dir():
@@ -121,18 +123,25 @@ def read_record(path: Path | str) -> Record:
     if not path.is_file():
         raise RecordError(f"{path}: no such file; {expected}")
     try:
+        # without patterns, so that * and [1] are parts of a name
         if path.suffix == ".parquet":
-            said = polars.read_parquet_metadata(path).get(_METADATA_KEY)
-            if said is None:
-                raise RecordError(f"{path}: holds no metadata of a run; {expected}")
-            return Record(polars.read_parquet(path), json.loads(said))
-        metadata = json.loads(path.with_name("metadata.json").read_bytes())
-        # the first rows need not show that a column holds numbers with digits after the point
-        return Record(polars.read_csv(path, infer_schema_length=None), metadata)
+            # of another table there are none
+            text = polars.read_parquet_metadata(path).get(_METADATA_KEY, "null")
+            record = Record(polars.read_parquet(path, glob=False), json.loads(text))
+        else:
+            # the first rows need not show that a column holds numbers with digits after the point
+            table = polars.read_csv(path, infer_schema_length=None, glob=False)
+            record = Record(table, json.loads(path.with_name("metadata.json").read_bytes()))
+        check_metadata(record.metadata)
+        check_table(record.table, record.metadata.get("rows"))
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}; {expected}") from None
     except OSError as error:
         raise RecordError(f"{error.filename or path}: {error.strerror or error}; {expected}") from error
-    except (ValueError, polars.exceptions.PolarsError) as error:
-        raise RecordError(f"{path}: cannot be read as a record ({error}); {expected}") from error
+    except (ValueError, RecursionError, polars.exceptions.PolarsError) as error:
+        reason = str(error).splitlines()[0]
+        raise RecordError(f"{path}: cannot be read as a record ({reason}); {expected}") from error
+    return record
 
 
 def columns(prefix: str, size: int) -> list[str]:

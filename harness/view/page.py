@@ -64,7 +64,7 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     title = str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)
     body = Template(asset("view", "view.html")).substitute(
         title=html.escape(title),
-        lead=html.escape(_lead(records[0]) if one else "several runs laid over each other"),
+        lead=html.escape(_lead(records[0], shown[0].believed) if one else "several runs laid over each other"),
         records=_heads(shown),
         tables=_tables(shown, more),
         footer=html.escape(_footer(shown, frames)),
@@ -99,7 +99,7 @@ class _Shown(NamedTuple):
 
 
 def _shown(record: Record, name: str) -> _Shown:
-    if "outcome" not in record.metadata:
+    if not record.metadata.get("outcome"):
         raise RecordError(f"{name}: the metadata hold no outcome; expected what `gough-stewart run` writes")
     try:
         platform, believed = machine_of(record), platform_of(record)
@@ -114,10 +114,10 @@ def _shown(record: Record, name: str) -> _Shown:
     return _Shown(record, Record(finite.table.head(rows), record.metadata), platform, believed, name)
 
 
-def _lead(record: Record) -> str:
-    said, platform = record.metadata, record.metadata["platform"]
-    description = (said.get("experiment") or {}).get("description") or platform.get("source")
-    parts = [f"platform {platform['name']}", *([f"plant {said['plant']}"] if said.get("plant") else [])]
+def _lead(record: Record, platform: Platform) -> str:
+    said = record.metadata
+    description = (said.get("experiment") or {}).get("description") or platform.source
+    parts = [f"platform {platform.name}", *([f"plant {said['plant']}"] if said.get("plant") else [])]
     return " — ".join(filter(None, [description, ", ".join(parts)]))
 
 
@@ -148,7 +148,10 @@ def _tables(shown: Sequence[_Shown], more: Sequence[Sheet]) -> str:
             f"<h2>{html.escape(name) if len(shown) > 1 else 'Metrics'}</h2>",
             _sheets([*metrics_sheets(metrics(record)), *([limits] if limits else [])]),
             "<details><summary>Run, parameters, versions</summary>",
-            _sheets([run_sheet(record), parameters_sheet(platform, believed), versions_sheet(record)], "sheets wide"),
+            _sheets(
+                [run_sheet(record, believed), parameters_sheet(platform, believed), versions_sheet(record)],
+                "sheets wide",
+            ),
             "</details>",
         ]
     return "".join(parts)

@@ -12,12 +12,12 @@ from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 
 
-def run_sheet(record: Record) -> Sheet:
+def run_sheet(record: Record, platform: Platform) -> Sheet:
     """How the run was made, and how it ended."""
     said, sheet = record.metadata, Sheet("Run", ("", ""))
     sheet.add("outcome", outcome_text(said["outcome"]))
     sheet.add("plant", str(said.get("plant", "–")))
-    sheet.add("platform", said["platform"]["name"])
+    sheet.add("platform", platform.name)
     sheet.add("rows", str(record.table.height))
     for name in ("duration", "sample_time", "plant_step"):
         if said.get(name) is not None:
