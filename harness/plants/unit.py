@@ -125,11 +125,10 @@ class Unit:
     ) -> None:
         self.is_fmi2 = file.version == "2.0"
         self.messages: list[Message] = []
-        interface_type = getattr(file.description, "coSimulation" if fmi_type == "CoSimulation" else "modelExchange")
         arguments = {
             "guid": file.token if token is None else token,
             "unzipDirectory": str(file.folder),
-            "modelIdentifier": interface_type.modelIdentifier,
+            "modelIdentifier": file.description.coSimulation.modelIdentifier,  # that of Model Exchange, too
             "instanceName": name,
         }
         try:

@@ -92,6 +92,7 @@ def test_an_open_loop_adds_its_forces_to_the_feedforward(platform: Platform) -> 
     choice: ControllerChoice = OpenLoop(force=force)
     feedforward = np.arange(12.0).reshape(2, 6)
     assert choice.planned(feedforward).tolist() == [[1000, 3, 5, 7, 9, -1], [1006, 9, 11, 13, 15, 5]]
+    assert np.array_equal(OpenLoop().planned(feedforward), feedforward)
     assert not choice.is_closed
     assert choice.controller(platform, T) is None
     assert choice.gains(platform) is None
@@ -110,6 +111,10 @@ def test_what_feeds_back_leaves_the_feedforward_alone() -> None:
         (PD, "^expected a bandwidth, or proportional_gain and derivative_gain$"),
         (lambda: PD(proportional_gain=1), "^expected a bandwidth, or proportional_gain and derivative_gain$"),
         (lambda: PD(bandwidth=1, derivative_gain=1), "^expected a bandwidth or gains, not both$"),
+        (
+            lambda: PD(proportional_gain=1, derivative_gain=1, damping_ratio=1),
+            "^damping_ratio goes with a bandwidth; gains have theirs$",
+        ),
         (lambda: PD(bandwidth=-1), "^bandwidth: is -1; expected > 0 Hz$"),
         (lambda: PD(bandwidth=1, dampin=1), "^dampin: unknown key .= 1.; did you mean 'damping_ratio'"),  # type: ignore[call-arg]
         (lambda: PD(bandwidth=1, space="joint"), "^space: is 'joint'; expected 'leg' or 'task'$"),  # type: ignore[arg-type]
@@ -139,7 +144,7 @@ def test_what_makes_no_controller_is_refused_by_name(make: Any, message: str) ->
 def test_an_anti_windup_faster_than_the_samples_is_refused(platform: Platform) -> None:
     """Expected: only channels with integral action count."""
     rest: dict[str, Any] = {"derivative_gain": KD, "derivative_filter": 0.004, "anti_windup_time": T / 2}
-    choice = PID(proportional_gain=KP, integral_gain=KI, **rest)
+    choice = PID(proportional_gain=KP, integral_gain=[0, 0, 0.5, 0, 0, 0], **rest)
     with pytest.raises(
         ControllerError, match=r"anti_windup_time is 0.001 s; expected at least the sample_time of 0.002"
     ):
