@@ -83,6 +83,23 @@ def test_a_platform_at_rest_begins_with_a_microsecond(fmu3: Fmu) -> None:
     assert sizes[1:-1] == pytest.approx(10 * sizes[:-2])
 
 
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.7])
+def test_a_step_cut_to_end_on_time_proposes_no_less_than_before(fmu3: Fmu, share: float) -> None:
+    """Expected: the larger of SciPy's first step and of its proposal after the cut one."""
+    case, tolerance = uneven_case(), 1e-4
+    kernel, p, u = Kernel(), parameter_vector(case.platform), case.inputs.to_vector()
+    x = case.start.to_vector()
+    arguments = lambda _t, x: kernel.derivatives(x, u, p).copy(), 0.0, x, 1.0, np.inf, tolerance, tolerance
+    first = RK45(*arguments)
+    cut = RK45(*arguments, first_step=share * first.h_abs)
+    cut.step()
+    h = share * first.h_abs
+    assert cut.t == h
+    _, second = times_of_unit(fmu3, start_of(case), [h, 0.4], tolerance)
+    # the unit's first step knows that the span is short, SciPy's here does not
+    assert second[0] - h == pytest.approx(max(first.h_abs, cut.h_abs), rel=1e-2)
+
+
 def test_the_step_size_carries_over_a_short_communication_step(fmu3: Fmu) -> None:
     """Expected: communication steps far below the internal ones take one internal step each, long ones as before."""
     case = uneven_case()

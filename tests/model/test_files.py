@@ -1,5 +1,6 @@
 """Files are written whole, and as one set: what is there afterwards, whatever went wrong."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -96,6 +97,24 @@ def test_files_that_cannot_be_moved_stay_where_the_note_says(older: Path, monkey
     place = Path(caught.value.__notes__[0].removeprefix("the new files are in "))
     assert contents(place) == {"table": b"new"}
     assert {name: (older / name).read_bytes() for name in before} == before
+
+
+def test_a_place_that_cannot_take_the_files_is_refused_before_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: a file in the way, a folder with the name of a file, a folder that is closed; else silence."""
+    (tmp_path / "file").write_bytes(b"mine")
+    (tmp_path / "table").mkdir()
+    check_output_folder(tmp_path, ["figure", "file"])
+    check_output_folder(tmp_path / "new" / "folder", ["table"])
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(OutputError, match="file is a file; expected a folder"):
+            check_output_folder(folder, [])
+    with pytest.raises(OutputError, match="table is a folder there; expected a file or nothing"):
+        check_output_folder(tmp_path, ["figure", "table"])
+    monkeypatch.setattr("os.access", lambda place, mode: not (place == tmp_path and mode & (os.W_OK | os.X_OK)))
+    with pytest.raises(OutputError, match="no permission to write in"):
+        check_output_folder(tmp_path / "new", [])
 
 
 def test_a_link_that_leads_nowhere_is_refused_before_the_run(tmp_path: Path) -> None:
