@@ -24,6 +24,7 @@ from gough_stewart.model.rotations import (
 )
 from gough_stewart.model.state import Inputs, State
 from tests.support.random_platforms import Sample, random_inputs, random_platform, random_state, relative_difference
+from tests.support.uneven import UNEVEN
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -259,10 +260,10 @@ def test_single_states_and_batches_give_the_same(thousand: Sample) -> None:
 
 
 @pytest.mark.parametrize("batched", range(8))
-def test_any_one_argument_may_be_a_batch(paper: Platform, batched: int) -> None:
+def test_any_one_argument_may_be_a_batch(batched: int) -> None:
     """Expected: leading axes broadcast, so a batch of one argument is a batch of the whole."""
     rng = np.random.default_rng(3)
-    state, inputs, a = random_state(paper, rng), random_inputs(paper, rng), rng.normal(size=6)
+    state, inputs, a = random_state(UNEVEN, rng), random_inputs(UNEVEN, rng), rng.normal(size=6)
     parts = [*state, *inputs, a]
     many = [np.stack([part] * 5) if k == batched else part for k, part in enumerate(parts)]
 
@@ -273,17 +274,17 @@ def test_any_one_argument_may_be_a_batch(paper: Platform, batched: int) -> None:
             dynamics.Acceleration(parts[7][..., :3], parts[7][..., 3:]),
         )
         wrench = np.concatenate(inputs[1:], axis=-1) if batched not in (5, 6) else 0.0
-        legs = kinematics.leg_geometry(paper, state.position, state.orientation)
+        legs = kinematics.leg_geometry(UNEVEN, state.position, state.orientation)
         return [
-            *dynamics.forward_dynamics(paper, state, inputs),
-            dynamics.inverse_dynamics(paper, state, a, wrench),
-            dynamics.inverse_dynamics(paper, state, dynamics.Acceleration(a.linear, a.angular[..., :3])),
-            dynamics.static_leg_forces(paper, state.position, state.orientation),
-            dynamics.mass_matrix(paper, state.position, state.orientation),
-            dynamics.bias_wrench(paper, state),
-            dynamics.joint_forces(paper, state, inputs.actuator_force, a),
-            energy.kinetic_energy(paper, state),
-            energy.friction_power(paper, state),
+            *dynamics.forward_dynamics(UNEVEN, state, inputs),
+            dynamics.inverse_dynamics(UNEVEN, state, a, wrench),
+            dynamics.inverse_dynamics(UNEVEN, state, dynamics.Acceleration(a.linear, a.angular[..., :3])),
+            dynamics.static_leg_forces(UNEVEN, state.position, state.orientation),
+            dynamics.mass_matrix(UNEVEN, state.position, state.orientation),
+            dynamics.bias_wrench(UNEVEN, state),
+            dynamics.joint_forces(UNEVEN, state, inputs.actuator_force, a),
+            energy.kinetic_energy(UNEVEN, state),
+            energy.friction_power(UNEVEN, state),
             kinematics.wrench_from_leg_forces(legs, inputs.actuator_force),
             state.to_vector(),
             inputs.to_vector(),
@@ -295,11 +296,11 @@ def test_any_one_argument_may_be_a_batch(paper: Platform, batched: int) -> None:
 
 
 @pytest.mark.parametrize("name", [v.name for v in interface.PLATFORM_PARAMETERS])
-def test_any_one_parameter_may_be_a_batch(paper: Platform, name: str) -> None:
+def test_any_one_parameter_may_be_a_batch(name: str) -> None:
     """Expected: the same as one platform at a time."""
     rng = np.random.default_rng(4)
-    state, inputs = random_state(paper, rng), random_inputs(paper, rng)
-    values = {v.name: getattr(paper, v.name) for v in interface.PLATFORM_PARAMETERS}
+    state, inputs = random_state(UNEVEN, rng), random_inputs(UNEVEN, rng)
+    values = {v.name: getattr(UNEVEN, v.name) for v in interface.PLATFORM_PARAMETERS}
     many = [1.01 * np.asarray(values[name]), np.asarray(values[name])]
     each = [Parameters(**{**values, name: value}) for value in many]
     batch = dynamics.forward_dynamics(Parameters(**{**values, name: np.stack(many)}), state, inputs)

@@ -14,6 +14,7 @@ from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from tests.support.random_platforms import random_inputs, random_platform, random_state
+from tests.support.uneven import UNEVEN
 
 seeds = st.integers(0, 2**32 - 1)
 KERNEL = Kernel()
@@ -83,8 +84,8 @@ def test_parameters_are_run_time_inputs() -> None:
         assert np.allclose(KERNEL.derivatives(x, u, parameter_vector(platform)), expected, rtol=1e-11)
 
 
-def test_calls_allocate_nothing(paper: Platform) -> None:
-    kernel_, p = Kernel(), parameter_vector(paper)
+def test_calls_allocate_nothing() -> None:
+    kernel_, p = Kernel(), parameter_vector(UNEVEN)
     x, u = np.concatenate([[0, 0, 3.0], np.zeros(9)]), np.ones(12)
     for call in (kernel_.derivatives, kernel_.outputs, kernel_.jacobians):
         call(x, u, p)
@@ -98,14 +99,14 @@ def test_calls_allocate_nothing(paper: Platform) -> None:
         assert kept < 1000, call
 
 
-def test_results_are_views_of_the_same_buffer(paper: Platform) -> None:
-    kernel_, p = Kernel(), parameter_vector(paper)
+def test_results_are_views_of_the_same_buffer() -> None:
+    kernel_, p = Kernel(), parameter_vector(UNEVEN)
     x = np.concatenate([[0, 0, 3.0], np.zeros(9)])
     assert kernel_.derivatives(x, np.zeros(12), p) is kernel_.derivatives(x, np.ones(12), p)
 
 
-def test_two_kernels_do_not_disturb_each_other(paper: Platform) -> None:
-    one, other, p = Kernel(), Kernel(), parameter_vector(paper)
+def test_two_kernels_do_not_disturb_each_other() -> None:
+    one, other, p = Kernel(), Kernel(), parameter_vector(UNEVEN)
     x = np.concatenate([[0, 0, 3.0], np.zeros(9)])
     first = one.derivatives(x, np.zeros(12), p)
     before = first.copy()
@@ -132,12 +133,12 @@ def test_jacobians_know_what_depends_on_what() -> None:
     assert direct == {"acceleration", "angular_acceleration", "joint_force"}
 
 
-def test_leg_velocity_row_of_the_jacobian_is_the_leg_jacobian(paper: Platform) -> None:
+def test_leg_velocity_row_of_the_jacobian_is_the_leg_jacobian() -> None:
     """Expected: ∂L̇/∂[v; ω] = J, from `kinematics`."""
     x = np.concatenate([[0.1, 0.2, 3.0], [0.1, -0.2, 0.3], np.zeros(6)])
-    C = KERNEL.jacobians(x, np.zeros(12), parameter_vector(paper)).C
+    C = KERNEL.jacobians(x, np.zeros(12), parameter_vector(UNEVEN)).C
     rows = [k for k, name in enumerate(interface.RESULT_COLUMNS) if name.startswith("leg_velocity")]
-    J = kinematics.leg_jacobian(paper, x[:3], x[3:6])
+    J = kinematics.leg_jacobian(UNEVEN, x[:3], x[3:6])
     assert np.allclose(C[rows][:, 6:], J, atol=1e-14)
 
 

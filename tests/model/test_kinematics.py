@@ -1,14 +1,17 @@
 """Leg kinematics against closed forms, finite differences and known singular poses."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import kinematics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import angular_velocity_from_orientation_rate
 from gough_stewart.model.state import State
 from tests.support.random_platforms import Sample, random_platform, random_state
+from tests.support.uneven import STATE, UNEVEN
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -97,6 +100,29 @@ def test_conditioning_does_not_depend_on_the_unit_of_length(seed: int, scale: fl
     other = kinematics.conditioning(scaled, scale * position[None], orientation[None])
     assert np.allclose(other.condition_number, one.condition_number, rtol=1e-9)
     assert np.allclose(other.smallest_singular_value, one.smallest_singular_value, rtol=1e-9)
+
+
+def test_joint_angles_are_those_between_directions_in_world_and_in_platform_axes() -> None:
+    """Expected: arccos of SciPy's rotated vectors, leg by leg; 0 at home, where arccos is blind."""
+    home = UNEVEN.home_position, UNEVEN.home_orientation
+
+    def directions(position: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        turn = Rotation.from_euler("xyz", orientation)
+        l = position + turn.apply(UNEVEN.platform_points.copy()) - UNEVEN.base_points
+        u = l / np.linalg.norm(l, axis=1)[:, None]
+        return u, turn.inv().apply(u)
+
+    at_base, at_platform = kinematics.joint_angles(UNEVEN, STATE.position, STATE.orientation, *home)
+    here, there = directions(STATE.position, STATE.orientation), directions(*home)
+    assert at_base == pytest.approx(np.arccos((here[0] * there[0]).sum(axis=1)), rel=1e-9)
+    assert at_platform == pytest.approx(np.arccos((here[1] * there[1]).sum(axis=1)), rel=1e-9)
+    assert np.abs(kinematics.joint_angles(UNEVEN, *home, *home)).max() < 1e-15
+    # 1e-9 m aside turns a leg by 1e-9 m across it over its length
+    aside = 1e-9 * np.array([1.0, 0.0, 0.0])
+    turned, _ = kinematics.joint_angles(UNEVEN, home[0] + aside, home[1], *home)
+    across = np.linalg.norm(aside - there[0] * (there[0] @ aside)[:, None], axis=1)
+    length = kinematics.leg_geometry(UNEVEN, *home).length
+    assert turned == pytest.approx(across / length, rel=1e-5)
 
 
 def test_state_vector_round_trip(thousand: Sample) -> None:

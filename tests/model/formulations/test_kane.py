@@ -4,13 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
+from gough_stewart.model import interface
 from gough_stewart.model.formulations import kane, kane_simulation
+from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import skew
 from tests.support.random_platforms import Sample, random_platform, random_state
+from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 seeds = st.integers(0, 2**32 - 1)
 PAPER_START = State(np.array([0, 0, 3.0]), np.array([0, 0, -0.1]), np.array([0, 0.2, 0]), np.array([0, 0.1, 0]))
@@ -129,11 +133,28 @@ def test_baumgarte_reduces_the_drift_of_a_coarse_integration(paper: Platform) ->
     assert damped.position_violation[-1] < 0.2 * free.position_violation[-1]
 
 
-def test_multipliers_are_reported_along_the_run(paper: Platform) -> None:
-    """Expected: the platform's own Newton law, with λ as joint forces, at the start."""
-    run = kane_simulation.simulate(paper, PAPER_START, PAPER_INPUTS, np.linspace(0, 0.1, 3))
-    assert run.joint_force.shape == (3, 6, 3)
-    solution = kane.solve(paper, *start_of(paper, PAPER_START), PAPER_INPUTS.actuator_force)
-    v_dot = solution.platform_acceleration[:3]
-    total = run.joint_force[0].sum(axis=0) + paper.platform_mass * paper.gravity
-    assert np.allclose(total, paper.platform_mass * v_dot, atol=1e-11)
+def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
+    """Expected: the task-space kernel under DOP853; joint forces by its outputs; no drift to speak of."""
+    reached: list[float] = []
+    times = np.array([0.0, 0.1, 0.25])
+    run = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-9, progress=reached.append)
+    kernel, p, u = Kernel(), parameter_vector(UNEVEN), INPUTS.to_vector()
+    path = solve_ivp(
+        lambda _t, x: kernel.derivatives(x, u, p).copy(),
+        (0.0, 0.25),
+        STATE.to_vector(),
+        method="DOP853",
+        t_eval=times,
+        rtol=1e-11,
+        atol=1e-11,
+    ).y.T
+    assert run.time.tolist() == times.tolist()
+    assert np.abs(run.platform.to_vector() - path).max() < 1e-7
+    for k, x in enumerate(path):
+        expected = interface.unpack(interface.RESULTS, kernel.outputs(x, u, p))["joint_force"]
+        assert np.abs(run.joint_force[k] - expected).max() < 1e-5
+    assert run.position_violation.max() < 1e-8
+    assert run.velocity_violation.max() < 1e-7
+    assert reached[0] == 0.0
+    assert reached[-1] == pytest.approx(0.25)
+    assert len(reached) == run.evaluations
