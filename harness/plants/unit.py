@@ -4,6 +4,8 @@ The one place that knows how FMPy runs a unit. The plant, the runs of the paper 
 """
 
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from ctypes import POINTER, Array, byref, c_bool, c_double, c_uint
 from pathlib import Path
@@ -56,9 +58,9 @@ class UnitFile:
         self.folder = folder
         try:
             fmpy.extract(str(self.path), unzipdir=str(self.folder))
-        except BaseException:
+        except (OSError, zipfile.BadZipFile, zlib.error) as error:
             self.close()
-            raise
+            raise PlantError(f"{self.path}: cannot be unpacked ({error}); {_REMEDY}") from error
 
     @property
     def token(self) -> str:

@@ -157,6 +157,23 @@ def test_a_file_that_is_no_fmu_is_refused(paper: Platform, tmp_path: Path) -> No
         FmuPlant(tmp_path / "text.fmu", paper)
 
 
+def test_a_damaged_fmu_is_refused_and_leaves_nothing(
+    fmus: dict[str, Fmu], paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: a flipped byte in the middle of the binary is seen by the archive's checksums."""
+    content = bytearray(fmus["3.0"].path.read_bytes())
+    with zipfile.ZipFile(fmus["3.0"].path) as archive:
+        binary = max((i for i in archive.infolist() if i.filename.startswith("binaries/")), key=lambda i: i.file_size)
+    content[binary.header_offset + binary.compress_size // 2] ^= 0xFF
+    path = tmp_path / "damaged.fmu"
+    path.write_bytes(content)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with pytest.raises(PlantError, match=r"damaged.fmu: cannot be unpacked .*; make one by `gough-stewart build`"):
+        FmuPlant(path, paper)
+    assert list((tmp_path / "temporary").iterdir()) == []
+
+
 def changed_copy(fmu: Fmu, target: Path, change: Callable[[str, bytes], bytes | None]) -> Path:
     """The archive with members changed, or left out where the change is None."""
     with zipfile.ZipFile(fmu.path) as old, zipfile.ZipFile(target, "w") as new:
