@@ -17,7 +17,7 @@ def build_description(source_files: tuple[str, ...]) -> bytes:
     """sources/buildDescription.xml: enough for an importer to compile the unit by itself."""
     root = etree.Element("fmiBuildDescription", fmiVersion=_FMI3)
     configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=MODEL_IDENTIFIER)
-    file_set = etree.SubElement(configuration, "SourceFileSet", language="C11", compilerOptions="-O3")
+    file_set = etree.SubElement(configuration, "SourceFileSet", language="C11")
     for name in source_files:
         etree.SubElement(file_set, "SourceFile", name=name)
     etree.SubElement(configuration, "Library", name="m", external="true", description="C mathematical library")

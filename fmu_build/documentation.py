@@ -3,14 +3,12 @@
 from html import escape
 from importlib.resources import files
 
-import numpy as np
-
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.drawing import drawing_svg
 from gough_stewart.fmu_build.formulas import STYLE, to_html
 from gough_stewart.fmu_build.layout import Role, Row
-from gough_stewart.fmu_build.tables import MOST_FIXED_STEPS, start_values
-from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.fmu_build.tables import MOST_FIXED_STEPS
+from gough_stewart.model import interface
 from gough_stewart.model.integrator import MOST_INTERNAL_STEPS
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
@@ -126,7 +124,8 @@ def _variables(platform: Platform, fmi_version: str) -> str:
 </tbody>
 </table>
 <p>Outputs with a start value are the continuous states: their start is exact and can be set. Fixed parameters can be
-set until initialization ends, tunable ones also during the run.</p>
+set until initialization ends, tunable ones also during the run. The actuator forces start with what holds the platform
+at home: a unit that is told nothing stands still.</p>
 """
 
 
@@ -148,13 +147,14 @@ def _variable(row: Row, platform: Platform, fmi_version: str) -> str:
 
 
 def _start(row: Row, platform: Platform) -> str:
-    """Start values with six digits, a line for every row of a matrix; one number where all are the same."""
-    values = start_values(row, platform)
+    """Start values with six digits, a line for every row of a matrix; one number where all show the same."""
+    values = interface.start_value(row.variable, platform)
     if values is None:
         return ""
-    if np.all(values == values[0]):
-        return _number(values[0])
-    lines = values.reshape(row.variable.shape if len(row.variable.shape) == 2 else (1, -1))
+    shown = {_number(value) for value in values.flat}
+    if len(shown) == 1:
+        return shown.pop()
+    lines = values if values.ndim == 2 else values[None]
     return "<br/>".join(" ".join(map(_number, line)) for line in lines)
 
 
@@ -173,7 +173,7 @@ def _behaviour(fmi_version: str) -> str:
         inputs = """In Co-Simulation inputs are held over a communication step, or change linearly if their first
 derivative is set by <code>fmi2SetRealInputDerivatives</code>; a derivative stays until it is set anew. First
 derivatives of outputs are available."""
-        step, event = "between communication steps", "event mode"
+        step, event = "between communication steps", "event and continuous-time mode"
     else:
         inputs = """In Co-Simulation inputs are held over a communication step. With an intermediate update the importer
 is called after every internal step: it may read outputs, set inputs and, if early return is allowed, end the step there
@@ -210,6 +210,10 @@ def _failures(fmi_version: str) -> str:
     )
     exited = f"<code>{prefix}ExitInitializationMode</code>"
     completed = f"<code>{prefix}CompletedIntegratorStep</code>"
+    # FMI 2.0 names the functions that may answer Discard
+    unlisted = ""
+    if fmi_version == "2.0":
+        unlisted = ", and results or sensitivities that are not finite where FMI 2.0 has no Discard"
     return f"""
 <h2>Limits and failures</h2>
 <ul>
@@ -222,12 +226,13 @@ are read: not finite.</li>
 the end of the simulation are up to the importer.</li>
 <li><code>{prefix}Error</code>: misuse, such as a call that is not allowed in the present mode, an unknown value
 reference, a communication point that is not the present time, or a step beyond the stop time. Also a start that the
-platform cannot take ({exited}), and a pose beyond the limits in Model Exchange ({completed}).</li>
+platform cannot take ({exited}){unlisted}.</li>
+<li>A pose beyond the limits in Model Exchange: {completed} asks for the end (<code>terminateSimulation</code>) and logs
+the reason.</li>
 <li>Poses are checked at internal steps: at a loose tolerance a motion may touch a singular pose and come back between
 two of them.</li>
-<li>Messages name quantity, value and time. They are sent only while logging is on; categories are
-<code>logStatusWarning</code>, <code>logStatusDiscard</code>, <code>logStatusError</code> and <code>logAll</code>. The
-one exception is a failed instantiation, which is always reported.</li>
+<li>Messages name quantity, value and time. Errors are always logged, other messages while logging is on; categories are
+<code>logStatusWarning</code>, <code>logStatusDiscard</code>, <code>logStatusError</code> and <code>logAll</code>.</li>
 <li>The strokes and the force limits of a machine are not enforced.</li>
 </ul>
 """
@@ -270,8 +275,7 @@ print(result["position"][-1])
 
 
 def _example(platform: Platform, fmi_version: str) -> str:
-    hold = static_leg_forces(platform, platform.home_position, platform.home_orientation)
-    force = ", ".join(f"{f:.6g}" for f in 1.05 * hold)
+    force = ", ".join(f"{f:.6g}" for f in 1.05 * platform.home_actuator_force)
     code = _EXAMPLES[fmi_version].format(force=force, mass=f"{platform.platform_mass:.17g}")
     return f"""
 <h2>Example with FMPy</h2>

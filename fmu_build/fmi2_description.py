@@ -7,7 +7,7 @@ from gough_stewart.fmu_build import model_description as shared
 from gough_stewart.fmu_build.dependencies import Kind
 from gough_stewart.fmu_build.layout import Role, Row
 from gough_stewart.fmu_build.model_description import Identity
-from gough_stewart.fmu_build.tables import start_values
+from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
 _CAPABILITIES = {
@@ -43,7 +43,7 @@ def fmi2_description(platform: Platform, identity: Identity) -> bytes:
 
 
 def _add_scalars(variables: etree._Element, row: Row, platform: Platform) -> None:
-    names, starts = layout.scalar_names(row), start_values(row, platform)
+    names, starts = layout.scalar_names(row), interface.start_value(row.variable, platform)
     for k, name in enumerate(names):
         slot = row.first + k
         scalar = etree.SubElement(variables, "ScalarVariable", name=name, valueReference=str(slot))
@@ -54,7 +54,7 @@ def _add_scalars(variables: etree._Element, row: Row, platform: Platform) -> Non
             scalar.set("initial", "exact")
         real = etree.SubElement(scalar, "Real", shared.unit_attributes(row) | shared.bound_attributes(row))
         if starts is not None:
-            real.set("start", shared.number(starts[k]))
+            real.set("start", shared.number(starts.flat[k]))
         if row.role is Role.STATE:
             real.set("nominal", shared.number(layout.NOMINAL))
         if row.derivative_of is not None:

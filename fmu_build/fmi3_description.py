@@ -8,7 +8,7 @@ from gough_stewart.fmu_build import dependencies, layout
 from gough_stewart.fmu_build import model_description as shared
 from gough_stewart.fmu_build.layout import ROWS, Role, Row
 from gough_stewart.fmu_build.model_description import Identity
-from gough_stewart.fmu_build.tables import start_values
+from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
 _CAPABILITIES = {
@@ -55,9 +55,9 @@ def _add_array(variables: etree._Element, row: Row, platform: Platform) -> None:
         array.set("intermediateUpdate", "true")
     for name, value in (shared.unit_attributes(row) | shared.bound_attributes(row)).items():
         array.set(name, value)
-    starts = start_values(row, platform)
+    starts = interface.start_value(row.variable, platform)
     if starts is not None:
-        array.set("start", " ".join(map(shared.number, starts)))
+        array.set("start", " ".join(map(shared.number, starts.flat)))
     if row.derivative_of is not None:
         array.set("derivative", str(layout.BY_NAME[row.derivative_of].reference))
     for length in v.shape:

@@ -12,9 +12,9 @@ from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 MODEL_IDENTIFIER = "gough_stewart"
 MODEL_NAME = "GoughStewart"
 LOG_CATEGORIES = {
-    "logStatusWarning": "what is not quite right",
+    "logStatusWarning": "what is not quite right; why Model Exchange has to end",
     "logStatusDiscard": "values refused and steps not completed, with quantity, value and time",
-    "logStatusError": "calls that make no sense, with what was expected",
+    "logStatusError": "calls that make no sense, with what was expected; always logged",
     "logAll": "all messages",
 }
 EXPERIMENT = {"startTime": "0", "stopTime": "1", "tolerance": repr(DEFAULT_TOLERANCE), "stepSize": "0.001"}

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from gough_stewart.fmu_build.layout import BY_NAME
 from gough_stewart.fmu_build.model_description import MODEL_IDENTIFIER
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
@@ -53,9 +52,8 @@ def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
 def _varying(case: OpenLoopCase) -> FloatArray:
     """Static leg forces ± 10 %, every leg at its own frequency, under a wrench that comes and goes."""
     platform = case.platform
-    hold = static_leg_forces(platform, platform.home_position, platform.home_orientation)
     turns = case.time[:, None] / case.duration * np.arange(1, 7)
-    actuators = hold * (1 + 0.1 * np.sin(2 * np.pi * turns))
+    actuators = platform.home_actuator_force * (1 + 0.1 * np.sin(2 * np.pi * turns))
     weight = platform.platform_mass * 9.81
     bump = np.sin(np.pi * case.time / case.duration)[:, None] ** 2
     force = bump * weight * np.array([0.05, -0.03, 0.1])

@@ -4,30 +4,18 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from textwrap import fill
 
-import numpy as np
-
 from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import BY_NAME, ROWS, Role, Row
 from gough_stewart.model import integrator, interface, kernel, platform, platform_checks, pose_limits
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
-from gough_stewart.model.vectors import Array
 
 # A second in steps of a microsecond: four seconds of computing.
 MOST_FIXED_STEPS = 1_000_000
 
 
 _GENERATED = "/* Generated from the interface table, gough_stewart.model.interface: do not edit. */"
-
-
-def start_values(row: Row, chosen: Platform) -> Array | None:
-    """Start of every element, flat; None for what is computed."""
-    start = row.variable.start
-    if start is None:
-        return None
-    value = getattr(chosen, start) if isinstance(start, str) else start
-    return np.broadcast_to(np.asarray(value, dtype=float), row.variable.shape).reshape(-1)
 
 
 def layout_number() -> int:
@@ -76,6 +64,7 @@ def model_header() -> str:
 INTERNAL_BEGIN
 extern const variable VARIABLES[N_VARIABLES];
 extern const unsigned char VARIABLE_OF_SLOT[N_SLOTS];
+extern const double START_INPUTS[N_INPUTS];
 extern const double START_STATES[N_STATES];
 extern const double START_PARAMETERS[N_PARAMETERS];
 extern const double START_FIXED_STEP_SIZE;
@@ -138,11 +127,9 @@ def model_source(chosen: Platform) -> str:
     """`model.c` with the start values of a platform."""
     rows = "\n".join(f"    {_row(row)}," for row in ROWS)
 
-    def starts(rows: Iterable[Row]) -> str:
-        values = (start_values(row, chosen) for row in rows)
-        return _numbers(v for value in values if value is not None for v in value)
+    def starts(*variables: Variable) -> str:
+        return _numbers(interface.pack(variables, interface.start_values(variables, chosen)))
 
-    own = tuple(BY_NAME[v.name] for v in interface.PLATFORM_PARAMETERS)
     return f"""{_GENERATED}
 #include "model.h"
 
@@ -154,15 +141,19 @@ const unsigned char VARIABLE_OF_SLOT[N_SLOTS] = {{
 {_lines(str(row.reference) for row in ROWS for _ in range(row.variable.size))}
 }};
 
+const double START_INPUTS[N_INPUTS] = {{
+{starts(*interface.INPUTS)}
+}};
+
 const double START_STATES[N_STATES] = {{
-{starts(layout.of_role(Role.STATE))}
+{starts(*interface.STATES)}
 }};
 
 const double START_PARAMETERS[N_PARAMETERS] = {{
-{starts(own)}
+{starts(*interface.PLATFORM_PARAMETERS)}
 }};
 
-const double START_FIXED_STEP_SIZE = {starts((BY_NAME["fixed_step_size"],)).strip(" ,")};
+const double START_FIXED_STEP_SIZE = {starts(interface.BY_NAME["fixed_step_size"]).strip(" ,")};
 
 const double NOMINAL_STATES[N_STATES] = {{
 {_numbers([layout.NOMINAL] * kernel.N_STATES)}

@@ -36,7 +36,7 @@ class Variable:
     causality: Causality
     variability: Variability
     description: str
-    # A number for every element, the name of the `Platform` field that holds it, or None where it is computed.
+    # A number for every element, the name of the `Platform` attribute that holds it, or None where it is computed.
     start: float | str | None = None
     is_state: bool = False
     # Values below (or, for "> 0", at) this bound are refused where they are set; None is any finite number.
@@ -60,8 +60,8 @@ class Variable:
         return replace(self, name=self.scalar_names[flat_index], shape=())
 
 
-def _input(name: str, shape: tuple[int, ...], unit: str, description: str) -> Variable:
-    return Variable(name, shape, unit, "input", "continuous", description, start=0.0)
+def _input(name: str, shape: tuple[int, ...], unit: str, description: str, start: float | str = 0.0) -> Variable:
+    return Variable(name, shape, unit, "input", "continuous", description, start)
 
 
 def _state(name: str, unit: str, description: str, start: float | str) -> Variable:
@@ -87,7 +87,7 @@ def _parameter(row: Parameter) -> Variable:
 
 
 VARIABLES: tuple[Variable, ...] = (
-    _input("actuator_force", (6,), "N", "force of each actuator, positive extends the leg"),
+    _input("actuator_force", (6,), "N", "force of each actuator, positive extends the leg", "home_actuator_force"),
     _input("external_force", (3,), "N", "external force at Op, world components"),
     _input("external_torque", (3,), "N.m", "external torque about Op, world components"),
     _state("position", "m", "origin Op of the platform frame in world", "home_position"),
@@ -147,6 +147,20 @@ RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
 _ELEMENTS: Mapping[str, tuple[Variable, int]] = {
     name: (v, k) for v in VARIABLES for k, name in enumerate(v.scalar_names)
 }
+
+
+def start_value(variable: Variable, platform: object) -> Array | None:
+    """Start of a variable, in its shape, with what the table takes from a `Platform`; None for what is computed."""
+    if variable.start is None:
+        return None
+    value = getattr(platform, variable.start) if isinstance(variable.start, str) else variable.start
+    return np.broadcast_to(np.asarray(value, dtype=float), variable.shape)
+
+
+def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:
+    """Start values by name, of those that have one."""
+    starts = {v.name: start_value(v, platform) for v in variables}
+    return {name: start for name, start in starts.items() if start is not None}
 
 
 def size_of(variables: Iterable[Variable]) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.model import platform_checks
+from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.parameters import TABLE, TEXTS, PlatformFields
 from gough_stewart.model.platform_display import platform_html, platform_text
@@ -70,6 +71,11 @@ class Platform(PlatformFields):
         for value in fields_by_name.values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    @property
+    def home_actuator_force(self) -> FloatArray:
+        """Actuator forces (6,) [N] that hold the platform at rest in its home pose: start values of plant and FMU."""
+        return np.asarray(static_leg_forces(self, self.home_position, self.home_orientation))
 
     def as_dict(self) -> dict[str, Any]:
         """Every field by name, in file order: texts, floats, arrays; limits that are not set are left out."""

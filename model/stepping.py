@@ -38,7 +38,8 @@ class SteppingModel:
 
     The contract:
 
-    1. A model starts at time 0 in the home pose of its platform, at rest, with all inputs 0.
+    1. A model starts at time 0 in the home pose of its platform, at rest, under the actuator forces that hold it there
+       (`Platform.home_actuator_force`) and no external wrench: with nothing set it stands still.
     2. Variables go by the names of the interface table, whole (`actuator_force`) or one element by its FMI 2.0 name
        (`actuator_force[3]`, 1-based).
     3. `set` takes inputs and tunable parameters (payload, friction, gravity) at any time; states (`position`,
@@ -102,13 +103,13 @@ class SteppingModel:
         )
 
     def reset(self) -> None:
-        """Back to time 0 in the home pose, at rest, inputs 0, parameters as at construction (rules 1, 9)."""
+        """Back to time 0 in the home pose, held at rest, parameters as at construction (rules 1, 9)."""
         self._time = 0.0
         self._started = False
         self._internal_step: float | None = None
-        self._u = np.zeros(interface.size_of(interface.INPUTS))
+        self._u = _starts(interface.INPUTS, self._initial_platform)
         self._use(self._initial_platform)
-        self._x = _home_state(self._initial_platform)
+        self._x = _starts(interface.STATES, self._initial_platform)
 
     @property
     def time(self) -> float:
@@ -290,8 +291,8 @@ def _number(name: str, value: object) -> float:
         raise InterfaceError(name, str(error)) from None
 
 
-def _home_state(platform: Platform) -> NDArray[np.float64]:
-    return np.concatenate([platform.home_position, platform.home_orientation, np.zeros(6)])
+def _starts(variables: tuple[Variable, ...], platform: Platform) -> NDArray[np.float64]:
+    return interface.pack(variables, interface.start_values(variables, platform))
 
 
 def _position_in(variables: tuple[Variable, ...], variable: Variable) -> slice:

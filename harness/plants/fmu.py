@@ -62,6 +62,7 @@ class FmuPlant(Plant):
             self._inputs = Values([v.name for v in interface.INPUTS], unit.is_fmi2)
             values: dict[str, ArrayLike] = {v.name: getattr(platform, v.name) for v in interface.PLATFORM_PARAMETERS}
             values["fixed_step_size"] = fixed_step_size
+            values |= interface.start_values(interface.INPUTS, platform)
             rest = np.zeros(3)
             values |= (start or State(platform.home_position, platform.home_orientation, rest, rest))._asdict()
             self._checked("start values", unit.write_by_name, values)

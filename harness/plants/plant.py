@@ -12,7 +12,8 @@ class Plant(Protocol):
 
     The contract:
 
-    1. A plant comes with its platform's parameters set, at time 0 in its start state, inputs 0.
+    1. A plant comes with its platform's parameters set, at time 0 in its start state, under the actuator forces that
+       hold its platform at home (`Platform.home_actuator_force`) and no external wrench.
     2. `set_inputs` takes the whole input vector (12,) in the order of `interface.INPUTS`; it holds until it is set
        anew.
     3. `set_parameters` takes tunable parameters by name, together or not at all, at any time between two steps.

@@ -64,7 +64,11 @@ def test_every_variable_of_the_table_is_there_with_its_meaning(fmu: Fmu) -> None
 def start_of(name: str) -> float:
     """What one element has to begin with, by its FMI 2.0 name: `base_points[2,3]` is the z of the second base joint."""
     variable, _, indices = name.rstrip("]").partition("[")
-    home = {"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation}
+    home = {
+        "position": UNEVEN.home_position,
+        "orientation": UNEVEN.home_orientation,
+        "actuator_force": UNEVEN.home_actuator_force,
+    }
     value = home.get(variable, getattr(UNEVEN, variable, 0.0))
     at = tuple(int(index) - 1 for index in indices.split(",") if index)
     return float(value[at] if isinstance(value, np.ndarray) else value)
@@ -242,3 +246,12 @@ def test_the_guid_tells_versions_and_platforms_apart(fmu2: Fmu, fmu3: Fmu) -> No
     other = unit_of(load_preset("motion_base"), "3.0", runs=()).documents["modelDescription.xml"].decode()
     assert fmu2.token != fmu3.token
     assert fmu3.token not in other
+
+
+def test_the_build_description_names_no_options_without_their_compiler(fmu: Fmu) -> None:
+    """Expected: the standard's schema comments, as VDMCheck reads them."""
+    tree = etree.parse(str(fmu.folder / "sources/buildDescription.xml"))
+    (file_set,) = tree.iter("SourceFileSet")
+    assert file_set.get("language") == "C11"
+    assert "compilerOptions" not in file_set.attrib or "compiler" in file_set.attrib
+    assert {each.get("name") for each in file_set} == {path.name for path in (fmu.folder / "sources").glob("*.c")}

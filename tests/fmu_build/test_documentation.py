@@ -64,7 +64,10 @@ def test_start_values_are_those_of_the_platform(preset_and_version: tuple[Platfo
         expected = value.ravel() if shown.size > 1 else value.ravel()[:1]
         np.testing.assert_allclose(shown, expected, rtol=1e-5)
     assert rows["leg_length"] == rows["acceleration"] == ""
-    assert rows["actuator_force"] == "0"
+    # in balance: all of the weight is held by the vertical parts of the forces, equal for legs that are alike
+    held = np.array([float(t) for t in rows["actuator_force"].split()])
+    assert held.size in (1, 6)
+    assert (held > 0).all()
 
 
 def test_only_fmi_2_names_elements() -> None:

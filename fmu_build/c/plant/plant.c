@@ -38,6 +38,7 @@ void component_reset(component *c)
     c->s.stop_time = INFINITY;
     c->s.tolerance = DEFAULT_TOLERANCE;
     c->s.fixed_step_size = START_FIXED_STEP_SIZE;
+    memcpy(c->s.inputs, START_INPUTS, sizeof c->s.inputs);
     memcpy(c->s.x, START_STATES, sizeof c->s.x);
     memcpy(c->s.p, START_PARAMETERS, sizeof c->s.p);
     forget_results(c);

@@ -22,7 +22,8 @@ static void deliver(const fmi_instance *i, fmi_status status, const char *catego
     ((fmi2CallbackLogger)i->logger)(i->environment, i->name, AS_FMI2(status), category, message);
 }
 
-static const fmi_layer FMI_2 = {slots_of_reference, deliver};
+static const fmi_layer FMI_2 = {.resolve = slots_of_reference, .deliver = deliver, .discards_as_listed = 1,
+                                .tunes_continuously = 1};
 
 /* ---- life ----------------------------------------------------------------------------------------------------- */
 
@@ -46,18 +47,16 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
         return NULL;
     /* memory is the C library's, as modelDescription.xml says (canNotUseMemoryManagementFunctions) */
     fmi_instance request = {.layer = &FMI_2,
-                      .kind = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
-                      .environment = functions->componentEnvironment,
-                      .logger = (any_function)functions->logger,
-                      .logs = 1, /* until it is there */
-                      .categories = ~0u,
-                      .name = instanceName ? instanceName : ""};
+                            .kind = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
+                            .environment = functions->componentEnvironment,
+                            .logger = (any_function)functions->logger,
+                            .logs = loggingOn != fmi2False,
+                            .name = instanceName ? instanceName : ""};
     if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation) {
         report(&request, STATUS_ERROR, "%s: no FMU type %d; expected Model Exchange or Co-Simulation", __func__,
                (int)fmuType);
         return NULL;
     }
-    request.logs = loggingOn != fmi2False;
     return new_instance(&request, instanceName, fmuGUID);
 }
 
@@ -195,9 +194,11 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
     if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
         return fmi2Error;
+    int terminates = 0;
+    fmi_status done = completed_step(i, __func__, &terminates);
     *enterEventMode = fmi2False;
-    *terminateSimulation = fmi2False;
-    return AS_FMI2(completed_step(i, __func__));
+    *terminateSimulation = terminates ? fmi2True : fmi2False;
+    return AS_FMI2(done);
 }
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)

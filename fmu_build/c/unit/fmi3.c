@@ -22,7 +22,7 @@ static void deliver(const fmi_instance *i, fmi_status status, const char *catego
     ((fmi3LogMessageCallback)i->logger)(i->environment, AS_FMI3(status), category, message);
 }
 
-static const fmi_layer FMI_3 = {slots_of_reference, deliver};
+static const fmi_layer FMI_3 = {.resolve = slots_of_reference, .deliver = deliver};
 
 /* ---- life ----------------------------------------------------------------------------------------------------- */
 
@@ -45,10 +45,10 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
     (void)resourcePath; /* nothing is read from there */
     (void)visible;
     fmi_instance request = {.layer = &FMI_3,
-                             .kind = MODEL_EXCHANGE,
-                             .environment = instanceEnvironment,
-                             .logger = (any_function)logMessage,
-                             .logs = loggingOn};
+                            .kind = MODEL_EXCHANGE,
+                            .environment = instanceEnvironment,
+                            .logger = (any_function)logMessage,
+                            .logs = loggingOn};
     return new_instance(&request, instanceName, instantiationToken);
 }
 
@@ -64,13 +64,12 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
     (void)resourcePath;
     (void)visible;
     fmi_instance request = {.layer = &FMI_3,
-                             .kind = CO_SIMULATION,
-                             .environment = instanceEnvironment,
-                             .logger = (any_function)logMessage,
-                             .intermediate_update = (any_function)intermediateUpdate,
-                             .may_return_early = earlyReturnAllowed,
-                             .logs = 1, /* until it is there */
-                             .categories = ~0u};
+                            .kind = CO_SIMULATION,
+                            .environment = instanceEnvironment,
+                            .logger = (any_function)logMessage,
+                            .intermediate_update = (any_function)intermediateUpdate,
+                            .may_return_early = earlyReturnAllowed,
+                            .logs = loggingOn};
     if (eventModeUsed) {
         report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
         return NULL;
@@ -87,7 +86,6 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
             return NULL;
         }
     }
-    request.logs = loggingOn;
     return new_instance(&request, instanceName, instantiationToken);
 }
 
@@ -107,10 +105,8 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     (void)lockPreemption;
     (void)unlockPreemption;
     fmi_instance request = {.layer = &FMI_3,
-                             .environment = instanceEnvironment,
-                             .logger = (any_function)logMessage,
-                             .logs = 1,
-                             .categories = ~0u};
+                            .environment = instanceEnvironment,
+                            .logger = (any_function)logMessage};
     report(&request, STATUS_ERROR, "%s: not offered by this unit; it has Model Exchange and Co-Simulation", __func__);
     return NULL;
 }
@@ -331,9 +327,11 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
     if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
         return fmi3Error;
+    int terminates = 0;
+    fmi_status done = completed_step(i, __func__, &terminates);
     *enterEventMode = fmi3False;
-    *terminateSimulation = fmi3False;
-    return AS_FMI3(completed_step(i, __func__));
+    *terminateSimulation = terminates ? fmi3True : fmi3False;
+    return AS_FMI3(done);
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)

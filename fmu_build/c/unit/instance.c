@@ -12,9 +12,9 @@ static const char *const CATEGORIES[] = {"logStatusWarning", "logStatusDiscard",
 enum { N_CATEGORIES = sizeof CATEGORIES / sizeof CATEGORIES[0], ALL = (1 << N_CATEGORIES) - 1 };
 
 static const struct {
-    int kinds, modes;
+    int kinds, discards, modes;
 } ALLOWED[NUMBER_OF_CALLS] = {
-#define AS_PERMISSION(name, kinds, modes) {kinds, modes},
+#define AS_PERMISSION(name, kinds, discards, modes) {kinds, discards, modes},
     CALLS(AS_PERMISSION)
 #undef AS_PERMISSION
 };
@@ -33,10 +33,12 @@ static const char *name_of_mode(fmi_mode mode)
     return "no mode";
 }
 
+/* Errors are logged whatever the importer has switched on: so FMI 2.0 (2.1.3) and, from 3.0.3 on, FMI 3.0 (2.2.3). */
 fmi_status report(const fmi_instance *i, fmi_status status, const char *format, ...)
 {
     int category = status == STATUS_ERROR ? 2 : status == STATUS_DISCARD ? 1 : 0;
-    if (i->logs && i->logger && i->categories >> category & 1) {
+    int is_wanted = status == STATUS_ERROR || (i->logs && i->categories >> category & 1);
+    if (i->logger && is_wanted) {
         char message[MESSAGE_SIZE];
         va_list arguments;
         va_start(arguments, format);
@@ -68,12 +70,13 @@ int is_allowed(const fmi_instance *i, const char *function, fmi_call call)
     return 0;
 }
 
-fmi_status conclude(const fmi_instance *i, const char *function, outcome found)
+fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome found)
 {
     if (found == DONE)
         return STATUS_OK;
+    int may_discard = !i->layer->discards_as_listed || ALLOWED[call].discards & (int)i->kind;
     /* within an intermediate update nothing may be discarded */
-    int is_error = found == MISUSE || i->mode == INTERMEDIATE;
+    int is_error = found == MISUSE || !may_discard || i->mode == INTERMEDIATE;
     return report(i, is_error ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, component_message(i->core));
 }
 
@@ -124,16 +127,12 @@ static int is_blank(const char *text)
 
 fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token)
 {
-    fmi_instance speaker = *request;
-    speaker.logs = 1; /* the importer has to learn why there is no fmi_instance */
-    speaker.categories = ALL;
-    speaker.name = name ? name : "";
     if (!name || is_blank(name)) {
-        report(&speaker, STATUS_ERROR, "instantiation: the instance name is empty; expected a text");
+        report(request, STATUS_ERROR, "instantiation: the instance name is empty; expected a text");
         return NULL;
     }
     if (!token || strcmp(token, TOKEN) != 0) {
-        report(&speaker, STATUS_ERROR,
+        report(request, STATUS_ERROR,
                "instantiation: wrong token '%s'; expected '%s', modelDescription.xml and binary belong together",
                token ? token : "(null)", TOKEN);
         return NULL;
@@ -141,7 +140,7 @@ fmi_instance *new_instance(const fmi_instance *request, const char *name, const 
     size_t length = strlen(name) + 1;
     fmi_instance *i = malloc(sizeof *i + COMPONENT_SIZE + length);
     if (!i) {
-        report(&speaker, STATUS_ERROR, "instantiation: out of memory");
+        report(request, STATUS_ERROR, "instantiation: out of memory");
         return NULL;
     }
     *i = *request;
@@ -162,7 +161,7 @@ fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, 
         return STATUS_ERROR;
     /* in Model Exchange the tolerance is the importer's own business */
     int is_used = tolerance_defined && i->kind == CO_SIMULATION;
-    fmi_status done = conclude(i, function,
+    fmi_status done = conclude(i, function, call,
                                component_set_experiment(i->core, is_used ? tolerance : DEFAULT_TOLERANCE, start_time,
                                                     stop_time_defined ? stop_time : INFINITY));
     if (done == STATUS_OK)
@@ -215,7 +214,7 @@ fmi_status do_step(fmi_instance *i, const char *function, double time, double st
         return STATUS_ERROR;
     outcome stepped = component_step(i->core, time, step, observer, &i->last_successful_time);
     i->mode = STEP; /* after callbacks */
-    return i->step_status = conclude(i, function, stepped);
+    return i->step_status = conclude(i, function, CALL_DO_STEP, stepped);
 }
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
@@ -224,7 +223,7 @@ fmi_status set_time(fmi_instance *i, const char *function, double time)
 {
     if (!is_allowed(i, function, CALL_SET_TIME))
         return STATUS_ERROR;
-    return conclude(i, function, component_set_time(i->core, time));
+    return conclude(i, function, CALL_SET_TIME, component_set_time(i->core, time));
 }
 
 /* For the functions about all states: is the call allowed, with a vector of N_STATES? */
@@ -238,7 +237,7 @@ fmi_status set_continuous_states(fmi_instance *i, const char *function, const do
 {
     if (!has_states(i, function, CALL_SET_CONTINUOUS_STATES, x, n))
         return STATUS_ERROR;
-    return conclude(i, function, component_set_states(i->core, x));
+    return conclude(i, function, CALL_SET_CONTINUOUS_STATES, component_set_states(i->core, x));
 }
 
 fmi_status get_continuous_states(fmi_instance *i, const char *function, double x[], size_t n)
@@ -253,7 +252,7 @@ fmi_status get_derivatives(fmi_instance *i, const char *function, double xdot[],
 {
     if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, xdot, n))
         return STATUS_ERROR;
-    return conclude(i, function, component_derivatives(i->core, xdot));
+    return conclude(i, function, CALL_GET_CONTINUOUS_STATES, component_derivatives(i->core, xdot));
 }
 
 fmi_status get_nominals(fmi_instance *i, const char *function, double nominals[], size_t n)
@@ -272,11 +271,14 @@ fmi_status get_event_indicators(fmi_instance *i, const char *function, const dou
     return STATUS_OK;
 }
 
-fmi_status completed_step(fmi_instance *i, const char *function)
+fmi_status completed_step(fmi_instance *i, const char *function, int *terminates)
 {
     if (!is_allowed(i, function, CALL_COMPLETED_STEP))
         return STATUS_ERROR;
-    if (component_check_state(i->core) != DONE)
+    if (component_check_parameters(i->core) != DONE)
         return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
+    *terminates = component_check_state(i->core) != DONE;
+    if (*terminates)
+        report(i, STATUS_OK, "%s: the simulation has to end: %s", function, component_message(i->core));
     return STATUS_OK;
 }

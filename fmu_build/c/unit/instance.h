@@ -22,6 +22,9 @@ typedef struct fmi_instance fmi_instance;
 typedef struct {
     /* slots of a value reference; 0 if there is no such variable */
     int (*resolve)(uint32_t reference, int *first, int *size);
+    int discards_as_listed; /* only where modes.h says so */
+    /* tunable parameters are taken in continuous-time mode, too, where CasADi sets them; FMI 3.0 asks for an error */
+    int tunes_continuously;
     void (*deliver)(const fmi_instance *i, fmi_status status, const char *category, const char *message);
 } fmi_layer;
 
@@ -53,8 +56,8 @@ fmi_status report(const fmi_instance *i, fmi_status status, const char *format, 
 int allows(const fmi_instance *i, fmi_call call);
 /* 1 if the instance is there and the call allowed now; logs if not. */
 int is_allowed(const fmi_instance *i, const char *function, fmi_call call);
-/* Logs what the component found. */
-fmi_status conclude(const fmi_instance *i, const char *function, outcome outcome);
+/* Logs what the component found on a call. */
+fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome found);
 /* 1 unless `n` elements are wanted from nowhere. */
 int has_array(const fmi_instance *i, const char *function, const void *array, size_t n, const char *name);
 int has_length(const fmi_instance *i, const char *function, size_t found, size_t expected, const char *name);
@@ -98,7 +101,8 @@ fmi_status get_continuous_states(fmi_instance *i, const char *function, double x
 fmi_status get_derivatives(fmi_instance *i, const char *function, double xdot[], size_t n);
 fmi_status get_nominals(fmi_instance *i, const char *function, double nominals[], size_t n);
 fmi_status get_event_indicators(fmi_instance *i, const char *function, const double indicators[], size_t n);
-fmi_status completed_step(fmi_instance *i, const char *function);
+/* `terminates` when the pose is beyond the limits. */
+fmi_status completed_step(fmi_instance *i, const char *function, int *terminates);
 INTERNAL_END
 
 #endif

@@ -1,4 +1,5 @@
-/* The ONE table of which call is allowed to which kind of instance in which mode, for FMI 2.0 and 3.0. */
+/* The ONE table of which call is allowed to which kind of instance in which mode, for FMI 2.0 and 3.0; and to which kind
+   it may answer Discard in FMI 2.0, which names the functions (2.1.3). FMI 3.0 has it for every function. */
 #ifndef MODES_H
 #define MODES_H
 
@@ -20,40 +21,43 @@ typedef enum {
 #define ANY_MODE (BETWEEN_CALLS | INTERMEDIATE)
 #define NEVER 0
 
-#define BOTH (MODEL_EXCHANGE | CO_SIMULATION)
+#define FOR_ME MODEL_EXCHANGE
+#define FOR_CS CO_SIMULATION
+#define BOTH (FOR_ME | FOR_CS)
 
 /* clang-format off */
-#define CALLS(ROW)                                                                                       \
-    ROW(CALL_SET_LOGGING,           BOTH,           BETWEEN_CALLS)                                       \
-    ROW(CALL_RESET,                 BOTH,           BETWEEN_CALLS)                                       \
-    ROW(CALL_FMU_STATE,             BOTH,           BETWEEN_CALLS)                                       \
-    ROW(CALL_SET_EXPERIMENT,        BOTH,           INSTANTIATED)                                        \
-    ROW(CALL_ENTER_INITIALIZATION,  BOTH,           INSTANTIATED)                                        \
-    ROW(CALL_EXIT_INITIALIZATION,   BOTH,           INITIALIZATION)                                      \
-    ROW(CALL_TERMINATE,             BOTH,           RUNNING)                                             \
-    ROW(CALL_GET,                   BOTH,           ANY_MODE)                                            \
-    ROW(CALL_SET_INPUT,             BOTH,           BEFORE_START | RUNNING | INTERMEDIATE)               \
-    ROW(CALL_SET_START,             BOTH,           BEFORE_START)                                        \
-    ROW(CALL_SET_TUNABLE,           BOTH,           BEFORE_START | EVENT | STEP)                         \
-    ROW(CALL_SENSITIVITY,           BOTH,           INITIALIZATION | RUNNING | TERMINATED)               \
-    ROW(CALL_SET_INPUT_RATES,       CO_SIMULATION,  BEFORE_START | STEP)                                 \
-    ROW(CALL_GET_OUTPUT_RATES,      CO_SIMULATION,  STEP | INTERMEDIATE | TERMINATED)                    \
-    ROW(CALL_DO_STEP,               CO_SIMULATION,  STEP)                                                \
-    ROW(CALL_STEP_STATUS,           CO_SIMULATION,  STEP | TERMINATED)                                   \
-    ROW(CALL_ENTER_EVENT,           MODEL_EXCHANGE, CONTINUOUS)                                          \
-    ROW(CALL_UPDATE_DISCRETE,       MODEL_EXCHANGE, EVENT)                                               \
-    ROW(CALL_ENTER_CONTINUOUS,      MODEL_EXCHANGE, EVENT)                                               \
-    ROW(CALL_COMPLETED_STEP,        MODEL_EXCHANGE, CONTINUOUS)                                          \
-    ROW(CALL_SET_TIME,              MODEL_EXCHANGE, EVENT | CONTINUOUS)                                  \
-    ROW(CALL_SET_CONTINUOUS_STATES, MODEL_EXCHANGE, CONTINUOUS)                                          \
-    ROW(CALL_GET_CONTINUOUS_STATES, MODEL_EXCHANGE, BEFORE_START | EVENT | CONTINUOUS | TERMINATED)      \
-    ROW(CALL_GET_NUMBERS,           MODEL_EXCHANGE, BEFORE_START | EVENT | CONTINUOUS)                   \
-    ROW(CALL_EVALUATE_DISCRETE,     MODEL_EXCHANGE, INITIALIZATION | EVENT)                              \
-    /* there are no clocks, no structural parameters, no scheduled execution, no asynchronous steps */   \
-    ROW(CALL_NOT_OFFERED,           BOTH,           NEVER)
+/* call, for which kinds, may answer Discard to which kinds, in which modes */
+#define CALLS(ROW)                                                                                               \
+    ROW(CALL_SET_LOGGING,           BOTH,   NEVER,  BETWEEN_CALLS)                                               \
+    ROW(CALL_RESET,                 BOTH,   NEVER,  BETWEEN_CALLS)                                               \
+    ROW(CALL_FMU_STATE,             BOTH,   NEVER,  BETWEEN_CALLS)                                               \
+    ROW(CALL_SET_EXPERIMENT,        BOTH,   NEVER,  INSTANTIATED)                                                \
+    ROW(CALL_ENTER_INITIALIZATION,  BOTH,   NEVER,  INSTANTIATED)                                                \
+    ROW(CALL_EXIT_INITIALIZATION,   BOTH,   NEVER,  INITIALIZATION)                                              \
+    ROW(CALL_TERMINATE,             BOTH,   NEVER,  RUNNING)                                                     \
+    ROW(CALL_GET,                   BOTH,   FOR_ME, ANY_MODE)                                                    \
+    ROW(CALL_SET_INPUT,             BOTH,   BOTH,   BEFORE_START | RUNNING | INTERMEDIATE)                       \
+    ROW(CALL_SET_START,             BOTH,   BOTH,   BEFORE_START)                                                \
+    ROW(CALL_SET_TUNABLE,           BOTH,   BOTH,   BEFORE_START | EVENT | STEP)                                 \
+    ROW(CALL_SENSITIVITY,           BOTH,   NEVER,  INITIALIZATION | RUNNING | TERMINATED)                       \
+    ROW(CALL_SET_INPUT_RATES,       FOR_CS, NEVER,  BEFORE_START | STEP)                                         \
+    ROW(CALL_GET_OUTPUT_RATES,      FOR_CS, NEVER,  STEP | INTERMEDIATE | TERMINATED)                            \
+    ROW(CALL_DO_STEP,               FOR_CS, FOR_CS, STEP)                                                        \
+    ROW(CALL_STEP_STATUS,           FOR_CS, FOR_CS, STEP | TERMINATED)                                           \
+    ROW(CALL_ENTER_EVENT,           FOR_ME, NEVER,  CONTINUOUS)                                                  \
+    ROW(CALL_UPDATE_DISCRETE,       FOR_ME, NEVER,  EVENT)                                                       \
+    ROW(CALL_ENTER_CONTINUOUS,      FOR_ME, NEVER,  EVENT)                                                       \
+    ROW(CALL_COMPLETED_STEP,        FOR_ME, NEVER,  CONTINUOUS)                                                  \
+    ROW(CALL_SET_TIME,              FOR_ME, NEVER,  EVENT | CONTINUOUS)                                          \
+    ROW(CALL_SET_CONTINUOUS_STATES, FOR_ME, FOR_ME, CONTINUOUS)                                                  \
+    ROW(CALL_GET_CONTINUOUS_STATES, FOR_ME, FOR_ME, BEFORE_START | EVENT | CONTINUOUS | TERMINATED)              \
+    ROW(CALL_GET_NUMBERS,           FOR_ME, NEVER,  BEFORE_START | EVENT | CONTINUOUS)                           \
+    ROW(CALL_EVALUATE_DISCRETE,     FOR_ME, NEVER,  INITIALIZATION | EVENT)                                      \
+    /* there are no clocks, no structural parameters, no scheduled execution, no asynchronous steps */           \
+    ROW(CALL_NOT_OFFERED,           BOTH,   NEVER,  NEVER)
 /* clang-format on */
 
-#define AS_NAME(name, kinds, modes) name,
+#define AS_NAME(name, kinds, discards, modes) name,
 typedef enum { CALLS(AS_NAME) NUMBER_OF_CALLS } fmi_call;
 #undef AS_NAME
 

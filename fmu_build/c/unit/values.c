@@ -44,20 +44,21 @@ fmi_status get_values(fmi_instance *i, const char *function, const uint32_t refe
         for (int slot = first; slot < first + size; slot++) {
             outcome got = component_get(i->core, slot, values++);
             if (got != DONE)
-                return conclude(i, function, got);
+                return conclude(i, function, CALL_GET, got);
         }
     }
     return STATUS_OK;
 }
 
 /* Which row of the table of permissions a set of this slot falls under. */
-static fmi_call call_to_set(int slot)
+static fmi_call call_to_set(const fmi_instance *i, int slot)
 {
     switch (role_at(slot)) {
     case INPUT: return CALL_SET_INPUT;
-    case STATE:
+    case STATE: return i->mode == CONTINUOUS ? CALL_SET_CONTINUOUS_STATES : CALL_SET_START;
     case FIXED_PARAMETER: return CALL_SET_START;
-    case TUNABLE_PARAMETER: return CALL_SET_TUNABLE;
+    case TUNABLE_PARAMETER:
+        return i->mode == CONTINUOUS && i->layer->tunes_continuously ? CALL_SET_INPUT : CALL_SET_TUNABLE;
     default: return CALL_NOT_OFFERED;
     }
 }
@@ -65,9 +66,9 @@ static fmi_call call_to_set(int slot)
 /* May this slot have this value now? Names are only made up for messages: sets happen in every step. */
 static fmi_status check_set(fmi_instance *i, const char *function, int slot, double value)
 {
-    fmi_call needed = call_to_set(slot);
+    fmi_call needed = call_to_set(i, slot);
     if (allows(i, needed))
-        return conclude(i, function, component_check(i->core, slot, value));
+        return conclude(i, function, needed, component_check(i->core, slot, value));
     char name[NAME_SIZE], what[2 * NAME_SIZE];
     write_slot_name(slot, name);
     if (needed == CALL_NOT_OFFERED)
@@ -198,7 +199,7 @@ fmi_status get_directional_derivative(fmi_instance *i, const char *function, con
                                       parameters_of(&direction), derivatives_of(&change), results_of(&change));
     if (found == DONE)
         gather(i, unknowns, n_unknowns, &change, sensitivity);
-    return conclude(i, function, found);
+    return conclude(i, function, CALL_SENSITIVITY, found);
 }
 
 fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
@@ -214,7 +215,7 @@ fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const u
                                       results_of(&gradient), inputs_of(&gradient), parameters_of(&gradient));
     if (found == DONE)
         gather(i, knowns, n_knowns, &gradient, sensitivity);
-    return conclude(i, function, found);
+    return conclude(i, function, CALL_SENSITIVITY, found);
 }
 
 /* ---- rates of inputs and outputs ------------------------------------------------------------------------------ */
@@ -244,7 +245,7 @@ fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_
     outcome found = component_result_rates(i->core, results_of(&rates));
     if (found == DONE)
         gather(i, references, n, &rates, values);
-    return conclude(i, function, found);
+    return conclude(i, function, CALL_GET_OUTPUT_RATES, found);
 }
 
 fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
@@ -260,7 +261,8 @@ fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t
         if (orders[k] != 1)
             return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is there", function, (long)orders[k]);
         i->layer->resolve(references[k], &first, &size);
-        fmi_status checked = conclude(i, function, component_check(i->core, first, values[k]));
+        fmi_status checked = conclude(i, function, CALL_SET_INPUT_RATES,
+                                      component_check(i->core, first, values[k]));
         if (checked != STATUS_OK)
             return checked;
     }

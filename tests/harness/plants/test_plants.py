@@ -110,6 +110,7 @@ def test_a_failed_step_leaves_the_plant_as_it_was(open_one: Open, paper: Platfor
 def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platform) -> None:
     """Expected: rule 3; without gravity and forces nothing accelerates at rest."""
     with open_one(paper, None) as plant:
+        plant.set_inputs(np.zeros(12))
         at_rest = interface.unpack(interface.RESULTS, plant.results())["acceleration"]
         plant.do_step(0.0, 0.01)
         plant.set_parameters({"gravity": np.zeros(3), "platform_mass": 20.0})

@@ -184,6 +184,32 @@ static void follow_mode(host *h, const char *name)
         }
 }
 
+/* Where FMI 2.0 has Discard (2.1.3). */
+static const struct {
+    const char *name;
+    int kinds;
+} DISCARDS_OF_FMI2[] = {
+    {"SetReal", BOTH},
+    {"SetContinuousStates", MODEL_EXCHANGE},
+    {"GetReal", MODEL_EXCHANGE},
+    {"GetDerivatives", MODEL_EXCHANGE},
+    {"GetContinuousStates", MODEL_EXCHANGE},
+    {"DoStep", CO_SIMULATION},
+    {"GetStatus", CO_SIMULATION},
+    {"GetRealStatus", CO_SIMULATION},
+    {"GetIntegerStatus", CO_SIMULATION},
+    {"GetBooleanStatus", CO_SIMULATION},
+    {"GetStringStatus", CO_SIMULATION},
+};
+
+static int may_discard(const host *h, const char *name)
+{
+    for (size_t k = 0; k < sizeof DISCARDS_OF_FMI2 / sizeof DISCARDS_OF_FMI2[0]; k++)
+        if (strcmp(DISCARDS_OF_FMI2[k].name, name) == 0)
+            return DISCARDS_OF_FMI2[k].kinds & (int)h->kind;
+    return 0;
+}
+
 static int is_one_of(const char *name, const char *const names[])
 {
     while (*names && strcmp(*names, name) != 0)
@@ -234,11 +260,13 @@ void call_begins(host *h, const char *function)
 static void check_messages(const frame *f, int status, const char *name)
 {
     const host *h = f->h;
-    if (f->goes_to_null || h->messages == 0)
+    if (f->goes_to_null || h->messages == 0) {
+        require(f->goes_to_null || !h->has_logger || status != ERROR, "an error is logged, whatever is switched on");
         require(f->goes_to_null || h->logging != ALL_CATEGORIES || status == OK,
                 "a call that fails says why, if all categories are on");
-    else if (strcmp(name, "DoStep") != 0) { /* whose callback has made calls of its own */
-        require(status != OK, "a call that succeeds says nothing");
+    } else if (strcmp(name, "DoStep") != 0) { /* whose callback has made calls of its own */
+        require(status != OK || strcmp(name, "CompletedIntegratorStep") == 0,
+                "a call that succeeds says nothing, unless it asks for the end");
         require(h->last_message_status == status, "the message has the status of the call");
     }
 }
@@ -266,6 +294,7 @@ int call_ends(int status)
         fprintf(stderr, " -> %d\n", status);
     require(status >= OK && status <= FATAL, "the status is one of the enumeration, and no step is pending");
     require(status != FATAL, "nothing here is fatal");
+    require(status != DISCARD || h->version == 3 || may_discard(h, name), "FMI 2.0 has Discard for this function");
     count_call(f->function, status >= OK && status <= FATAL ? status : FATAL);
     require(!f->goes_to_null || status == ERROR, "no call succeeds on a null pointer for an instance");
     check_messages(f, status, name);
@@ -295,7 +324,7 @@ static void check_message(host *h, int status, const char *category, const char 
 {
     static const char *const categories[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", NULL};
     require(h != NULL, "the logger gets the importer's environment");
-    require(status == WARNING || status == DISCARD || status == ERROR, "the message has a status that is not OK");
+    require(status >= OK && status <= ERROR, "the message has a status");
     require(category && is_one_of(category, categories), "the category is one of the description");
     require(message && message[0], "the message is not empty");
     require(message && !strchr(message, '%'), "the message is no format");
@@ -303,7 +332,7 @@ static void check_message(host *h, int status, const char *category, const char 
         fprintf(stderr, " '%s'", message);
     if (h->is_peeking)
         return;
-    require(h->logging != SILENT, "nothing is logged when logging is off");
+    require(h->logging != SILENT || status == ERROR, "nothing but errors is logged when logging is off");
     h->messages++;
     h->last_message_status = status;
 }
