@@ -21,7 +21,8 @@ class Section(BaseModel):
         Made in Python from wrong values; references and controllers have errors of their own.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    # pydantic builds its validator of a table at first use: most are only used as parts of an experiment
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
     def __init__(self, /, **values: Any) -> None:
         try:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar
 
 
 class FmiVersion(StrEnum):
@@ -50,7 +50,8 @@ def build_command(
     - `gough-stewart build --fmi 3.0 --target all --preset motion_base --out fmus`
     """
     with clear_errors() as written:
-        from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
+        with preparing():
+            from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 
         chosen = chosen_platform(preset, platform)
         versions = [v.value for v in fmi] if fmi else VERSIONS

@@ -24,14 +24,14 @@ def margins_command(
     """
     with clear_errors() as written:
         chosen = chosen_experiment(experiment, settings)
-        from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets
-        from gough_stewart.harness.output.tables import to_terminal
-        from gough_stewart.model.files import check_output_folder, write_files
-
         folder = out or Path("results", f"{Path(experiment).stem}-margins")
-        check_output_folder(folder, FILES)
         with progress_bar() as bar:
             bar.add_task("linear model, margins, figures", total=None)
+            from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets
+            from gough_stewart.harness.output.tables import to_terminal
+            from gough_stewart.model.files import check_output_folder, write_files
+
+            check_output_folder(folder, FILES)
             found = margins(chosen)
             files = margins_files(found)
         write_files(folder, files)

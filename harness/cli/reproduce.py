@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gough_stewart.harness.cli.options import PlatformOption, PresetOption, ReportOption, chosen_platform, path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, errors, say_written
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, errors, preparing, say_written
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import GoughStewartError
 
@@ -59,10 +59,11 @@ def reproduce_command(
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
     with clear_errors() as written:
-        from gough_stewart.harness.paper.report import to_terminal
-        from gough_stewart.harness.paper.reproduce import FILES, reproduce
-        from gough_stewart.harness.view.page import PAGE
-        from gough_stewart.model.files import check_output_folder, write_files
+        with preparing():
+            from gough_stewart.harness.paper.report import to_terminal
+            from gough_stewart.harness.paper.reproduce import FILES, reproduce
+            from gough_stewart.harness.view.page import PAGE
+            from gough_stewart.model.files import check_output_folder, write_files
 
         check_output_folder(out, [*FILES, PAGE])
         case = _chosen_case(order, preset, platform)

@@ -1,7 +1,7 @@
 """The command `run`: an experiment, to its record and figures."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -23,10 +23,7 @@ from gough_stewart.harness.cli.terminal import (
     warn,
 )
 from gough_stewart.harness.plants.kinds import PlantKind
-
-if TYPE_CHECKING:
-    from gough_stewart.harness.experiment.schema import Experiment
-    from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.drawing import Drawing
 
 # Beside 0 and 1 (an error): the run is there, but it did not come to its end.
 EXIT_NOT_COMPLETED = 3
@@ -64,13 +61,24 @@ def run_command(
     """
     with clear_errors() as written:
         chosen = chosen_experiment(experiment, settings)
-        from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
-        from gough_stewart.model.files import check_output_folder
-
         folder = out or Path("results", Path(experiment).stem)
-        check_output_folder(folder, names_of_files())
-        record = _run(chosen, plant, fmu)
-        files, tables = write_results(record, folder, report)
+        # every refresh costs the run as much as a hundred of its steps
+        with progress_bar(refresh_per_second=4) as progress, Drawing() as draw:
+            task = progress.add_task("preparing", total=chosen.loop.duration)
+            from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
+            from gough_stewart.harness.experiment.run import run
+            from gough_stewart.model.files import check_output_folder
+
+            check_output_folder(folder, names_of_files())
+            record = run(
+                chosen,
+                plant=plant,
+                fmu=fmu,
+                progress=lambda time: progress.update(task, completed=time, description=chosen.title),
+                status=lambda what: progress.update(task, description=what),
+            )
+            progress.update(task, total=None, description="files and figures")
+            files, tables = write_results(record, folder, report, draw)
         written.append(folder)
         Terminal().print(tables)
         for warning in warnings_of(record):
@@ -81,18 +89,3 @@ def run_command(
             return
         errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
         raise typer.Exit(EXIT_INTERRUPTED if outcome["status"] == "interrupted" else EXIT_NOT_COMPLETED)
-
-
-def _run(experiment: "Experiment", plant: PlantKind | None, fmu: Path | None) -> "Record":
-    from gough_stewart.harness.experiment.run import run
-
-    # every refresh costs the run as much as a hundred of its steps
-    with progress_bar(refresh_per_second=4) as progress:
-        task = progress.add_task("preparing", total=experiment.loop.duration)
-        return run(
-            experiment,
-            plant=plant,
-            fmu=fmu,
-            progress=lambda time: progress.update(task, completed=time, description=experiment.title),
-            status=lambda what: progress.update(task, description=what),
-        )

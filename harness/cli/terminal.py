@@ -52,6 +52,14 @@ def progress_bar(refresh_per_second: float = 10) -> Progress:
     return Progress(*columns, console=errors, transient=True, refresh_per_second=refresh_per_second)
 
 
+@contextmanager
+def preparing() -> Iterator[None]:
+    """Say so while what a command works with is imported, which may take seconds."""
+    with progress_bar() as bar:
+        bar.add_task("preparing", total=None)
+        yield
+
+
 def say_written(files: Iterable[str | Path], folder: Path) -> None:
     """What has been written, and where."""
     Terminal().say((f"Wrote {', '.join(map(str, files))} to {folder}", "dim"))

@@ -39,10 +39,10 @@ def view_command(
     with clear_errors() as written:
         if out.suffix not in (".html", ".htm"):
             raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
-        from gough_stewart.harness.view.file import view
-
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
+            from gough_stewart.harness.view.file import view
+
             view(records, out, progress=lambda what: progress.update(task, description=what))
         written.append(out)
         Terminal().say(f"{out}  {out.stat().st_size / 1e6:.1f} MB")

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written, warn
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, say_written, warn
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import WorkspaceError
 
@@ -62,12 +62,13 @@ def workspace_command(
     with clear_errors() as written:
         ranges, fixed = _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
-        from gough_stewart.harness.output.tables import to_terminal
-        from gough_stewart.harness.workspace.figures import workspace_figures
-        from gough_stewart.harness.workspace.page import workspace_page
-        from gough_stewart.harness.workspace.tables import sheets_of, size_text, workspace_csv
-        from gough_stewart.model.files import check_output_folder, write_files
-        from gough_stewart.model.workspace_grid import POINTS, sweep
+        with preparing():
+            from gough_stewart.harness.output.tables import to_terminal
+            from gough_stewart.harness.workspace.figures import workspace_figures
+            from gough_stewart.harness.workspace.page import workspace_page
+            from gough_stewart.harness.workspace.tables import sheets_of, size_text, workspace_csv
+            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.workspace_grid import POINTS, sweep
 
         check_output_folder(out, FILES)
         with progress_bar() as progress:

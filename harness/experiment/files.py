@@ -1,19 +1,21 @@
 """The files of a run: record, metadata, metrics, figures, page; written as one set."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from rich.console import RenderableType
 
-from gough_stewart.harness.results.figures import FIGURES, run_figures
+from gough_stewart.harness.results.drawing import FIGURES, draw_here
 from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.files import Content, FileSet, check_output_folder, file_set
 
+# What makes figures of a record, by file name.
+Draw = Callable[[Record], dict[str, bytes]]
 _FIGURE_FILES = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
 # The run itself goes first, and of its forms the smallest one that holds everything.
 _FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json", *_FIGURE_FILES]
@@ -24,7 +26,9 @@ def names_of_files() -> list[str]:
     return [*_FILES, PAGE]
 
 
-def write_results(record: Record, folder: Path, report: bool = False) -> tuple[list[str], RenderableType]:
+def write_results(
+    record: Record, folder: Path, report: bool = False, draw: Draw = draw_here
+) -> tuple[list[str], RenderableType]:
     """Write all files of a run as one set, with `report` also the page; their names, and metrics for the terminal.
 
     Whatever goes wrong on the way, what came before it is there, first of all the record, and no file of an older run
@@ -35,7 +39,7 @@ def write_results(record: Record, folder: Path, report: bool = False) -> tuple[l
         ThreadPoolExecutor(1) as aside,  # polars works outside of Python's lock
     ):
         written = aside.submit(_add, files, _record_files(record))
-        more, tables = result_files(record, report)
+        more, tables = _result_files(record, report, draw)
         written.result()
         _add(files, more)
     return files.names, tables
@@ -54,10 +58,10 @@ def _record_files(record: Record) -> dict[str, Content]:
     }
 
 
-def result_files(record: Record, report: bool = False) -> tuple[dict[str, bytes], RenderableType]:
+def _result_files(record: Record, report: bool, draw: Draw) -> tuple[dict[str, bytes], RenderableType]:
     """Metrics, figures and, if wanted, the page by file name, and the metrics as tables for the terminal."""
     measured = metrics(record)
-    files = {"metrics.json": metrics_json(measured), **run_figures(record)}
+    files = {"metrics.json": metrics_json(measured), **draw(record)}
     if report:
         files[PAGE] = view_page([record], [record.metadata["title"]])
     return files, metrics_table(measured)

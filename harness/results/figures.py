@@ -44,9 +44,6 @@ _STRIP_HEIGHT = 0.045
 _LEGS = tuple(f"leg {i}" for i in range(1, 7))
 
 
-FIGURES = ("pose", "errors", "forces", "legs")
-
-
 def run_figures(record: Record) -> dict[str, bytes]:
     """File name to PNG and SVG of `pose`, `errors`, `forces` and `legs`; without reference there are no errors.
 

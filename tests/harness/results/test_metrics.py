@@ -4,6 +4,7 @@ import json
 import math
 from typing import Any
 
+import control
 import numpy as np
 import polars
 import pytest
@@ -104,6 +105,20 @@ def test_step_of_a_second_order_system_has_its_known_numbers(damping: float, siz
     assert found["settling_time"] == pytest.approx(settled, abs=1.001 * STEP)
     assert found["rise_time"] == pytest.approx(rise, abs=1.001 * STEP)
     assert found["final_error"] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_step_numbers_are_python_controls(seed: int) -> None:
+    """Expected: `control.step_info`; responses that ring, with noise, cross a level more than once."""
+    rng = np.random.default_rng(seed)
+    t = STEP * np.arange(1000)
+    rings = 1 - np.exp(-(6 + 3 * seed) * t) * np.cos(20 * t) + 0.003 * rng.normal(size=1000)
+    wanted = np.r_[0.0, np.ones(999)]
+    (found,) = metrics(step_of(np.r_[0.0, rings[1:]], wanted))["step_response"]
+    info = control.step_info(np.r_[0.0, rings[1:]], T=t, yfinal=1.0)
+    assert found["overshoot_percent"] == pytest.approx(info["Overshoot"])
+    assert found["rise_time"] == pytest.approx(info["RiseTime"])
+    assert found["settling_time"] == pytest.approx(info["SettlingTime"])
 
 
 def test_response_that_is_outside_the_band_at_the_end_has_not_settled() -> None:
