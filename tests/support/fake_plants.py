@@ -1,4 +1,4 @@
-"""A plant with a closed form: six masses on rails, L̈ = F/m, in the places of the legs."""
+"""A plant with a closed form: six different masses on rails, L̈ = F/m, in the places of the legs."""
 
 from collections.abc import Mapping
 from types import TracebackType
@@ -6,32 +6,49 @@ from typing import Self
 
 import numpy as np
 
+from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.kernel import N_RESULTS
 from gough_stewart.model.vectors import FloatArray
 
+MASSES = np.array([2.0, 1.6, 2.5, 1.25, 4.0, 3.2])  # [kg]
+LENGTHS = np.array([1.0, 1.3, 0.8, 1.1, 1.6, 0.9])  # at the start [m]
 LENGTH, VELOCITY = slice(12, 18), slice(18, 24)
+# What the platform does is a sum of what the legs do, another one in each component.
+_POSE = np.array(
+    [
+        [0.3, -0.2, 0.1, 0.4, -0.1, 0.2],
+        [-0.1, 0.5, 0.2, -0.3, 0.2, 0.1],
+        [0.2, 0.1, 0.3, 0.1, 0.2, 0.1],
+        [0.1, 0.0, -0.2, 0.3, 0.1, -0.4],
+        [0.0, -0.3, 0.2, 0.1, 0.4, 0.1],
+        [0.2, 0.2, -0.1, 0.0, -0.3, 0.5],
+    ]
+)
+
+
+def signals_of(length: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Pose, its rate, lengths, their rate, accelerations (..., 30) of such legs (..., 6)."""
+    pose, rate, change = (each @ _POSE.T for each in (length, velocity, acceleration))
+    return np.concatenate([pose, rate, length, velocity, change], axis=-1)
 
 
 class Masses:
-    """A `Plant`; the position of the platform is the mean length, upwards."""
+    """A `Plant`; its parameter `platform_mass` multiplies all masses."""
 
-    def __init__(self, mass: float = 2.0, length: float = 1.0, fails_at: float = np.inf) -> None:
-        self.mass, self.fails_at = mass, fails_at
-        self.x, self.v = np.full(6, length), np.zeros(6)
+    def __init__(self, platform_mass: float = 1.0, fails_at: float = np.inf) -> None:
+        self.mass, self.fails_at = platform_mass * MASSES, fails_at
+        self.x, self.v = LENGTHS.copy(), np.zeros(6)
         self.inputs = np.zeros(12)
-        self.forces: list[FloatArray] = []
 
     def set_inputs(self, inputs: FloatArray) -> None:
         self.inputs = inputs.copy()
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
-        self.mass = float(np.asarray(values["platform_mass"]))
+        self.mass = float(np.asarray(values["platform_mass"])) * MASSES
 
     def results(self) -> FloatArray:
-        y = np.zeros(N_RESULTS)
-        y[2] = self.x.mean()
-        y[LENGTH], y[VELOCITY] = self.x, self.v
+        y = np.zeros(interface.size_of(interface.RESULTS))
+        y[:30] = signals_of(self.x, self.v, self.inputs[:6] / self.mass)
         return y
 
     def do_step(self, time: float, step: float) -> None:
@@ -39,7 +56,6 @@ class Masses:
             raise StepError("leg_length[1]", 0.0, self.fails_at, "the leg has collapsed")
         a = self.inputs[:6] / self.mass
         self.x, self.v = self.x + self.v * step + a * step**2 / 2, self.v + a * step
-        self.forces.append(self.inputs[:6].copy())
 
     def close(self) -> None: ...
 

@@ -1,47 +1,96 @@
-"""Readings signal by signal: independent noise of its own size, rounded afterwards."""
+"""Noise and quantisation: their definition, streams that know nothing of each other, the same seed the same bytes."""
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.plants import signals
+from gough_stewart.model.vectors import FloatArray
 
-N = 4000
-SIGMAS = {v.name: 1e-3 * (k + 1) for k, v in enumerate(signals.VARIABLES)}
-TRUE = np.linspace(-1.3, 2.9, signals.SIZE)
-
-
-def readings(sensors: Sensors) -> np.ndarray:
-    """(N, 24) of a signal that stands still."""
-    read = Readings(sensors, N)
-    return np.array([read(k, TRUE) for k in range(N)])
-
-
-def test_every_element_has_a_noise_of_its_own() -> None:
-    """Expected: independent columns: no correlation beyond five standard errors, 1/√n, and σ within five of σ/√(2n)."""
-    noise = readings(Sensors(SIGMAS)) - TRUE
-    between = np.corrcoef(noise.T) - np.eye(signals.SIZE)
-    assert np.abs(between).max() < 5 / np.sqrt(N)
-    sigma = np.concatenate([np.full(v.size, SIGMAS[v.name]) for v in signals.VARIABLES])
-    assert np.abs(noise.std(axis=0) / sigma - 1).max() < 5 / np.sqrt(2 * N)
+TRUE = np.random.default_rng(1).uniform(-2, 2, (400, signals.SIZE))
+DEVIATIONS = {
+    "position": 1e-3,
+    "orientation": 2e-3,
+    "velocity": 5e-3,
+    "angular_velocity": 3e-3,
+    "leg_length": 4e-4,
+    "leg_velocity": 7e-3,
+}
+COLUMNS = {name: signals.positions([name]) for name in signals.NAMES}
 
 
-@pytest.mark.parametrize("name", SIGMAS)
-def test_noise_on_one_signal_leaves_the_others_alone(name: str) -> None:
-    """Expected: by definition; each signal's noise is the same with and without noise on the others."""
-    every, alone = readings(Sensors(SIGMAS, seed=3)), readings(Sensors({name: SIGMAS[name]}, seed=3))
-    has_noise = (alone != TRUE).all(axis=0)
-    assert has_noise.sum() == next(v.size for v in signals.VARIABLES if v.name == name)
-    assert np.array_equal(alone[:, has_noise], every[:, has_noise])
-    assert (alone[:, ~has_noise] == TRUE[~has_noise]).all()
+def measured(sensors: Sensors, true: FloatArray = TRUE) -> FloatArray:
+    readings = Readings(sensors, len(true))
+    return np.array([readings(k, row) for k, row in enumerate(true)])
 
 
-def test_what_is_read_is_rounded_with_its_noise() -> None:
-    """Expected: whole steps, though the noise is none; on average the true value, as noise above a step dithers it."""
-    step = {name: 0.8 * sigma for name, sigma in SIGMAS.items()}
-    read = readings(Sensors(SIGMAS, step))
-    steps = np.concatenate([np.full(v.size, step[v.name]) for v in signals.VARIABLES])
-    assert np.abs(read / steps - np.round(read / steps)).max() < 1e-9
-    assert len(np.unique(np.round(read[:, 0] / steps[0]))) > 5
-    deviation = np.sqrt(1.25**2 + 1 / 12) * steps
-    assert (np.abs(read.mean(axis=0) - TRUE) < 5 * deviation / np.sqrt(N)).all()
+def test_without_noise_and_steps_the_truth_is_measured() -> None:
+    assert (measured(Sensors()) == TRUE).all()
+    assert (measured(Sensors({"position": 0.0}, {"leg_length": 0.0})) == TRUE).all()
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 2**32))
+def test_the_same_seed_gives_the_same_bytes_and_another_one_other_numbers(seed: int) -> None:
+    one = measured(Sensors(DEVIATIONS, seed=seed))
+    assert measured(Sensors(DEVIATIONS, seed=seed)).tobytes() == one.tobytes()
+    assert (measured(Sensors(DEVIATIONS, seed=seed + 1)) != one).all()
+
+
+def test_noise_has_its_standard_deviation_in_every_element() -> None:
+    """Expected: within five standard errors, σ/√(2n) of a deviation and σ/√n of a mean; 24 different elements."""
+    n = 4000
+    noise = measured(Sensors(DEVIATIONS), np.zeros((n, signals.SIZE)))
+    sigma = np.concatenate([np.full(len(COLUMNS[name]), DEVIATIONS[name]) for name in signals.NAMES])
+    assert (np.abs(noise.std(axis=0) - sigma) < 5 * sigma / np.sqrt(2 * n)).all()
+    assert (np.abs(noise.mean(axis=0)) < 5 * sigma / np.sqrt(n)).all()
+
+
+def test_no_element_and_no_row_has_the_noise_of_another() -> None:
+    """Expected: correlations of independent numbers, at most five standard errors 1/√n; rows one later, too."""
+    n = 4000
+    noise = measured(Sensors(DEVIATIONS), np.zeros((n, signals.SIZE)))
+    both = np.concatenate([noise[:-1], noise[1:]], axis=1)
+    assert np.abs(np.corrcoef(both.T) - np.eye(48)).max() < 5 / np.sqrt(n)
+
+
+@pytest.mark.parametrize("name", signals.NAMES)
+def test_noise_on_a_signal_leaves_the_others_as_they_are(name: str) -> None:
+    """Expected: with this one alone its noise is the same as with all, and all others are exact."""
+    together, alone = (measured(Sensors(each, seed=7)) for each in (DEVIATIONS, {name: DEVIATIONS[name]}))
+    assert alone[:, COLUMNS[name]].tobytes() == together[:, COLUMNS[name]].tobytes()
+    others = np.setdiff1d(np.arange(signals.SIZE), COLUMNS[name])
+    assert (alone[:, others] == TRUE[:, others]).all()
+    assert (alone[:, COLUMNS[name]] != TRUE[:, COLUMNS[name]]).all()
+
+
+@pytest.mark.parametrize(("name", "step"), [("leg_length", 1e-3), ("orientation", 0.3), ("leg_velocity", 2e-2)])
+def test_quantised_signals_are_the_nearest_multiples(name: str, step: float) -> None:
+    """Expected: the definition of rounding to a step; other signals are exact."""
+    found = measured(Sensors(quantisation={name: step}))
+    at = COLUMNS[name]
+    assert np.abs(found[:, at] / step - np.round(found[:, at] / step)).max() < 1e-9
+    assert np.abs(found[:, at] - TRUE[:, at]).max() <= 0.5 * step * (1 + 1e-9)
+    assert np.abs(found[:, at] - TRUE[:, at]).max() > 0.45 * step
+    others = np.setdiff1d(np.arange(signals.SIZE), at)
+    assert (found[:, others] == TRUE[:, others]).all()
+
+
+def test_noise_comes_before_quantisation() -> None:
+    """Expected: an encoder has only its steps, and noise of two of them moves it by some."""
+    step = {"leg_length": 1e-3, "position": 2e-3}
+    noise = {"leg_length": 2e-3, "position": 4e-3}
+    both, noisy = measured(Sensors(noise, step, seed=4)), measured(Sensors(noise, seed=4))
+    for name, q in step.items():
+        at = COLUMNS[name]
+        assert both[:, at] == pytest.approx(q * np.rint(noisy[:, at] / q), abs=1e-15)
+        assert (np.abs(both[:, at] - TRUE[:, at]) > q).any()
+
+
+def test_readings_keep_the_truth() -> None:
+    """Expected: what is handed in stays as it was."""
+    true = TRUE[0].copy()
+    Readings(Sensors(DEVIATIONS, {"leg_length": 0.1}), 1)(0, true)
+    assert (true == TRUE[0]).all()

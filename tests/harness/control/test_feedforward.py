@@ -1,0 +1,56 @@
+"""Feedforward against virtual work and against Newton and Euler's equations, on the uneven platform in motion."""
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.control.feedforward import feedforward
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.model import energy
+from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.rotations import matrix_from_orientation
+from tests.support.uneven import UNEVEN
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    """Five moments of a lively motion, none like another."""
+    rng = np.random.default_rng(3)
+    position = UNEVEN.home_position + rng.uniform(-0.2, 0.2, (5, 3))
+    orientation = UNEVEN.home_orientation + rng.uniform(-0.2, 0.2, (5, 3))
+    return Motion(position, orientation, *rng.normal(size=(4, 5, 3)))
+
+
+def test_none_is_no_force(motion: Motion) -> None:
+    assert feedforward("none", UNEVEN, motion).tolist() == np.zeros((5, 6)).tolist()
+
+
+def test_gravity_holds_every_pose_at_rest(motion: Motion) -> None:
+    """Expected: virtual work, Σ F δL = δV for small changes of every coordinate of the pose."""
+    force = feedforward("gravity", UNEVEN, motion)
+    h = 1e-6
+    for k in range(5):
+        pose = np.concatenate([motion.position[k], motion.orientation[k]])
+        for step in h * np.eye(6):
+            ends = [np.split(pose + sign * step, 2) for sign in (1, -1)]
+            work = force[k] @ np.subtract(*(leg_geometry(UNEVEN, *end).length for end in ends))
+            assert work == pytest.approx(
+                np.subtract(*(energy.potential_energy(UNEVEN, *end) for end in ends)), abs=1e-9
+            )
+
+
+def test_computed_torque_makes_the_motion(motion: Motion) -> None:
+    """Expected: under these forces Newton and Euler's equations have the accelerations of the motion."""
+    force = feedforward("computed_torque", UNEVEN, motion)
+    solved = newton_euler.solve(
+        UNEVEN,
+        motion.position,
+        matrix_from_orientation(motion.orientation),
+        motion.velocity,
+        motion.angular_velocity,
+        force,
+        np.zeros((5, 3)),
+        np.zeros((5, 3)),
+    )
+    assert solved.linear == pytest.approx(motion.acceleration, abs=1e-9)
+    assert solved.angular == pytest.approx(motion.angular_acceleration, abs=1e-9)

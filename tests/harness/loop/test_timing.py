@@ -1,0 +1,138 @@
+"""The clocks of a run: rows, samples, jitter, and encoders with a clock of their own."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.control.laws import Sample
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.timing import MOST_STEPS, Timing
+from gough_stewart.model.vectors import FloatArray
+from tests.support.fake_plants import LENGTH
+from tests.support.loops import FORCES, constant, loop_of, reference, run_with
+
+
+def test_rows_and_samples_are_multiples_of_their_steps() -> None:
+    """Expected: no sample at the end, where nothing would follow."""
+    timing = Timing(0.05, 0.02, 0.01)
+    assert timing.steps == 5
+    assert timing.steps_a_sample == 2
+    assert timing.times == pytest.approx([0, 0.01, 0.02, 0.03, 0.04, 0.05], abs=1e-15)
+    assert timing.samples == pytest.approx([0, 0.02, 0.04], abs=1e-15)
+    assert timing.rows_of_samples.tolist() == [0, 2, 4]
+    assert Timing(0.04, 0.02, 0.01).rows_of_samples.tolist() == [0, 2]
+
+
+def test_times_go_to_rows_and_steps() -> None:
+    """Expected: from the first row to the last; a duration of one step at least."""
+    timing = Timing(0.05, 0.02, 0.01)
+    assert [timing.row(time, "it") for time in (0.0, 0.03, 0.05)] == [0, 3, 5]
+    assert [timing.steps_in(time, "it") for time in (0.01, 0.03)] == [1, 3]
+    for time in (-0.01, 0.06, 0.025):
+        with pytest.raises(ControllerError, match=f"it at {time} s; expected a time from 0 to 0.05 s"):
+            timing.row(time, "it")
+    for time in (0.0, -0.01, 0.015):
+        with pytest.raises(ControllerError, match=f"it is {time:g} s; expected a multiple of the plant_step of 0.01 s"):
+            timing.steps_in(time, "it")
+
+
+@pytest.mark.parametrize(
+    ("clocks", "match"),
+    [
+        ((1.0, 0.01, 0.003), r"plant_step 0.003 s does not divide sample_time 0.01 s.*0.00333"),
+        ((1.0, 0.01, 0.02), "does not divide sample_time .*for instance a plant_step of 0.01 s"),
+        ((1.005, 0.02, 0.02), r"plant_step 0.02 s does not divide duration 1.005 s \(50.25 times\)"),
+        ((0.004, 0.02, 0.01), "does not divide duration"),
+        ((-1.0, 0.01, 0.01), "duration is -1.0"),
+        ((1.0, float("nan"), 0.01), "sample_time is nan"),
+        ((1.0, 0.01, 0.0), "plant_step is 0.0"),
+        ((1.0, float("inf"), 0.01), "sample_time is inf"),
+        ((1e9, 0.01, 0.01), r"duration 1e\+09 s has 1e\+11 plant steps of 0.01 s; expected at most 1000000"),
+    ],
+)
+def test_clocks_that_do_not_fit_are_refused(clocks: tuple[float, float, float], match: str) -> None:
+    with pytest.raises(ControllerError, match=match):
+        Timing(*clocks)
+
+
+def test_clocks_fit_within_rounding_and_up_to_the_most_steps() -> None:
+    """Expected: 0.1/0.001 and the like, which are no whole numbers to the last bit; a million steps."""
+    assert Timing(0.3, 0.1, 0.001).steps_a_sample == 100
+    assert Timing(1 + 5e-10, 0.01, 0.001).steps == 1000
+    assert Timing(float(MOST_STEPS), 1.0, 1.0).steps == 1_000_000
+    with pytest.raises(ControllerError, match="expected at most 1000000"):
+        Timing(MOST_STEPS + 1.0, 1.0, 1.0)
+
+
+def test_samples_come_late_by_their_jitter() -> None:
+    """Expected: from 0 up to the jitter in whole steps, uniform, after a first one in time."""
+    timing = Timing(20.0, 0.01, 0.001, jitter=0.006, seed=3)
+    late = timing.rows_of_samples - np.arange(0, 20000, 10)
+    assert late[0] == 0
+    assert np.unique(late).tolist() == [0, 1, 2, 3, 4, 5]
+    # five standard errors of a share of 1/6 among 2,000
+    assert np.abs(np.bincount(late) / 2000 - 1 / 6).max() < 5 * np.sqrt(5 / 36 / 2000)
+    assert (timing.rows_of_samples != Timing(20.0, 0.01, 0.001, jitter=0.006, seed=4).rows_of_samples).any()
+    assert (timing.rows_of_samples == Timing(20.0, 0.01, 0.001, jitter=0.006, seed=3).rows_of_samples).all()
+
+
+def test_the_last_sample_comes_before_the_end() -> None:
+    """Expected: in a run that ends a step after its last sample, that one is never late."""
+    rows = [Timing(0.041, 0.01, 0.001, jitter=0.009, seed=seed).rows_of_samples for seed in range(20)]
+    assert {int(each[-1]) for each in rows} == {40}
+    assert len({int(each[-2]) for each in rows}) > 4
+
+
+def test_a_law_knows_nothing_of_its_lateness() -> None:
+    """Expected: nominal time and reference, the state of the late row; commands act from there on."""
+    seen = []
+
+    def law(sample: Sample) -> FloatArray:
+        seen.append(sample)
+        return FORCES * (1.0 + len(seen) % 2)
+
+    timing = Timing(0.2, 0.01, 0.001, jitter=0.006, seed=3)
+    run = run_with(law, loop_of(timing=timing))
+    rows = timing.rows_of_samples
+    assert (rows != np.arange(0, 200, 10)).any()
+    assert [each.time for each in seen] == pytest.approx(np.arange(20) * 0.01)
+    assert np.array([each.reference["leg_length"] for each in seen]) == pytest.approx(
+        reference(np.arange(20) * 0.01)[:, LENGTH], abs=1e-12
+    )
+    assert np.array([each.measured["leg_length"] for each in seen]) == pytest.approx(run.results[rows, LENGTH], abs=0)
+    assert np.flatnonzero(np.diff(run.inputs[:200, 3])).tolist() == (rows[1:] - 1).tolist()
+    assert run.sample_of_row.tolist() == [int((rows <= k).sum()) - 1 for k in range(201)]
+
+
+@pytest.mark.parametrize("encoder", [0.004, 0.025])
+def test_encoders_with_a_clock_of_their_own_hold_their_latest_reading(encoder: float) -> None:
+    """Expected: at a sample the lengths of the encoders' last tick, quantised, whether they are faster or slower."""
+    sensors = Sensors(quantisation={"leg_length": 1e-4}, sample_time=encoder)
+    swing = lambda sample: np.sin(40 * sample.time + np.arange(6))  # noqa: E731
+    run = run_with(swing, loop_of(0.3, 0.01, 0.001, sensors=sensors))
+    ticks = np.floor(np.arange(0, 300, 10) / round(encoder / 1e-3) + 1e-9).astype(int) * round(encoder / 1e-3)
+    assert run.measured[:, LENGTH] == pytest.approx(np.rint(run.results[ticks, LENGTH] / 1e-4) * 1e-4, abs=1e-12)
+    assert (run.measured[:, :12] == run.results[ticks, :12]).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Timing(1.0, 0.01, 0.001, jitter=0.01), "jitter is 0.01 s; expected less than the sample_time of 0.01"),
+        (lambda: Timing(1.0, 0.01, 0.01, jitter=0.001), "at least the plant_step of 0.01 s"),
+        (
+            lambda: run_with(constant(), loop_of(sensors=Sensors(sample_time=0.013))),
+            "the sensors' sample_time is 0.013 s; expected a multiple",
+        ),
+    ],
+)
+def test_jitter_and_encoders_that_do_not_fit_the_steps_are_refused(make: Callable[[], object], match: str) -> None:
+    with pytest.raises(ControllerError, match=match):
+        make()
+
+
+def test_a_jitter_of_one_plant_step_is_admitted_and_makes_nothing_late() -> None:
+    """Expected: less than a whole step is rounded off."""
+    assert Timing(0.1, 0.01, 0.002, jitter=0.002).rows_of_samples.tolist() == list(range(0, 50, 5))
