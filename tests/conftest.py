@@ -1,6 +1,10 @@
 """Fixtures and hypothesis profiles for all tests."""
 
 import os
+from collections.abc import Iterator
+
+# Before NumPy comes: six legs keep no second thread busy, and each worker of pytest-xdist has a core of its own.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings
@@ -8,8 +12,11 @@ from hypothesis import settings
 from gough_stewart.fmu_build.build import build
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
+from tests.support.demo import Demo, run_demo
 from tests.support.fmu_plants import Fmu
+from tests.support.interpreter import Interpreter
 from tests.support.random_platforms import Sample, random_sample
+from tests.support.shared import shared_folder
 
 # derandomize: a failure in CI is the same failure at home. `make evidence` searches wider.
 settings.register_profile("test", max_examples=40, deadline=None, derandomize=True)
@@ -31,6 +38,21 @@ def thousand() -> Sample:
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
-    """The native FMUs by FMI version, built once for all tests: archives and what is in them."""
-    folder = tmp_path_factory.mktemp("fmus")
-    return {str(fmu.description.fmiVersion): fmu for fmu in (Fmu(path) for path in build(folder))}
+    """The native FMUs by FMI version, built once for all tests and workers: archives and what is in them."""
+    folder = shared_folder(tmp_path_factory, "fmus", build)
+    fmus = (Fmu(path) for path in sorted(folder.glob("*.fmu")))
+    return {fmu.version: fmu for fmu in fmus}
+
+
+@pytest.fixture(scope="session")
+def interpreter() -> Iterator[Interpreter]:
+    """For programs in processes of their own."""
+    interpreter = Interpreter()
+    yield interpreter
+    interpreter.close()
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory, interpreter: Interpreter) -> Demo:
+    """What `make demo` makes, run once for all tests and workers."""
+    return Demo(shared_folder(tmp_path_factory, "demo", lambda folder: run_demo(folder, interpreter)))

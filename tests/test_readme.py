@@ -5,7 +5,6 @@ Commands and snippets of the README are run by `tests/docs/test_pages.py`.
 
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,10 @@ from gough_stewart.harness.control import controllers
 from gough_stewart.harness.experiment import schema as experiment
 from gough_stewart.harness.motion import references
 from gough_stewart.harness.section import Section
+from tests.support.demo import Demo
 from tests.support.fmu_plants import Fmu
-from tests.support.snippets import PAGES, ROOT, commands_of, folder_with_fmus, run
+from tests.support.interpreter import Interpreter
+from tests.support.snippets import PAGES, ROOT, commands_of, folder_with_fmus
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +29,11 @@ def test_the_two_commands_come_first() -> None:
     assert commands_of("README.md")[:2] == ["make demo", "make test"]
 
 
-@pytest.mark.skipif(not (ROOT / ".venv" / "run").exists(), reason="not set up by make")
-def test_make_demo_runs(tmp_path: Path) -> None:
-    done = run(f"make -C {ROOT} demo OUT={tmp_path / 'paper'} HEAVE={tmp_path / 'heave'}", ROOT)
-    assert done.returncode == 0, done.stderr
-    assert "Agreement of the formulations" in done.stdout
-    assert (tmp_path / "paper" / "report.md").exists()
-    assert "Step response" in done.stdout
-    assert (tmp_path / "heave" / "pose.png").exists()
+def test_the_demo_runs(demo: Demo) -> None:
+    assert "Agreement of the formulations" in demo.text
+    assert (demo.paper / "report.md").exists()
+    assert "Step response" in demo.text
+    assert (demo.heave / "pose.png").exists()
 
 
 def test_the_control_page_names_every_key_of_an_experiment() -> None:
@@ -49,22 +47,22 @@ def test_the_control_page_names_every_key_of_an_experiment() -> None:
 
 
 @pytest.mark.parametrize("example", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)
-def test_the_examples_run(example: Path, built: Path) -> None:
-    done = run(f"{sys.executable} {example}", built)
+def test_the_examples_run(example: Path, built: Path, interpreter: Interpreter) -> None:
+    done = interpreter.script(example, cwd=built)
     assert done.returncode == 0, done.stderr
     assert done.stdout
 
 
-def test_the_example_holds_its_legs_under_the_new_payload(built: Path) -> None:
+def test_the_example_holds_its_legs_under_the_new_payload(built: Path, interpreter: Interpreter) -> None:
     """Expected: 0.1 m more leg lifts by 0.1 · 3.246/3 = 0.108 m; 5 kg are 5 · 9.81/6 · 3.353/3.109 N a leg more."""
-    lines = run(f"{sys.executable} {ROOT / 'examples/fmu_in_fmpy.py'}", built).stdout.splitlines()
+    lines = interpreter.script(ROOT / "examples/fmu_in_fmpy.py", cwd=built).stdout.splitlines()
     height, force = (np.array([float(re.findall(p, line)[0]) for line in lines]) for p in (r"z = (\S+)", r"F = (\S+)"))
     assert abs(height[-1] - 3.108) < 2e-3
     assert force[-1] - force[2] == pytest.approx(5 * 9.81 / 6 * 3.353 / 3.109, rel=0.03)
 
 
-def test_an_example_without_its_fmu_says_how_to_make_it(tmp_path: Path) -> None:
-    done = run(f"{sys.executable} {ROOT / 'examples/fmu_in_fmpy.py'}", tmp_path)
+def test_an_example_without_its_fmu_says_how_to_make_it(tmp_path: Path, interpreter: Interpreter) -> None:
+    done = interpreter.script(ROOT / "examples/fmu_in_fmpy.py", cwd=tmp_path)
     assert done.returncode != 0
     assert "gough-stewart build" in done.stderr
 
@@ -88,10 +86,11 @@ def test_the_pages_mention_every_equation_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize("name", ["platform", "loop", "heave", "architecture", "paper", "workspace"])
-def test_a_picture_is_what_its_script_draws(name: str, tmp_path: Path) -> None:
+def test_a_picture_is_what_its_script_draws(name: str, tmp_path: Path, interpreter: Interpreter) -> None:
     """Expected: the committed bytes' shapes; matplotlib versions may differ in digits, so elements are counted."""
     for script in (ROOT / "docs/figures").glob("*.py"):
         shutil.copy(script, tmp_path)
-    assert run(f"{sys.executable} {'draw.py' if name == 'platform' else f'draw_{name}.py'}", tmp_path).returncode == 0
+    script = tmp_path / ("draw.py" if name == "platform" else f"draw_{name}.py")
+    assert interpreter.script(script, cwd=tmp_path).returncode == 0
     drawn, kept = ((p / f"{name}.svg").read_text().count("<path") for p in (tmp_path, ROOT / "docs/figures"))
     assert drawn == pytest.approx(kept, rel=0.2)

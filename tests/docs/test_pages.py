@@ -3,21 +3,17 @@
 Shell commands and what becomes of them:
 
 - `gough-stewart …`: runs, in order, in one folder for each page, unless the README has all of a page's commands;
-- what `make demo` runs too: not again where `tests/test_readme.py` runs that, unless another command needs its files;
+- what `make demo` runs too: not again, since tests run that, unless another command needs its files;
 - `make …`: the target is there (`make -n`);
 - `pytest …`, also in tables: collects at least one test;
 - the build for all targets: its options are there (`--help`);
 - `. .venv/bin/activate`: nothing; the tests run in that environment.
 """
 
-import os
 import re
 import shlex
 import subprocess
-import sys
 import tomllib
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -29,14 +25,24 @@ from gough_stewart.harness.experiment.file import experiment_from, with_settings
 from gough_stewart.model import interface
 from tests.support.c_hosts import ZIG
 from tests.support.fmu_plants import Fmu
-from tests.support.snippets import BLOCKS, PAGES, ROOT, Block, commands_of, folder_with_fmus, run
+from tests.support.interpreter import Interpreter
+from tests.support.snippets import (
+    BLOCKS,
+    PAGES,
+    ROOT,
+    SET_UP_BY_MAKE,
+    Block,
+    commands_of,
+    folder_with_fmus,
+    run,
+    run_commands,
+)
 
 COMMANDS = {page: commands_of(page) for page in PAGES}
 ELSEWHERE = re.compile(r"make |pytest |\. \.venv/bin/activate$|.* --target all")
 BY_DEMO = re.compile(
     r"(gough-stewart reproduce|gough-stewart run heave_step --plant fmu3)( --report)?(?: --out (\S+))?$"
 )
-DEMO_RUNS = (ROOT / ".venv" / "run").exists()
 
 
 def is_left_to_the_demo(command: str, commands: list[str]) -> bool:
@@ -45,7 +51,7 @@ def is_left_to_the_demo(command: str, commands: list[str]) -> bool:
     folder = found and (
         found[3] or {"reproduce": "results/reproduce", "run": "results/heave_step"}[found[1].split()[1]]
     )
-    return DEMO_RUNS and folder is not None and not any(folder in each for each in commands if each != command)
+    return folder is not None and not any(folder in each for each in commands if each != command)
 
 
 RUNNING = {
@@ -102,12 +108,12 @@ def test_every_language_is_dealt_with() -> None:
 
 
 @pytest.mark.parametrize("block", of_language("python"), ids=lambda b: b.place)
-def test_the_snippets_run(block: Block, built: Path, tmp_path: Path) -> None:
+def test_the_snippets_run(block: Block, built: Path, tmp_path: Path, interpreter: Interpreter) -> None:
     """Expected: what the page says; else that it runs."""
     after = "\n".join(line for word, line in SAID.items() if word in block.text)
     snippet = tmp_path / "snippet.py"
     snippet.write_text(f"{block.text}\n{after}\n")
-    done = run(f"{sys.executable} {snippet}", built)
+    done = interpreter.script(snippet, cwd=built)
     assert done.returncode == 0, done.stderr + done.stdout
 
 
@@ -115,35 +121,13 @@ def test_what_pages_say_is_checked_once() -> None:
     assert {word: sum(word in b.text for b in of_language("python")) for word in SAID} == dict.fromkeys(SAID, 1)
 
 
-@pytest.fixture(scope="module")
-def running(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[dict[str, tuple[Path, Future[subprocess.CompletedProcess[str]]]]]:
-    """Folders and commands of the pages that were selected, as many at a time as there are processors."""
-    selected = [
-        str(item.callspec.params["page"])
-        for item in request.session.items
-        if isinstance(item, pytest.Function) and item.originalname == "test_the_commands_run_in_order"
-    ]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        folders = {page: tmp_path_factory.mktemp("page") for page in selected}
-        yield {
-            page: (folder, pool.submit(run, "\n".join(["set -e", *RUNNING[page]]), folder))
-            for page, folder in folders.items()
-        }
-
-
 @pytest.mark.parametrize(
     "page", [p for p, commands in RUNNING.items() if p == "README.md" or set(commands) - set(RUNNING["README.md"])]
 )
-def test_the_commands_run_in_order(
-    page: str, running: dict[str, tuple[Path, Future[subprocess.CompletedProcess[str]]]]
-) -> None:
+def test_the_commands_run_in_order(page: str, interpreter: Interpreter, tmp_path: Path) -> None:
     """Expected: exit code 0, and the file that they are for."""
-    folder, future = running[page]
-    done = future.result()
-    assert done.returncode == 0, done.stderr + done.stdout
-    assert (folder / LEFT_BY.get(page, ".")).exists()
+    run_commands(RUNNING[page], interpreter, tmp_path)
+    assert (tmp_path / LEFT_BY.get(page, ".")).exists()
 
 
 def test_the_targets_of_make_are_there() -> None:
@@ -160,15 +144,15 @@ def test_the_demo_runs_what_is_left_to_it() -> None:
     assert len({found[1] for line in recipe if (found := BY_DEMO.match(line))}) == 2
 
 
-def test_the_options_of_the_long_build_are_there() -> None:
+def test_the_options_of_the_long_build_are_there(interpreter: Interpreter, tmp_path: Path) -> None:
     """The build for all targets takes minutes on a cold cache."""
     options = {word for c in EVERY if "--target all" in c for word in c.split() if word.startswith("--")}
     assert options >= {"--target", "--fmi"}
-    said = run("gough-stewart build --help", ROOT).stdout
+    said = interpreter.command("build", "--help", cwd=tmp_path).stdout
     assert [o for o in options if o not in said] == []
 
 
-def test_the_tests_that_the_pages_name_are_there() -> None:
+def test_the_tests_that_the_pages_name_are_there(interpreter: Interpreter, tmp_path: Path) -> None:
     """Expected: every `pytest` command selects at least one test; those with -m evidence only such ones."""
     commands = [c for c in EVERY if c.startswith("pytest ")]
     for page in PAGES:
@@ -176,17 +160,11 @@ def test_the_tests_that_the_pages_name_are_there() -> None:
     assert len(commands) > 30
     slow = {shlex.split(c)[-1] for c in commands if "-m evidence" in c}
     quick = {shlex.split(c)[-1] for c in commands if "-m evidence" not in c}
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", "-m", ""),
-            *("-W", "ignore"),  # only names are asked for
-            *(slow | quick),
-        ],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    arguments = ["--collect-only", "-q", "-p", "no:cacheprovider", "-m", ""]
+    arguments += ["-W", "ignore"]  # only names are asked for
+    collecting = tmp_path / "collecting.py"
+    collecting.write_text(f"import sys, pytest\nsys.exit(pytest.main({[*arguments, *sorted(slow | quick)]}))\n")
+    done = interpreter.script(collecting, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
     collected = done.stdout.splitlines()
     # a file whose engine is not installed is left out as a whole when it is collected
@@ -232,6 +210,6 @@ def test_blocks_for_tools_that_are_not_here_name_what_there_is(block: Block) -> 
     assert set(variables) <= {v.name for v in interface.VARIABLES}
 
 
-@pytest.mark.skipif(not (ROOT / ".venv" / "run").exists(), reason="not set up by make")
+@pytest.mark.skipif(not SET_UP_BY_MAKE, reason="not set up by make")
 def test_the_environment_that_the_pages_activate_is_there() -> None:
     assert (ROOT / ".venv/bin/activate").exists()

@@ -4,7 +4,6 @@ import csv
 import os
 import signal
 import struct
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -27,6 +26,7 @@ from gough_stewart.model.errors import OutputError
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform_toml import load_preset
 from tests.fmu_build.test_trajectories import reference
+from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu, Plant, plant
 from tests.support.uneven import UNEVEN
 
@@ -75,8 +75,7 @@ def test_the_archive_has_all_that_the_standard_knows(fmu: Fmu) -> None:
     assert (fmu.folder / "documentation/licenses/license.txt").read_text().startswith("BSD 3-Clause")
 
 
-# a compilation of the kernel takes its time; one version is enough for every day
-@pytest.mark.parametrize("version", [pytest.param("2.0", marks=pytest.mark.evidence), "3.0"])
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_the_sources_compile_by_themselves(fmus: dict[str, Fmu], version: str, tmp_path: Path) -> None:
     """Expected: `fmpy compile`, CMake with the system's compiler, makes a unit with the same trajectory."""
     from fmpy.build import build_platform_binary
@@ -90,7 +89,8 @@ def test_the_sources_compile_by_themselves(fmus: dict[str, Fmu], version: str, t
         (bare / name).parent.mkdir(parents=True, exist_ok=True)
         (bare / name).write_bytes(data)
     (tmp_path / "build").mkdir()
-    build_platform_binary(bare, tmp_path / "build", cmake_options={"CMAKE_C_FLAGS": "-O0"})
+    # without optimising, which takes a quarter of a minute: "Release" would add -O3
+    build_platform_binary(bare, tmp_path / "build", configuration="Debug")
     compiled = {str(f.relative_to(bare)): f.read_bytes() for f in (bare / "binaries").rglob("*") if f.is_file()}
     rebuilt = tmp_path / "rebuilt.fmu"
     rebuilt.write_bytes(to_zip(contents | compiled))
@@ -281,26 +281,22 @@ def test_a_universal_binary_holds_both_libraries_at_aligned_offsets() -> None:
         assert whole[offset : offset + size] == library
 
 
-def test_the_command_line_builds_and_complains(tmp_path: Path) -> None:
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [str(Path(sys.executable).with_name("gough-stewart")), "build", *arguments]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-
-    done = run("--fmi", "3.0", "--out", "fmus")
-    assert done.returncode == 0, done.stderr
+def test_the_command_line_builds_and_complains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = invoke("build", "--fmi", "3.0", "--out", "fmus")
+    assert done.exit_code == 0, done.stderr
     assert "gough_stewart_fmi3.fmu" in done.stdout
     assert [f.name for f in (tmp_path / "fmus").iterdir()] == ["gough_stewart_fmi3.fmu"]
-    for arguments, expected in (
-        (["--target", "amiga"], "no target 'amiga'"),
-        (["--fmi", "1.0"], "1.0"),
-        (["--preset", "nothing"], "nothing"),
-        (["--platform", "missing.toml"], "missing.toml"),
-        (["--preset", "liu2000", "--platform", "x.toml"], "exclude"),
+    for arguments, expected, code in (
+        (["--target", "amiga"], "no target 'amiga'", 1),
+        (["--fmi", "1.0"], "1.0", 2),  # not one of the choices, which is an error of use
+        (["--preset", "nothing"], "nothing", 1),
+        (["--platform", "missing.toml"], "missing.toml", 1),
+        (["--preset", "liu2000", "--platform", "x.toml"], "exclude", 2),
     ):
-        done = run(*arguments)
-        assert done.returncode != 0
+        done = invoke("build", *arguments)
+        assert done.exit_code == code
         assert expected in done.stderr
-        assert "Traceback" not in done.stderr
 
 
 def test_a_place_that_cannot_be_written_is_an_error_before_anything_is_built(tmp_path: Path) -> None:

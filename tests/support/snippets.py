@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -12,8 +13,10 @@ from typing import NamedTuple
 import pytest
 
 from tests.support.fmu_plants import Fmu
+from tests.support.interpreter import COMMAND, Interpreter
 
 ROOT = Path(__file__).parents[2]
+SET_UP_BY_MAKE = (ROOT / ".venv" / "run").exists()
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("**/*.md"))]
 
 
@@ -57,9 +60,24 @@ def run(command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         check=False,
-        # what opens a page in a browser opens none
-        env={**os.environ, "PATH": path, "MPLBACKEND": "agg", "BROWSER": "true"},
+        env={**os.environ, "PATH": path},
     )
+
+
+def run_commands(commands: list[str], interpreter: Interpreter, cwd: Path) -> str:
+    """What lines of `gough-stewart …` print, run in order as by a shell; the first that fails, fails the test."""
+    printed = ""
+    for command in commands:
+        program, *arguments = shlex.split(command)
+        assert program == COMMAND, command
+        *arguments, target = arguments if ">" in arguments else [*arguments, ""]
+        done = interpreter.command(*(word for word in arguments if word != ">"), cwd=cwd)
+        assert done.returncode == 0, f"{command}\n{done.stderr}{done.stdout}"
+        if target:
+            (cwd / target).write_text(done.stdout)
+        else:
+            printed += done.stdout
+    return printed
 
 
 def folder_with_fmus(fmus: Mapping[str, Fmu], factory: pytest.TempPathFactory) -> Path:

@@ -3,18 +3,12 @@
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from gough_stewart.harness.cli import app as cli
 from gough_stewart.model.files import write_files
 from gough_stewart.model.platform_toml import load_preset
+from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu
 from tests.support.records import waving_record
-
-
-def invoke(*arguments: str) -> Result:
-    """In this process, on a wide terminal without colours."""
-    return CliRunner(env={"COLUMNS": "300", "NO_COLOR": "1", "TERM": "dumb"}).invoke(cli.app, list(arguments))
 
 
 @pytest.fixture(scope="module")

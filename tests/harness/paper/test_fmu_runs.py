@@ -1,37 +1,32 @@
 """The case through the FMU, and what happens when it cannot go through."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.build import VERSIONS, build
+from gough_stewart.fmu_build.build import VERSIONS
 from gough_stewart.harness.paper.fmu_runs import run_fmu
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.harness.plants.unit import FmiType
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import paper_case
-
-
-@pytest.fixture(scope="module")
-def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    return dict(zip(VERSIONS, build(tmp_path_factory.mktemp("fmus")), strict=True))
+from tests.support.fmu_plants import Fmu
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("fmi_type", ["CoSimulation", "ModelExchange"])
-def test_states_are_those_of_the_kernel_at_every_row(paths: dict[str, Path], version: str, fmi_type: FmiType) -> None:
+def test_states_are_those_of_the_kernel_at_every_row(fmus: dict[str, Fmu], version: str, fmi_type: FmiType) -> None:
     """Expected: DOP853 at 1e-12."""
     case = paper_case()
-    assert np.abs(run_fmu(paths[version], case, fmi_type) - run_kernel(case).states).max() <= 1e-7
+    assert np.abs(run_fmu(fmus[version].path, case, fmi_type) - run_kernel(case).states).max() <= 1e-7
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("fmi_type", ["CoSimulation", "ModelExchange"])
 def test_a_case_that_the_plant_cannot_go_through_is_an_error_with_its_reason(
-    paths: dict[str, Path], version: str, fmi_type: FmiType
+    fmus: dict[str, Fmu], version: str, fmi_type: FmiType
 ) -> None:
     """The paper's case passes a singular pose at 1.136 s."""
     with pytest.raises(StepError, match="singular"):
-        run_fmu(paths[version], replace(paper_case(), duration=1.5), fmi_type)
+        run_fmu(fmus[version].path, replace(paper_case(), duration=1.5), fmi_type)
