@@ -5,6 +5,7 @@ Hz.
 """
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -34,6 +35,8 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 LARGEST = 1e12
+# A number and its unit, with or without a space between them.
+_QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 ZEROS = (0.0, 0.0, 0.0)
 
 
@@ -52,14 +55,13 @@ def number(value: object, unit: str) -> float:
         except ValueError:
             raise ValueError(expected) from None
         return _of_this_world(size)
-    digits, _, found = value.strip().partition(" ")
-    if found.strip() not in UNITS[unit]:
-        raise ValueError(f"{expected}; found the unit '{found.strip()}'" if found else expected)
-    try:
-        size = float(digits)
-    except ValueError:
-        raise ValueError(expected) from None
-    return _of_this_world(size * UNITS[unit][found.strip()])
+    parts = _QUANTITY.fullmatch(value.strip())
+    if parts is None:
+        raise ValueError(expected)
+    digits, found = parts.groups()
+    if found not in UNITS[unit]:
+        raise ValueError(f"{expected}; found the unit '{found}'" if found else expected)
+    return _of_this_world(float(digits) * UNITS[unit][found])
 
 
 def _of_this_world(size: float) -> float:

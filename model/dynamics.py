@@ -118,6 +118,7 @@ def inverse_dynamics(
     >>> state = gs.State(platform.home_position, platform.home_orientation, rest, rest)
     >>> gs.inverse_dynamics(platform, state, gs.Acceleration(np.array([0, 0, 2.0]), rest))
     """
+    state, external_wrench = State(*map(np.asarray, state)), np.asarray(external_wrench)
     legs = leg_geometry(parameters, state.position, state.orientation)
     body = _lumped_body(parameters, state.orientation, legs)
     M = _mass_matrix(parameters, legs, body)
@@ -146,7 +147,7 @@ def static_leg_forces(
     >>> platform = gs.load_preset("liu2000")
     >>> gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
     """
-    rest = 0 * position
+    rest = 0 * np.asarray(position)
     state = State(position, orientation, rest, rest)
     return inverse_dynamics(parameters, state, Acceleration(rest, rest), external_wrench, solve)
 

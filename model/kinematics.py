@@ -53,7 +53,7 @@ def leg_geometry(parameters: Parameters, position: Array, orientation: Array) ->
     # (..., 1, 3, 3) rotations on (..., 6, 3) points: R_ab p_ib summed over b
     R = matrix_from_orientation(orientation)[..., None, :, :]
     c = np.asarray((R * parameters.platform_points[..., None, :]).sum(axis=-1))
-    l = position[..., None, :] + c - parameters.base_points
+    l = np.asarray(position)[..., None, :] + c - parameters.base_points
     L = np.sqrt(dot(l, l))
     # a reciprocal once, since the compiled kernel pays for every division
     return LegGeometry(c, l, L, l * (1 / L)[..., None])

@@ -4,7 +4,6 @@ A file is flat: the parameters of `gough_stewart.model.parameters` by name, SI u
 shortest digits that read back to the same float, so that TOML → Platform → TOML changes nothing.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE, TEXTS
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.toml import toml_values
 
 KEYS = (*TEXTS, *TABLE)
 _PRESETS = ("gough_stewart.model", "presets")
@@ -33,9 +33,11 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
         Values that no platform can have.
     """
     try:
-        values = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # beside decoding errors: endless digits, endless nesting
-        raise PlatformFileError(where, f"is not TOML: {error}") from error
+        values = toml_values(text)
+    except ValueError as error:
+        raise PlatformFileError(where, str(error)) from error
+    if "controller" in values and "loop" in values:
+        raise PlatformFileError(where, "is an experiment; expected a platform file, as `gough-stewart presets` prints")
     for key in values:
         if key not in KEYS:
             raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, KEYS)}")

@@ -18,6 +18,7 @@ def matrix_from_orientation(orientation: Array) -> Array:
 
     R = Rz(γ) Ry(β) Rx(α), for orientation (..., 3) = (α, β, γ) [rad]; shape (..., 3, 3).
     """
+    orientation = np.asarray(orientation)
     ca, cb, cg = (np.cos(orientation[..., i]) for i in range(3))
     sa, sb, sg = (np.sin(orientation[..., i]) for i in range(3))
     return np.stack(

@@ -52,6 +52,7 @@ def outer(a: Array, b: Array) -> Array:
 
 def concatenate(parts: Sequence[Array]) -> Array:
     """Join (..., n_k) vectors along their last axis; leading axes broadcast against each other."""
+    parts = [np.asarray(part) for part in parts]
     shapes = {part.shape[:-1] for part in parts}
     if len(shapes) == 1:  # the usual case, at a third of the cost
         return np.concatenate(parts, axis=-1)

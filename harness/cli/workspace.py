@@ -1,6 +1,5 @@
 """The command `workspace`: where a platform can go, how well, and how strongly."""
 
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +11,6 @@ from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import WorkspaceError
 
 FILES = ("workspace.csv", "workspace.png", "workspace.svg", "workspace.html")
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
 
 
 def workspace_command(
@@ -143,9 +141,9 @@ def _quantity(option: str, given: str, name: str, text: str) -> float:
     from gough_stewart.model.workspace_grid import COORDINATES
 
     unit = COORDINATES[name]
-    found = _QUANTITY.fullmatch(text)
-    digits, suffix = found.groups() if found else (text, "")
+    # numbers without a unit are in SI units here, too
+    has_unit = text[-1:].isalpha()
     try:
-        return number(f"{digits} {suffix or unit}", unit)
+        return number(text if has_unit else text + unit, unit)
     except ValueError as error:
         raise UsageError(f"{option} {given}: {name} is '{text}'; {error}, such as 20mm or 5deg") from None

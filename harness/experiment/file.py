@@ -14,6 +14,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.section import complaints
 from gough_stewart.model import shipped
 from gough_stewart.model.interface import nearest
+from gough_stewart.model.toml import toml_values
 
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
 
@@ -183,6 +184,11 @@ def _copied(value: Any) -> Any:
 
 def _parsed(text: str, where: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ExperimentError(where, "", f"is not TOML: {error}") from error
+        values = toml_values(text)
+    except ValueError as error:
+        raise ExperimentError(where, "", str(error)) from error
+    if "platform_mass" in values and "base_points" in values:
+        raise ExperimentError(
+            where, "", "is a platform file; expected an experiment, which names it: platform.file = 'FILE.toml'"
+        )
+    return values

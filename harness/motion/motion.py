@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple, Protocol
 
+from numpy.typing import ArrayLike
+
 from gough_stewart.model.rotations import (
     angular_acceleration_from_orientation_rates,
     angular_velocity_from_orientation_rate,
@@ -26,7 +28,7 @@ class Motion(NamedTuple):
 class Reference(Protocol):
     """A wanted motion."""
 
-    def __call__(self, time: FloatArray) -> Motion:
+    def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
@@ -74,8 +75,7 @@ class _AboutPose(ReferenceChoice):
             update={name: tuple(value.tolist()) for name, value in home.items() if getattr(self, name) is None}
         )
 
-    @abstractmethod
-    def __call__(self, time: FloatArray) -> Motion:
+    def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s].
 
         Raises
@@ -83,6 +83,11 @@ class _AboutPose(ReferenceChoice):
         MotionError
             Neither a pose nor a platform is known.
         """
+        return self._at(np.asarray(time, dtype=float))
+
+    @abstractmethod
+    def _at(self, time: FloatArray) -> Motion:
+        """The same for an array."""
 
     @property
     def _pose(self) -> FloatArray:
@@ -100,8 +105,7 @@ class Hold(_AboutPose):
 
     type: Literal["hold"] = "hold"
 
-    def __call__(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s]."""
+    def _at(self, time: FloatArray) -> Motion:
         rest = np.zeros((len(time), 6))
         return motion_of(rest + self._pose, rest, rest)
 
@@ -127,8 +131,8 @@ class Step(_Change):
     type: Literal["step"] = "step"
     at: PositiveTime  # at 0 there would be nothing to step from
 
-    def __call__(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s]; at the jump itself, after it."""
+    def _at(self, time: FloatArray) -> Motion:
+        # at the jump itself, after it
         return motion_about(self._pose, (step(time - self.at), self._direction))
 
 
@@ -143,8 +147,7 @@ class PointToPoint(_Change):
     at: Time = 0.0
     duration: PositiveTime
 
-    def __call__(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s]."""
+    def _at(self, time: FloatArray) -> Motion:
         return motion_about(self._pose, (quintic(time - self.at, self.duration), self._direction))
 
 
@@ -177,8 +180,7 @@ class Sine(_Swing):
     frequency: Frequency
     phase: Angle = 0.0
 
-    def __call__(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s]."""
+    def _at(self, time: FloatArray) -> Motion:
         omega = 2 * math.pi * self.frequency
         swing = sine(omega * time + self.phase, omega)
         return motion_about(self._pose, (swing.faded(time, self.fade_in), self._direction))
@@ -202,8 +204,7 @@ class Chirp(_Swing):
     to_frequency: Frequency  # f1
     duration: PositiveTime  # T
 
-    def __call__(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s]."""
+    def _at(self, time: FloatArray) -> Motion:
         f0, f1, T = self.from_frequency, self.to_frequency, self.duration
         sweeping, after = np.minimum(time, T), np.maximum(time - T, 0.0)
         cycles = f0 * sweeping + (f1 - f0) * sweeping**2 / (2 * T) + f1 * after
@@ -231,8 +232,7 @@ class Circle(_AboutPose):
     plane: Literal["xy", "xz", "yz"] = "xy"
     fade_in: Time = 0.0
 
-    def __call__(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s]."""
+    def _at(self, time: FloatArray) -> Motion:
         omega = 2 * math.pi * self.frequency
         axes = (self.radius * np.eye(6)["xyz".index(axis)] for axis in self.plane)
         profiles = (sine(omega * time + phase, omega).faded(time, self.fade_in) for phase in (math.pi / 2, 0.0))

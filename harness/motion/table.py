@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, motion_of
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 _SPLINE_DEGREE = 5
+_SEPARATORS = {";": "semicolons", "\t": "tabulators"}
 _FILTER_ORDER = 3
 
 
@@ -56,7 +58,7 @@ class FromTable:
         pose = np.hstack([self.position, self.orientation])
         object.__setattr__(self, "_spline", make_interp_spline(self.time, pose, k=_SPLINE_DEGREE))
 
-    def __call__(self, time: FloatArray) -> Motion:
+    def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s].
 
         Raises
@@ -64,6 +66,7 @@ class FromTable:
         MotionError
             A time before the first row or after the last.
         """
+        time = np.asarray(time, dtype=float)
         first, last = float(self.time[0]), float(self.time[-1])
         outside = time[~((time >= first - ROUNDING) & (time <= last + ROUNDING))]  # NaN is outside
         if outside.size:
@@ -127,12 +130,25 @@ def read_reference(path: Path | str) -> FromTable:
 
     names = ["time", *(f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3))]
     try:
-        # as texts, so that true is no number; without patterns, so that * and [1] are parts of a name
-        table = polars.read_csv(path, infer_schema=False, glob=False)
+        content = Path(path).read_bytes()
     except OSError as error:
         raise MotionError(f"{path}: cannot read this reference: {error.strerror or error}") from error
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise MotionError(f"{path}: is UTF-16, as some spreadsheets write it; expected CSV in UTF-8")
+    try:
+        # as texts, so that true is no number
+        table = polars.read_csv(content, infer_schema=False)
     except polars.exceptions.PolarsError as error:
-        raise MotionError(f"{path}: is not CSV: {error}") from error
+        raise MotionError(f"{path}: is not CSV: {str(error).splitlines()[0]}") from error
+    other = next((name for mark, name in _SEPARATORS.items() if mark in table.columns[0]), None)
+    if len(table.columns) == 1 and other is not None:
+        raise MotionError(
+            f"{path}: its columns are separated by {other}, as some spreadsheets write them; expected commas between "
+            "them, and points in numbers"
+        )
+    twice = [name for name in names if f"{name}_duplicated_0" in table.columns]
+    if twice:
+        raise MotionError(f"{path}: has the column {twice[0]} twice; expected every column once")
     missing = [name for name in names if name not in table.columns]
     if missing:
         raise MotionError(f"{path}: has no column {', '.join(missing)}; expected {', '.join(names)}")
@@ -141,7 +157,9 @@ def read_reference(path: Path | str) -> FromTable:
         numbers = column.cast(polars.Float64, strict=False)
         bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
         if bad:
-            raise MotionError(f"{path}: {name} in row {bad[0] + 1} is {column[bad[0]]!r}; expected a finite number")
+            found = column[bad[0]]
+            remedy = ", with a point, not a comma" if found is not None and "," in found else ""
+            raise MotionError(f"{path}: {name} in row {bad[0] + 1} is {found!r}; expected a finite number{remedy}")
     values = table.select(polars.col(names).cast(polars.Float64)).to_numpy()
     try:
         return FromTable(values[:, 0], values[:, 1:4], values[:, 4:7])

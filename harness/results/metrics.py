@@ -53,7 +53,8 @@ def metrics(record: Record) -> Metrics:
     - `tracking`: of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] the `rms` and `peak` by axis
       or leg, and of the pose the same of the Euclidean `norm`.
     - `step_response`: for every axis whose reference goes from one value to another and rests there. The response
-      (y − from)/(to − from) counts from the last row `at` [s] which the reference is at its first value:
+      (y − from)/(to − from) counts from the row of a jump, or from the last one at which the reference is at its first
+      value, `at` [s]:
       `overshoot_percent`, `rise_time` from 10 to 90 % [s], `settling_time` to 2 % [s], `final_error` [m, rad];
       None if it did not rise or settle within the record. Times are of rows, not between them.
     - `force`: by leg `peak` and `rms` of F [N]. `power`: by leg `peak` of |F·L̇| with L̇ at both ends of each row, and
@@ -142,6 +143,8 @@ def _step_response(axis: str, time: FloatArray, wanted: FloatArray, actual: Floa
     if not abs(last - first) > rounding or np.abs(wanted[-rest:] - last).max() > rounding:
         return None
     start = int(np.flatnonzero(np.abs(wanted - first) <= rounding)[-1])
+    if abs(wanted[start + 1] - last) <= rounding:
+        start += 1  # a jump is where the new value is first wanted
     response = (actual[start:] - first) / (last - first)
     return {
         "axis": axis,

@@ -1,12 +1,14 @@
 """Leg kinematics against closed forms, finite differences and known singular poses."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.model import kinematics
+from gough_stewart.model import dynamics, kinematics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import angular_velocity_from_orientation_rate
 from gough_stewart.model.state import State
@@ -128,3 +130,23 @@ def test_joint_angles_are_those_between_directions_in_world_and_in_platform_axes
 def test_state_vector_round_trip(thousand: Sample) -> None:
     again = State.from_vector(thousand.state.to_vector())
     assert all(np.array_equal(a, b) for a, b in zip(again, thousand.state, strict=True))
+
+
+def test_poses_and_motions_may_be_lists(paper: Platform) -> None:
+    """Expected: what the same numbers give as arrays."""
+    pose: Any = ([0.1, -0.2, 2.9], [0.05, -0.1, 0.2])
+    twist: Any = ([0.3, 0.1, -0.2], [0.1, 0.4, -0.3])
+    arrays: Any = tuple(np.array(each) for each in pose)
+    assert (kinematics.leg_geometry(paper, *pose).length == kinematics.leg_geometry(paper, *arrays).length).all()
+    assert (kinematics.leg_jacobian(paper, *pose) == kinematics.leg_jacobian(paper, *arrays)).all()
+    assert (dynamics.mass_matrix(paper, *pose) == dynamics.mass_matrix(paper, *arrays)).all()
+    wrench: Any = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert (
+        dynamics.static_leg_forces(paper, *pose, wrench) == dynamics.static_leg_forces(paper, *arrays, np.array(wrench))
+    ).all()
+    given, same = State(*pose, *twist), State(*arrays, *map(np.array, twist))
+    acceleration: Any = ([0.5, 0.0, 1.0], [0.0, 2.0, 0.0])
+    assert (
+        dynamics.inverse_dynamics(paper, given, dynamics.Acceleration(*acceleration))
+        == dynamics.inverse_dynamics(paper, same, dynamics.Acceleration(*map(np.array, acceleration)))
+    ).all()

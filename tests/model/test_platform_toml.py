@@ -142,3 +142,23 @@ def test_unknown_preset_names_the_nearest() -> None:
 def test_whole_numbers_are_read_as_floats() -> None:
     text = preset_text("liu2000").replace("platform_mass = 10.0", "platform_mass = 10")
     assert platform_from_toml(text) == load_preset("liu2000")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("gravity = [0, 0, -9]\nname = 'a'\ngravity = [0, 0, -1]", "the key 'gravity' in line 3 is there already"),
+        ("a = 1\ngravity = [\n0,\n0]\ngravity = [\n1,\n2]\nb = 1", "the key 'gravity' in line 5 is there already"),
+        ("[leg]\n[leg]\n", r"'leg'.*twice \(at line 2, column 5\)"),
+        ("name = 'a'\nmass 10\n", r"\(at line 2, column \d+\): mass 10"),
+    ],
+)
+def test_what_is_no_toml_names_line_and_key(text: str, message: str) -> None:
+    with pytest.raises(PlatformFileError, match=rf"is not TOML: .*{message}") as caught:
+        platform_from_toml(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_experiment_is_no_platform() -> None:
+    with pytest.raises(PlatformFileError, match="is an experiment; expected a platform file"):
+        platform_from_toml("title = 'a'\ncontroller.type = 'open_loop'\nloop.duration = 1")

@@ -1,5 +1,6 @@
 """Experiment files: what they may say, and what is told about those that are wrong."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment, LoopChoice
 from gough_stewart.harness.motion.references import PointToPoint, Step
 from gough_stewart.harness.quantities import UNITS, number
+from gough_stewart.model.platform_toml import preset_text
 
 SHIPPED = experiment_names()
 GOOD = shipped_text("heave_step")
@@ -137,6 +139,12 @@ BROKEN = {
     ),
     "a missing key": ('duration = "2 s"', "", "loop.duration: is missing"),
     "no TOML": ("[loop]", "[loop", "is not TOML"),
+    "a key that is there twice": (
+        "title = ",
+        'title = "x"\ntitle = ',
+        "is not TOML: the key 'title' in line . is there",
+    ),
+    "another unit without a space": ('duration = "2 s"', 'duration = "2kg"', "found the unit 'kg'"),
 }
 
 
@@ -278,6 +286,20 @@ def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> No
     replaced = prepare(experiment, lambda _sample: np.zeros(6))
     assert replaced.controller is not None
     assert not replaced.loop.feedforward.any()
+
+
+def test_units_need_no_space(tmp_path: Path) -> None:
+    """Expected: the same numbers with and without."""
+    dense = re.sub(r'"(-?[0-9.]+) ([a-zA-Z]+)"', r'"\1\2"', GOOD)
+    assert dense != GOOD
+    assert (
+        load_experiment(written(tmp_path, dense)).model_dump() == load_experiment(written(tmp_path, GOOD)).model_dump()
+    )
+
+
+def test_a_platform_file_is_no_experiment(tmp_path: Path) -> None:
+    with pytest.raises(ExperimentError, match=r"mine.toml: is a platform file; expected an experiment, which names it"):
+        load_experiment(written(tmp_path, preset_text("liu2000")))
 
 
 def test_a_missing_file_names_a_shipped_one_of_that_name(tmp_path: Path) -> None:

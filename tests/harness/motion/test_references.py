@@ -605,3 +605,36 @@ def test_smoothing_takes_the_noise_out_of_accelerations() -> None:
 def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str) -> None:
     with pytest.raises(MotionError, match=match):
         log_of(0.0).smoothed(cutoff)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (csv().replace(",", ";"), "columns are separated by semicolons"),
+        ("\ufeff" + csv().replace(".", ",").replace(",", ";"), "columns are separated by semicolons"),
+        (csv().replace(",", "\t"), "columns are separated by tabulators"),
+        (csv(rows=with_cell(2, 3, '"0,5"')), r"position\[2\] in row 2 is '0,5'; .* with a point, not a comma"),
+        (csv([*COLUMNS, "time"], [[*row, "1"] for row in ROWS]), "has the column time twice"),
+    ],
+)
+def test_the_csv_of_a_spreadsheet_says_what_is_other(content: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(content, encoding="utf-8")
+    with pytest.raises(MotionError, match=rf"a\.csv: .*{message}"):
+        read_reference(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text(content, encoding="utf-16")
+    with pytest.raises(MotionError, match=r"a\.csv: is UTF-16.*; expected CSV in UTF-8"):
+        read_reference(tmp_path / "a.csv")
+
+
+def test_a_byte_order_mark_and_other_ends_of_lines_are_no_obstacle(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(("\ufeff" + csv().replace("\n", "\r\n")).encode())
+    assert np.array_equal(read_reference(tmp_path / "a.csv").time, np.array(ROWS, dtype=float)[:, 0])
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_times_may_be_a_list(name: str, paper: Platform) -> None:
+    """Expected: what the same times give as an array."""
+    kind, values = GOOD[name]
+    motion = kind(**values).about(paper)
+    for listed, same in zip(motion([0.1, 0.7, 1.3]), motion(np.array([0.1, 0.7, 1.3])), strict=True):
+        assert np.array_equal(listed, same)

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.harness.results.tables import metrics_table
@@ -91,7 +92,7 @@ def test_step_of_a_second_order_system_has_its_known_numbers(damping: float, siz
         return answer
 
     t = STEP * np.arange(2000)
-    wanted = 1.5 + np.where(np.arange(2000) > start, size, 0.0)
+    wanted = 1.5 + np.where(np.arange(2000) >= start, size, 0.0)
     actual = 1.5 + size * np.where(t > t[start], response(np.maximum(t - t[start], 0)), 0)
     (found,) = metrics(step_of(actual, wanted))["step_response"]
     fine = np.arange(0, 1.7, 1e-6)
@@ -139,9 +140,21 @@ def test_response_that_does_not_rise_has_no_times_and_no_overshoot() -> None:
 def test_perfect_response_settles_where_the_reference_does() -> None:
     wanted = np.r_[np.zeros(10), np.ones(90)]
     (found,) = metrics(step_of(wanted, wanted))["step_response"]
+    assert found["at"] == pytest.approx(10 * STEP)
+    assert found["settling_time"] == found["overshoot_percent"] == found["rise_time"] == 0
+
+
+def test_a_jump_of_a_reference_is_at_its_own_time() -> None:
+    """Expected: the time that the experiment names."""
+    record = run("heave_step", {"reference.at": 0.02, "loop.duration": 0.05})
+    (found,) = metrics(record)["step_response"]
+    assert found["at"] == 0.02
+
+
+def test_a_reference_that_goes_over_several_rows_is_at_the_last_one_before() -> None:
+    wanted = np.r_[np.zeros(10), 0.3, 0.7, np.ones(90)]
+    (found,) = metrics(step_of(wanted, wanted))["step_response"]
     assert found["at"] == pytest.approx(9 * STEP)
-    assert found["settling_time"] == pytest.approx(STEP)
-    assert found["overshoot_percent"] == found["rise_time"] == 0
 
 
 @pytest.mark.parametrize(
@@ -157,7 +170,7 @@ def test_step_counts_from_the_last_departure() -> None:
     """Expected: there and back again is not the step; what follows is."""
     wanted = np.r_[np.zeros(10), np.ones(10), np.zeros(10), np.ones(70)]
     (found,) = metrics(step_of(wanted, wanted))["step_response"]
-    assert found["at"] == pytest.approx(29 * STEP)
+    assert found["at"] == pytest.approx(30 * STEP)
 
 
 # --- forces, power, energy -----------------------------------------------------------------------------------------
