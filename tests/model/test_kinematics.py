@@ -142,7 +142,8 @@ def test_poses_and_motions_may_be_lists(paper: Platform) -> None:
     assert (dynamics.mass_matrix(paper, *pose) == dynamics.mass_matrix(paper, *arrays)).all()
     wrench: Any = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     assert (
-        dynamics.static_leg_forces(paper, *pose, wrench) == dynamics.static_leg_forces(paper, *arrays, np.array(wrench))
+        dynamics.static_leg_forces(paper, pose[0], pose[1], wrench)
+        == dynamics.static_leg_forces(paper, arrays[0], arrays[1], np.array(wrench))
     ).all()
     given, same = State(*pose, *twist), State(*arrays, *map(np.array, twist))
     acceleration: Any = ([0.5, 0.0, 1.0], [0.0, 2.0, 0.0])
