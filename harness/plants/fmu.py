@@ -23,14 +23,14 @@ _DISCARD = 2
 
 
 class FmuPlant(Plant):
-    """An FMU of this project as a `Plant`; the file is unpacked once, and cleaned up by `close`.
+    """An FMU of this project as a `Plant`; what it unpacks is cleaned up by `close`.
 
     Any build will do: all parameters of the platform are set, whatever platform it was built for.
 
     Parameters
     ----------
     path
-        The archive.
+        The archive; or a `UnitFile`, which stays open.
     platform, start
         Parameters, and the state at time 0; the home pose at rest by default.
     tolerance
@@ -46,15 +46,15 @@ class FmuPlant(Plant):
 
     def __init__(
         self,
-        path: Path | str,
+        path: Path | str | UnitFile,
         platform: Platform,
         start: State | None = None,
         tolerance: float = DEFAULT_TOLERANCE,
         fixed_step_size: float = 0.0,
     ) -> None:
-        self.path = Path(path)
         with ExitStack() as stack:
-            file = stack.enter_context(UnitFile(self.path))
+            file = path if isinstance(path, UnitFile) else stack.enter_context(UnitFile(path))
+            self.path = file.path
             self.fmi_version = file.version
             self._unit = unit = stack.enter_context(Unit(file))
             # everything that is called in each step has its buffers from here on

@@ -3,9 +3,12 @@
 Each kind is imported when it is opened: the model brings CasADi and SciPy's integrators, the FMU FMPy.
 """
 
+import atexit
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
@@ -16,6 +19,9 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.progress import StepProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.plants.unit import UnitFile
 
 
 @contextmanager
@@ -55,10 +61,20 @@ def open_plant(
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant
 
-        with FmuPlant(cached_build(version, progress), platform, start, tolerance, fixed_step_size) as own:
+        with FmuPlant(_own_unit(cached_build(version, progress)), platform, start, tolerance, fixed_step_size) as own:
             yield own
         return
     with IsolatedFmu(fmu, platform, start, tolerance, fixed_step_size) as unit:
         if unit.fmi_version != version:
             raise PlantError(f"{fmu}: is FMI {unit.fmi_version}; expected FMI {version} for the plant {kind}")
         yield unit
+
+
+@cache
+def _own_unit(path: Path) -> "UnitFile":
+    """The unit of the cache, unpacked once for all runs of this process."""
+    from gough_stewart.harness.plants.unit import UnitFile
+
+    file = UnitFile(path)
+    atexit.register(file.close)
+    return file

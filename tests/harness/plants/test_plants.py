@@ -4,7 +4,9 @@ import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 
+import fmpy
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -230,3 +232,22 @@ def test_open_plant_refuses_what_does_not_fit(fmus: dict[str, Fmu], paper: Platf
         pass
     with pytest.raises(PlantError, match="expected model, fmu2 or fmu3"), open_plant("simulink", paper):  # type: ignore[arg-type]
         pass
+
+
+def test_runs_that_follow_each_other_unpack_the_unit_once(
+    fmus: dict[str, Fmu], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: one extraction for three plants, the second from another start, each as if it were the first."""
+    extract = mock.Mock(side_effect=fmpy.extract)
+    monkeypatch.setattr(fmpy, "extract", extract)
+    monkeypatch.setattr("gough_stewart.harness.plants.open.cached_build", lambda *_: fmus["3.0"].path)
+    platform = load_preset("liu2000")
+    moved = State(platform.home_position + 0.1, platform.home_orientation, np.ones(3), np.zeros(3))
+    ends = []
+    for start in (None, moved, None):
+        with open_plant("fmu3", platform, start) as plant:
+            plant.do_step(0.0, 0.01)
+            ends.append(plant.results())
+    assert extract.call_count == 1
+    assert (ends[0] == ends[2]).all()
+    assert (ends[0] != ends[1]).any()
