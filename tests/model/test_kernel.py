@@ -14,7 +14,7 @@ from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from tests.support.random_platforms import random_inputs, random_platform, random_state
-from tests.support.uneven import UNEVEN
+from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 seeds = st.integers(0, 2**32 - 1)
 KERNEL = Kernel()
@@ -72,6 +72,25 @@ def test_output_jacobians_match_central_differences(seed: int) -> None:
     for block, expected in ((J.C, differences(x, True)), (J.D, differences(u, False))):
         sizes = np.abs(expected).max()
         assert np.abs(block - expected).max() <= 1e-6 * sizes
+
+
+def test_forward_and_reverse_derivatives_are_products_with_the_jacobians() -> None:
+    """Expected: J v and Jᵀ w of the whole Jacobian; by parameters, central differences of the traced functions."""
+    rng = np.random.default_rng(12)
+    x, u, p = STATE.to_vector(), INPUTS.to_vector(), parameter_vector(UNEVEN)
+    A, B, C, D = KERNEL.jacobians(x, u, p)
+    J = np.block([[A, B], [C, D]])
+    v, w = rng.normal(size=24), rng.normal(size=len(J))
+    none = np.zeros(len(p))
+    along = [np.array(part).ravel() for part in kernel.forward_function()(x, u, p, v[:12], v[12:], none)]
+    assert np.concatenate(along) == pytest.approx(J @ v, rel=1e-10, abs=1e-9)
+    gx, gu, gp = (np.array(part).ravel() for part in kernel.reverse_function()(x, u, p, w[:12], w[12:]))
+    assert np.concatenate([gx, gu]) == pytest.approx(J.T @ w, rel=1e-10, abs=1e-8)
+    assert len(gp) == len(p)
+    for k in range(len(p)):
+        h = 1e-6 * np.eye(len(p))[k]
+        ends = [np.concatenate([KERNEL.derivatives(x, u, q), KERNEL.outputs(x, u, q)]) for q in (p + h, p - h)]
+        assert gp[k] == pytest.approx(w @ (ends[0] - ends[1]) / 2e-6, rel=1e-5, abs=1e-4)
 
 
 def test_parameters_are_run_time_inputs() -> None:

@@ -269,6 +269,18 @@ def test_without_limits_a_range_about_home_is_assumed_and_said() -> None:
     assert w.swept["roll"] == pytest.approx([-np.pi / 4, 0, np.pi / 4])
 
 
+@pytest.mark.parametrize(
+    ("home", "ends"), [(0.1, (-0.685398, 0.885398)), (1.2, (0.414602, np.pi / 2)), (-1.2, (-np.pi / 2, -0.414602))]
+)
+def test_a_pitch_without_limits_goes_45_degrees_about_home_but_not_beyond_90(
+    home: float, ends: tuple[float, float]
+) -> None:
+    """Expected: home ± π/4 = 0.785398, cut at ± π/2."""
+    tilted = replace(PAPER, home_orientation=np.array([0.0, home, 0.0]))
+    w = sweep(tilted, {"pitch": None, "x": (-0.1, 0.1)}, points=2)
+    assert w.swept["pitch"] == pytest.approx(ends, abs=1e-6)
+
+
 def test_a_map_has_101_points_per_coordinate_unless_told_otherwise() -> None:
     """Expected: as documented."""
     assert sweep(PAPER, {"x": (-0.1, 0.1), "yaw": (0.0, 0.1)}).shape == (101, 101)

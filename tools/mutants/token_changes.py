@@ -56,7 +56,9 @@ def token_changes(source: bytes) -> Iterator[list[Change]]:
     tokens = _tokens(source)
     for k, token in enumerate(tokens):
         before = tokens[k - 1].text if k else b""
-        if token.kind == "number" and not _is_size_of_an_array(tokens, k):
+        if _is_size_of_an_array(tokens, k):
+            continue
+        if token.kind == "number":
             others = [other.encode() for other in other_numbers(token.text.decode())]
         elif token.kind == "word" and before not in {b".", b"->"} - (
             {b"."} if token.text in {b"min", b"max"} else set()
@@ -105,17 +107,14 @@ def _is_binary(source: bytes, tokens: list[_Token], k: int) -> bool:
 
 
 def _is_size_of_an_array(tokens: list[_Token], k: int) -> bool:
-    """Whether a number stands in brackets of a declaration, where a larger one changes nothing."""
-    first = k
+    """Whether a token stands in brackets of a declaration, where another size changes nothing or does not compile."""
+    opening = next((j for j in range(k - 1, -1, -1) if tokens[j].text in {b"[", b"]", b";", b"{", b"}", b"="}), None)
+    if opening is None or tokens[opening].text != b"[":
+        return False
+    first = opening
     while first and tokens[first - 1].text not in {b";", b"{", b"}", b"(", b","}:
         first -= 1
-    words = [token for token in tokens[first:k] if token.kind == "word"]
-    return (
-        tokens[k - 1].text == b"["
-        and len(words) > 1
-        and tokens[first].kind == "word"
-        and tokens[first].text != b"return"
-    )
+    return tokens[first].text != b"return" and _declares(tokens[first:opening])
 
 
 def _closing(tokens: list[_Token], k: int) -> int | None:
