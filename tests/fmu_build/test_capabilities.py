@@ -348,6 +348,24 @@ def test_intermediate_updates_come_at_the_states_that_a_step_passes(fmu3: Fmu) -
         assert pose == pytest.approx(expected, abs=1e-7)
 
 
+@pytest.mark.parametrize("allowed", [True, False])
+def test_an_intermediate_update_says_what_may_be_done(fmu3: Fmu, allowed: bool) -> None:
+    """Expected: inputs set, results read, an internal step finished; before the end an early return, if allowed."""
+    seen: list[tuple[float, bool, bool, bool, bool]] = []
+    p = Plant(
+        fmu3,
+        intermediateUpdate=lambda _environment, *told: seen.append(told[:5]),
+        requiredIntermediateVariables=[0, 3],
+        earlyReturnAllowed=allowed,
+    )
+    p.start(start_of(uneven_case()))
+    p.step(0.0, 0.5)
+    p.free()
+    assert len(seen) > 5
+    for time, *may in seen:
+        assert may == [True, True, True, allowed and time < 0.5]
+
+
 @pytest.mark.parametrize("wanted", ["at once", "later", "too late"])
 def test_a_step_ends_early_when_the_importer_asks(fmu3: Fmu, wanted: str) -> None:
     asked: list[float] = []

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tools.mutants.__main__ import main
+from tools.mutants.__main__ import ROOT, main
 from tools.mutants.mutation import mutant_of
 from tools.mutants.python_changes import python_changes
-from tools.mutants.selection import files_in, mutants_in_order
+from tools.mutants.selection import every_mutant, files_in, mutants_in_order, reasons
 from tools.mutants.token_changes import token_changes
 
 TOY = """\
@@ -71,6 +71,18 @@ def test_a_seed_always_gives_the_same_mutants_and_other_lines_do_not_change_them
     (toy / "toy/rectangle.py").write_text("# moved down\nSIDES = 4\n" + TOY)
     moved = [m.key for m in mutants_in_order(toy, files, 1)]
     assert [key for key in moved if "SIDES" not in key] == [m.key for m in listed[1]]
+
+
+def test_every_equivalent_mutant_is_one_of_its_file() -> None:
+    """Expected: the sources as they are; an entry whose lines have changed has to be looked at again."""
+    known = reasons()
+    files = sorted({name for name, _, _ in known})
+    found = {
+        (name, mutant.before, mutant.after)
+        for name in files
+        for mutant in every_mutant(Path(name), (ROOT / name).read_bytes())
+    }
+    assert set(known) - found == set()
 
 
 PYTHON = {

@@ -44,6 +44,13 @@ def mutants_in_order(root: Path, files: Iterable[Path], seed: int) -> list[Mutan
     return sorted(_numbered(chosen), key=lambda mutant: mutant.rank(seed))
 
 
+def every_mutant(file: Path, source: bytes) -> Iterator[Mutant]:
+    """All that a seed may draw."""
+    for place in _CHANGES[file.suffix](source):
+        for change in place:
+            yield mutant_of(file, source, change)
+
+
 def _numbered(mutants: Iterable[Mutant]) -> Iterator[Mutant]:
     """The same, those that read alike told apart by number."""
     seen = Counter[str]()
