@@ -16,7 +16,7 @@ from gough_stewart.harness.view.page import view_page
 SETTINGS = [
     "title=roll, pitch and yaw at 0.5 Hz",
     "description=PD in task space of 1.2 Hz only, with gravity feedforward",
-    'reference.orientation_amplitude=["6 deg", "12 deg", "10 deg"]',
+    'reference.orientation_amplitude=["5 deg", "10 deg", "9 deg"]',
     "controller.bandwidth=1.2",
     "loop.duration=4",
 ]

@@ -11,7 +11,7 @@ from gough_stewart.model.workspace_grid import sweep
 from tests.support.browser import until, watched
 
 
-@pytest.mark.parametrize(("over", "maps"), [("xy", 6), ("xyz", 6)])
+@pytest.mark.parametrize(("over", "maps"), [("xy", 7), ("xyz", 7)])
 def test_maps_and_volumes_are_drawn_in_silence(browser: Browser, over: str, maps: int, tmp_path: Path) -> None:
     """Expected: a map for each result, a canvas for the volume; no complaint, no request."""
     path = tmp_path / "workspace.html"
