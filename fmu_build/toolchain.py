@@ -41,8 +41,8 @@ def compile_library(
         With what the compiler said.
     """
     # zig's cache knows a file by its place, so that every file gets one that goes with its content
-    include = _place_of(headers)
-    files = [str(_place_of({name: text}) / name) for name, text in sorted(units.items())]
+    include = place_of(headers)
+    files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     with tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library = Path(scratch, LIBRARY + target.suffix)
         command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags]
@@ -69,7 +69,7 @@ def _run(command: Sequence[str], folder: str, stop: Event) -> tuple[int, str]:
                 return compiler.returncode, message
 
 
-def _place_of(files: Mapping[str, str]) -> Path:
+def place_of(files: Mapping[str, str]) -> Path:
     """A folder that holds these files, and stays."""
     content = sha256()
     for name, text in sorted(files.items()):

@@ -6,13 +6,11 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from gough_stewart.fmu_build.sources import sources, standard_headers
-from gough_stewart.fmu_build.toolchain import cache_folder
-from gough_stewart.model.files import write_whole
+from gough_stewart.fmu_build.toolchain import place_of
 from gough_stewart.model.platform_toml import load_preset
 
 HOSTS = Path(__file__).parent / "hosts"
@@ -28,28 +26,17 @@ NEVER_OK = {
 }
 
 
-def unit_sources() -> Path:
-    """A folder with the whole unit, both FMI versions in one.
-
-    It goes with its content and stays: zig's cache knows a file by its place.
-    """
-    files = dict[str, str]()
+def compile_host(host: Sequence[Path], program: Path, compiler: Sequence[str]) -> Path:
+    """A host linked with the whole unit, both FMI versions in one; `compiler` is the command with its flags."""
+    units, headers = dict[str, str](), dict[str, str]()
     for version in ("2.0", "3.0"):
         unit = sources(load_preset("liu2000"), version, TOKEN)
-        files |= unit.units | unit.headers
-    digest = sha256("".join(f"{name}\0{text}\0" for name, text in sorted(files.items())).encode())
-    folder = cache_folder() / f"hosts-{digest.hexdigest()[:16]}"
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        if not (folder / name).exists():
-            write_whole(folder / name, text.encode())
-    return folder
-
-
-def compile_host(host: Sequence[Path], program: Path, compiler: Sequence[str]) -> Path:
-    """A host linked with the unit; `compiler` is the command with its flags."""
-    unit = unit_sources()
-    command = [*compiler, "-std=c11", "-I", str(unit), *map(str, sorted(unit.glob("*.c"))), *map(str, host)]
+        units |= unit.units
+        headers |= unit.headers
+    # zig's cache knows a file by its place: what has not changed is not compiled again
+    include = place_of(headers)
+    files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
+    command = [*compiler, "-std=c11", "-I", str(include), *files, *map(str, host)]
     done = subprocess.run(
         [*command, "-lm", "-lpthread", "-o", str(program)],
         capture_output=True,
