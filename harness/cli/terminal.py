@@ -47,9 +47,11 @@ errors = Terminal(stderr=True)
 
 
 def progress_bar(refresh_per_second: float = 10) -> Progress:
-    """What is being done, how far, for how long; on the error stream, and gone in the end."""
+    """What is being done, how far, for how long; on the error stream if that is a terminal, and gone in the end."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=errors, transient=True, refresh_per_second=refresh_per_second)
+    return Progress(
+        *columns, console=errors, transient=True, refresh_per_second=refresh_per_second, disable=not errors.is_terminal
+    )
 
 
 @contextmanager

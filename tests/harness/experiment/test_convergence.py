@@ -71,8 +71,9 @@ def continuous_run() -> FloatArray:
     constant = np.concatenate([leg_geometry(platform, *home).length, static_leg_forces(platform, *home)])
     start = np.concatenate([START, platform.home_orientation, np.zeros(6)])
     time = np.linspace(0, DURATION, 3)
-    # the derivative's filter starts at rest, as that of the sampled loop does
-    x0 = np.concatenate([start, np.zeros(controller.nstates)])
+    # the derivative's filter starts at rest under the first error, as that of the sampled loop does
+    first = np.concatenate([constant[:6], leg_geometry(platform, START, platform.home_orientation).length])
+    x0 = np.concatenate([start, -np.linalg.solve(controller.A, controller.B @ first)])
     response = control.input_output_response(
         loop,
         time,
