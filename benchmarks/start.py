@@ -1,0 +1,76 @@
+"""How soon the command line answers, and how long a whole run takes: `make bench`.
+
+Every row is a process of its own, with warm caches. Rounds of all rows alternate, and the best of each counts. Ratios
+are to a process that only imports what every run once imported, python-control, CasADi, polars and pyplot: they say
+more than seconds on a machine that is busy or of another kind.
+"""
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+ROUNDS = 5
+_MAIN = "from gough_stewart.harness.cli.entry import main; main()"
+_IMPORTS = "the imports"
+# Code and arguments, and the most that is wanted [s].
+ROWS: dict[str, tuple[list[str], float | None]] = {
+    "python": (["pass"], None),
+    _IMPORTS: (["import casadi, control, matplotlib.pyplot, polars"], None),
+    "import gough_stewart": (["import gough_stewart"], 0.1),
+    "--help": ([_MAIN, "--help"], 0.4),
+    "presets": ([_MAIN, "presets"], 0.4),
+    "a mistyped command": ([_MAIN, "rnu"], 0.4),
+    "a mistyped experiment": ([_MAIN, "run", "heave_stop"], 0.4),
+    "run, 10 s at 1 kHz, FMU": ([_MAIN, "run", "heave_step", "--plant", "fmu3", "--set", "loop.duration=10"], 1.5),
+}
+
+
+class Seconds(NamedTuple):
+    """What a process takes."""
+
+    wall: float
+    cpu: float  # of all its threads and processes, and of the system for them
+
+
+def measured(code: list[str], folder: str) -> Seconds:
+    """One process in a folder, from its start to its end."""
+    before, start = _cpu_of_children(), time.perf_counter()
+    subprocess.run([sys.executable, "-c", *code], cwd=folder, capture_output=True, check=False)
+    return Seconds(time.perf_counter() - start, _cpu_of_children() - before)
+
+
+def _cpu_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def main() -> int:
+    """Measure and print the table; targets that are missed are marked."""
+    with tempfile.TemporaryDirectory() as folder:
+        for code, _ in ROWS.values():  # compiles modules, builds the FMU of the cache
+            measured(code, folder)
+        rounds = [
+            {name: measured(code, folder) for name, (code, _) in ROWS.items()}
+            for _ in track(range(ROUNDS), "measuring", transient=True)
+        ]
+    best = {name: Seconds(*map(min, zip(*(each[name] for each in rounds), strict=True))) for name in ROWS}
+    columns = ("process", "wall s", "target s", "CPU s", f"wall ÷ {_IMPORTS}", f"CPU ÷ {_IMPORTS}")
+    table = Table(*columns)
+    for name, (wall, cpu) in best.items():
+        target = ROWS[name][1]
+        missed = "" if target is None or wall <= target else " [bold red]missed[/bold red]"
+        ratios = (f"{each / whole:.2f}" for each, whole in zip((wall, cpu), best[_IMPORTS], strict=True))
+        table.add_row(name, f"{wall:.2f}", f"{target or ''}{missed}", f"{cpu:.2f}", *ratios)
+    Console().print(table)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
