@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
@@ -18,13 +19,16 @@ from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
+from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.state import State
+from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
+from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fmu_plants import Fmu
 from tests.support.random_platforms import random_inputs, random_platform, random_state
+from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 Open = Callable[[Platform, State | None], Plant]
 KINDS = ("model", "2.0", "3.0")
@@ -77,13 +81,52 @@ def test_three_plants_give_the_same_on_any_platform(seed: int, fmus: dict[str, F
         assert (np.abs(unit - model) / scale).max() < 1e-5
 
 
+def test_inputs_and_results_mean_what_the_interface_says(open_one: Open) -> None:
+    """Expected: Newton and Euler's accelerations and joint forces under the forces, then the wrench, of the vector."""
+    force, wrench, torque = INPUTS
+    with open_one(UNEVEN, STATE) as plant:
+        plant.set_inputs(np.concatenate([force, wrench, torque]))
+        found = interface.unpack(interface.RESULTS, plant.results())
+    R = matrix_from_orientation(STATE.orientation)
+    expected = newton_euler.solve(
+        UNEVEN, STATE.position, R, STATE.velocity, STATE.angular_velocity, force, wrench, torque
+    )
+    assert found["acceleration"] == pytest.approx(expected.linear, rel=1e-9)
+    assert found["angular_acceleration"] == pytest.approx(expected.angular, rel=1e-9)
+    assert found["joint_force"] == pytest.approx(expected.joint_force, rel=1e-8, abs=1e-8)
+    assert np.concatenate([found[name] for name in State._fields]) == pytest.approx(STATE.to_vector(), abs=0)
+    legs = STATE.position + UNEVEN.platform_points @ R.T - UNEVEN.base_points
+    assert found["leg_length"] == pytest.approx(np.linalg.norm(legs, axis=1), rel=1e-12)
+
+
+def test_steps_follow_each_other_from_any_state_under_any_inputs(open_one: Open) -> None:
+    """Expected: SciPy's integration of the NumPy dynamics, over steps of unequal length with inputs that change."""
+    steps, factors = (0.01, 0.004, 0.013), (1.0, -0.4, 0.7)
+
+    def rate(x: FloatArray, factor: float) -> FloatArray:
+        state = State.from_vector(x)
+        a = forward_dynamics(UNEVEN, state, Inputs(*(factor * part for part in INPUTS)))
+        turning = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+        return np.concatenate([state.velocity, turning, *a])
+
+    x, time = STATE.to_vector(), 0.0
+    with open_one(UNEVEN, STATE) as plant:
+        for step, factor in zip(steps, factors, strict=True):
+            plant.set_inputs(factor * INPUTS.to_vector())
+            plant.do_step(time, step)
+            time += step
+            x = solve_ivp(lambda _t, y, f=factor: rate(y, f), (0, step), x, rtol=1e-10, atol=1e-12).y[:, -1]
+            assert plant.results()[:12] == pytest.approx(x, abs=1e-7)
+
+
 def test_a_plant_begins_at_home_at_rest(open_one: Open) -> None:
     """Expected: rule 1, on a platform that the FMU was not built for."""
-    platform = load_preset("motion_base")
-    with open_one(platform, None) as plant:
+    with open_one(UNEVEN, None) as plant:
         results = interface.unpack(interface.RESULTS, plant.results())
-    assert (results["position"] == platform.home_position).all()
+    assert (results["position"] == UNEVEN.home_position).all()
+    assert (results["orientation"] == UNEVEN.home_orientation).all()
     assert (results["velocity"] == 0).all()
+    assert (results["angular_velocity"] == 0).all()
 
 
 def test_results_are_copies_and_change_nothing(open_one: Open, paper: Platform) -> None:

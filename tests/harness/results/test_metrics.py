@@ -61,6 +61,46 @@ def printed(found: dict[str, Any], width: int = 100) -> str:
     return capture.get()
 
 
+def test_every_number_is_its_definition_leg_by_leg() -> None:
+    """Expected: the sums of the docstring, written out over rows and legs of a record in which no two are alike."""
+    rng = np.random.default_rng(11)
+    n = 23
+    sizes = {"error.position": 3, "error.orientation": 3, "error.leg_length": 6, "actuator_force": 6, "leg_velocity": 6}
+    values = {name: rng.normal(size=(n, size)) for name, size in sizes.items()}
+    values["leg_length"] = rng.uniform(1, 2, (n, 6)) * np.arange(1, 7)
+    flags = ("force_limited", "rate_limited", "stroke_exceeded")
+    values |= {f"flag.{name}": rng.random((n, 6)) < np.arange(1, 7) / 30 for name in flags}
+    found = metrics(record_of(n, values, leg_length_min=0.7, leg_length_max=14.0))
+    F, L, v = (values[name] for name in ("actuator_force", "leg_length", "leg_velocity"))
+    for name in ("position", "orientation", "leg_length"):
+        e, part = values[f"error.{name}"], found["tracking"][name]
+        for k in range(e.shape[1]):
+            assert part["rms"][k] == pytest.approx(math.sqrt(sum(e[i, k] ** 2 for i in range(n)) / n))
+            assert part["peak"][k] == max(abs(e[i, k]) for i in range(n))
+        if name != "leg_length":
+            squares = [sum(e[i, k] ** 2 for k in range(3)) for i in range(n)]
+            assert part["norm_rms"] == pytest.approx(math.sqrt(sum(squares) / n))
+            assert part["norm_peak"] == pytest.approx(math.sqrt(max(squares)))
+    for k in range(6):
+        work = [F[i, k] * (L[i + 1, k] - L[i, k]) for i in range(n - 1)]
+        ends = [F[i, k] * v[i, k] for i in range(n)] + [F[i, k] * v[i + 1, k] for i in range(n - 1)]
+        assert found["force"]["peak"][k] == max(abs(F[i, k]) for i in range(n))
+        assert found["force"]["rms"][k] == pytest.approx(math.sqrt(sum(F[i, k] ** 2 for i in range(n - 1)) / (n - 1)))
+        assert found["power"]["peak"][k] == pytest.approx(max(map(abs, ends)))
+        assert found["power"]["mean"][k] == pytest.approx(sum(work) / (STEP * (n - 1)))
+        assert found["energy"]["net"][k] == pytest.approx(sum(work))
+        assert found["energy"]["absolute"][k] == pytest.approx(sum(map(abs, work)))
+        assert found["stroke"]["shortest"][k] == min(L[i, k] for i in range(n))
+        assert found["stroke"]["longest"][k] == max(L[i, k] for i in range(n))
+    assert found["stroke"]["margin"] == pytest.approx(min(L.min() - 0.7, 14.0 - L.max()))
+    counted = [(found["saturation"][name], values[f"flag.{name}"][:-1]) for name in flags[:2]]
+    for part, flag in [*counted, (found["stroke"]["exceeded"], values["flag.stroke_exceeded"])]:
+        assert part["legs"] == pytest.approx([sum(row[k] for row in flag) / len(flag) for k in range(6)])
+        assert part["any"] == pytest.approx(sum(any(row) for row in flag) / len(flag))
+        assert 0 < part["any"] < 1
+    assert (found["rows"], found["duration"]) == (n, pytest.approx(STEP * (n - 1)))
+
+
 # --- tracking ------------------------------------------------------------------------------------------------------
 
 
