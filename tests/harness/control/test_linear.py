@@ -20,8 +20,9 @@ from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_platform
+from tests.support.uneven import UNEVEN
 
-PRESETS = ("liu2000", "desktop_hexapod", "motion_base")
+PLATFORMS = {name: load_preset(name) for name in ("liu2000", "desktop_hexapod", "motion_base")} | {"uneven": UNEVEN}
 
 
 def relative(a: np.ndarray, b: np.ndarray) -> float:
@@ -37,10 +38,10 @@ def assert_linearisations_agree(platform: Platform, bound: float) -> None:
             assert relative(getattr(differences, block), getattr(exact, block)) < bound
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", PLATFORMS)
 def test_the_exact_linearisation_is_that_of_python_controls_differences(name: str) -> None:
     """Expected: control.linearize, within 1e-5 of the largest element of each block."""
-    assert_linearisations_agree(load_preset(name), 1e-5)
+    assert_linearisations_agree(PLATFORMS[name], 1e-5)
 
 
 @settings(max_examples=8)
@@ -50,10 +51,10 @@ def test_so_it_is_on_any_platform(seed: int) -> None:
     assert_linearisations_agree(random_platform(np.random.default_rng(seed)), 1e-5)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", PLATFORMS)
 def test_trim_is_at_rest(name: str) -> None:
     """Expected: no derivative of the state, also under an external wrench and away from home."""
-    platform = load_preset(name)
+    platform = PLATFORMS[name]
     size = platform.characteristic_length
     at = (platform.home_position + 0.05 * size, platform.home_orientation + np.array([0.02, -0.03, 0.05]))
     weight = 9.81 * platform.platform_mass
@@ -181,16 +182,22 @@ def test_ranges_and_elements_are_joined_by_name(paper: Platform) -> None:
         picked("plant.joint_force")
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", PLATFORMS)
 def test_the_leg_space_mass_is_what_a_newton_meets(name: str) -> None:
     """Expected: at rest, without gravity and friction, L̈ = J [v̇; ω̇] = M_leg⁻¹ F for the kernel's accelerations."""
-    platform = load_preset(name)
+    platform = PLATFORMS[name]
     p = parameter_vector(type(platform)(**(platform.as_dict() | {"gravity": np.zeros(3), "leg_coulomb_friction": 0.0})))
-    J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
-    x = trim(platform).state
-    for k in range(6):
-        a = Kernel().derivatives(x, np.eye(12)[k], p)[6:].copy()
-        assert pytest.approx(np.linalg.inv(leg_space_mass(platform))[:, k], rel=1e-9, abs=1e-15) == J @ a
+    moved = 0.03 * platform.characteristic_length * np.array([1, -2, 1.5]), np.array([0.05, 0.1, -0.08])
+    home = platform.home_position, platform.home_orientation
+    for pose, mass in (
+        (home, leg_space_mass(platform)),
+        (away := (home[0] + moved[0], home[1] + moved[1]), leg_space_mass(platform, *away)),
+    ):
+        J = leg_jacobian(platform, *pose)
+        x = trim(platform, *pose).state
+        for k in range(6):
+            a = Kernel().derivatives(x, np.eye(12)[k], p)[6:].copy()
+            assert np.linalg.inv(mass)[:, k] == pytest.approx(J @ a, rel=1e-8, abs=1e-14)
 
 
 def test_modes_of_an_oscillator() -> None:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from gough_stewart.harness.control.gains import gains_from_bandwidth
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws import LinearController, law_of
 from gough_stewart.harness.control.linear import leg_space_mass, linearise, modes
 from gough_stewart.harness.control.loop_transfer import feedback_part, loop_transfer
 from gough_stewart.harness.control.margins import (
@@ -22,17 +23,24 @@ from gough_stewart.harness.control.margins import (
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.control.structured import scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform_toml import load_preset
+from tests.support.uneven import UNEVEN
 
 T = 1e-3
+POSE = UNEVEN.home_position + np.array([0.2, -0.1, 0.15]), UNEVEN.home_orientation + np.array([0.1, -0.05, 0.2])
+
+
+def uneven_gains() -> Gains:
+    """Of about 1 Hz, other ones in every leg."""
+    even, factor = gains_from_bandwidth(UNEVEN, 1.0, 0.8), np.array([1.0, 0.8, 1.2, 0.7, 1.1, 0.9])
+    return Gains(even.proportional * factor, even.derivative * factor[::-1])
 
 
 @pytest.fixture(scope="module")
 def L() -> Any:
-    """The motion base under PD, delayed by two samples."""
-    platform = load_preset("motion_base")
-    controller = LinearController(sampled(pid(gains_from_bandwidth(platform, 4.0, 0.8)), T))
-    return loop_transfer(platform, controller, T, delay=2)
+    """The uneven platform under PD, delayed by two samples."""
+    return loop_transfer(UNEVEN, LinearController(sampled(pid(uneven_gains()), T)), T, delay=2)
 
 
 @pytest.fixture(scope="module")
@@ -244,6 +252,46 @@ def test_the_feedback_part_turns_the_sign_of_the_measurement() -> None:
     both = feedback_part(platform, LinearController(control.ss([], [], [], np.hstack([7 * K, -K]), T)))
     assert pytest.approx(K) == errors.D
     assert pytest.approx(K) == both.D
+
+
+@pytest.mark.parametrize("space", ["leg", "task"])
+def test_the_feedback_part_is_what_the_law_does_to_a_measurement(space: Any) -> None:
+    """Expected: minus the forces of the law in a run, for a length that is off by a little; gains that mix channels.
+
+    At a pose off home, where J is neither its transpose nor that of home; a reference that stays.
+    """
+    rng = np.random.default_rng(9)
+    A, B, C, D = (rng.uniform(-0.3, 0.3, shape) for shape in ((3, 3), (3, 12), (6, 3), (6, 12)))
+    controller = LinearController(control.ss(A, B, C, D, T), space=space)
+    J = np.tile(leg_jacobian(UNEVEN, *POSE), (8, 1, 1))
+    part = feedback_part(UNEVEN, controller, *POSE)
+    for leg in range(6):
+        law = law_of(controller, T, J, np.zeros(24), np.zeros(24))
+        off = rng.normal(size=8)
+        measured = np.zeros((8, 24))
+        measured[1:, 12 + leg] = off[1:]
+        forces = np.array([law.force(k, k * T, np.zeros(30), y, np.zeros(6)) for k, y in enumerate(measured)])
+        answer = control.forced_response(part, np.arange(8) * T, measured[:, 12:18].T).outputs.T
+        assert answer == pytest.approx(-forces, abs=1e-12)
+
+
+@pytest.mark.parametrize("space", ["leg", "task"])
+def test_the_loop_is_what_goes_around_at_a_frequency(space: Any) -> None:
+    """Expected: C(z) z⁻² P(z), with P of the exponential of plant, lag and hold in one matrix; every element of it."""
+    tau, delay = 0.004, 2
+    controller = LinearController(sampled(pid(uneven_gains()), T), space=space)
+    plant = linearise(UNEVEN, *POSE, "leg_length")
+    n = plant.nstates
+    whole = np.zeros((n + 12, n + 12))  # plant, lags, held forces
+    whole[:n, :n], whole[:n, n : n + 6] = plant.A, plant.B[:, :6]
+    whole[n : n + 6, n : n + 6], whole[n : n + 6, n + 6 :] = -np.eye(6) / tau, np.eye(6) / tau
+    held = expm(whole * T)[: n + 6]
+    z = np.exp(1j * 30.0 * T)
+    out = np.hstack([plant.C, np.zeros((6, 6))])
+    P = out @ np.linalg.solve(z * np.eye(n + 6) - held[:, : n + 6], held[:, n + 6 :])
+    C = feedback_part(UNEVEN, controller, *POSE)(z)
+    found = loop_transfer(UNEVEN, controller, T, delay=delay, lag=tau, position=POSE[0], orientation=POSE[1])(z)
+    assert found == pytest.approx(C @ P * z**-delay, rel=1e-7, abs=1e-9)
 
 
 def test_the_lag_of_the_actuators_is_in_the_loop() -> None:

@@ -55,6 +55,7 @@ def test_the_excess_knows_what_the_rate_limit_will_leave_after_a_sample() -> Non
         planned = np.clip(np.clip(expected[-1], -4, 4), planned - 1, planned + 1)
         expected.append(feedforward + SHARES * (planned - expected[-1]))
     assert run.command == pytest.approx(np.array(expected), abs=1e-12)
+    assert (run.force_limited == (np.abs(run.command) > 4)).all()
 
 
 @pytest.mark.parametrize("delay", [0, 2, 10])

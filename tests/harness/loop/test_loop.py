@@ -1,5 +1,7 @@
 """The sampled loop, on a plant with a closed form and against python-control's discrete feedback."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -132,6 +134,7 @@ def test_a_force_that_is_not_finite_ends_the_run_before_it_acts(leg: int, value:
     assert run.outcome.time == run.time[-1] == pytest.approx(0.1)
     assert (run.inputs[:, :6] == FORCES).all()
     assert run.command[10] == pytest.approx(np.where(np.arange(6) == leg, value, FORCES), nan_ok=True)
+    assert not run.force_limited.any()
     first = run_with(constant(np.full(6, value)), loop_of())
     assert len(first.time) == 1
     assert first.outcome.time == 0
@@ -158,6 +161,18 @@ def test_a_platform_that_has_left_its_reference_ends_the_run() -> None:
     assert run.outcome.status == "diverged"
     assert run.outcome.time == run.time[-1] == free.time[first]
     assert f"is {distance[first]:.3g} m from its reference; the bound is {bound:g} m" in str(run.outcome.cause)
+
+
+def test_a_platform_at_the_very_bound_goes_on() -> None:
+    """Expected: √(0.375² + 0.5²) = 0.625, without rounding, is not beyond 0.625."""
+    loop = loop_of(0.1, wants=True)
+    assert loop.wanted is not None
+    loop.wanted[:, :3] = [0.375, -0.5, 0.0]
+    for bound, status in ((0.625, "completed"), (0.6249, "diverged")):
+        plant = Masses()
+        plant.x[:] = 0.0
+        loop = replace(loop, limits=Limits(largest_position_error=bound))
+        assert run_with(constant(np.zeros(6)), loop, plant).outcome.status == status
 
 
 def test_a_position_that_is_not_a_number_is_no_longer_at_its_reference() -> None:

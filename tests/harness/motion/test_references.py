@@ -288,6 +288,16 @@ def test_a_table_goes_through_its_rows() -> None:
     assert np.allclose(np.hstack(motion[:2]), pose, rtol=0, atol=1e-12)
 
 
+def test_a_table_admits_rounding_at_its_ends_and_no_more() -> None:
+    """Expected: up to 1e-9 s beyond the first and the last row, where it stands still; not 2e-9 s, and not NaN."""
+    table = table_of(Sine(**POSE, **AMPLITUDE, frequency=0.7), np.linspace(1.0, 2.0, 50))
+    beyond, ends = table(np.array([1 - 1e-9, 2 + 1e-9])), table(np.array([1.0, 2.0]))
+    assert all(np.array_equal(a, b) for a, b in zip(beyond, ends, strict=True))
+    for time in (1 - 2e-9, 2 + 2e-9, np.nan):
+        with pytest.raises(MotionError, match="outside of the table, which goes from 1 to 2 s"):
+            table(np.array([1.5, time]))
+
+
 def test_a_table_of_a_sine_reproduces_it_to_sixth_order() -> None:
     """Expected: of quintic splines, errors h⁶ in position, h⁵ in velocity, h⁴ in acceleration."""
     sine = Sine(**STILL, **HEAVE, frequency=0.5)

@@ -23,6 +23,7 @@ from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import FloatArray
@@ -103,7 +104,7 @@ def test_steps_follow_each_other_from_any_state_under_any_inputs(open_one: Open)
     """Expected: SciPy's integration of the NumPy dynamics, over steps of unequal length with inputs that change."""
     steps, factors = (0.01, 0.004, 0.013), (1.0, -0.4, 0.7)
 
-    def rate(x: FloatArray, factor: float) -> FloatArray:
+    def rate(_time: float, x: FloatArray, factor: float) -> FloatArray:
         state = State.from_vector(x)
         a = forward_dynamics(UNEVEN, state, Inputs(*(factor * part for part in INPUTS)))
         turning = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
@@ -115,7 +116,7 @@ def test_steps_follow_each_other_from_any_state_under_any_inputs(open_one: Open)
             plant.set_inputs(factor * INPUTS.to_vector())
             plant.do_step(time, step)
             time += step
-            x = solve_ivp(lambda _t, y, f=factor: rate(y, f), (0, step), x, rtol=1e-10, atol=1e-12).y[:, -1]
+            x = solve_ivp(rate, (0, step), x, args=(factor,), rtol=1e-10, atol=1e-12).y[:, -1]
             assert plant.results()[:12] == pytest.approx(x, abs=1e-7)
 
 

@@ -66,7 +66,7 @@ def test_every_number_is_its_definition_leg_by_leg() -> None:
     rng = np.random.default_rng(11)
     n = 23
     sizes = {"error.position": 3, "error.orientation": 3, "error.leg_length": 6, "actuator_force": 6, "leg_velocity": 6}
-    values = {name: rng.normal(size=(n, size)) for name, size in sizes.items()}
+    values: dict[str, Any] = {name: rng.normal(size=(n, size)) for name, size in sizes.items()}
     values["leg_length"] = rng.uniform(1, 2, (n, 6)) * np.arange(1, 7)
     flags = ("force_limited", "rate_limited", "stroke_exceeded")
     values |= {f"flag.{name}": rng.random((n, 6)) < np.arange(1, 7) / 30 for name in flags}
