@@ -5,10 +5,14 @@ import numpy as np
 
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import linearise
+from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array
+
+# Eigenvalues of twice as many take ten times as long, half a minute.
+MOST_STATES = 300
 
 
 def loop_transfer(
@@ -41,9 +45,16 @@ def loop_transfer(
     Raises
     ------
     ControllerError
-        The controller has another sample time.
+        The controller has another sample time, or a delay of so many samples that there would be more than
+        `MOST_STATES`.
     """
     controller.check_sample_time(sample_time)
+    states = 12 + 6 * (lag > 0) + 6 * delay + controller.system.nstates
+    if states > MOST_STATES:
+        raise ControllerError(
+            f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "
+            f"{MOST_STATES}: a delay of fewer and longer samples"
+        )
     linear = linearise(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
     plant = control.ss(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
     if lag > 0:

@@ -4,13 +4,16 @@ L is the 6×6 loop transfer cut at the actuators, u = −L u; S = (1 + L)⁻¹, 
 "An introduction to disk margins", IEEE Control Systems 40(5), 78–95.
 """
 
+import cmath
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any
 
 import control
 import numpy as np
+from scipy.linalg import schur, solve_triangular
 from scipy.optimize import brentq, minimize_scalar
 
 from gough_stewart.harness.control.structured import ComplexArray, scaled_norm
@@ -19,6 +22,12 @@ from gough_stewart.model.vectors import FloatArray
 
 _GRID = 600
 _FINE_GRID = 4000
+# Up to so many states the equations are solved as they are; beyond, in triangular form, in parts of so many numbers.
+_FEW_STATES = 64
+_FEW_FREQUENCIES = 16
+_MOST_NUMBERS = 4_000_000
+# What gains are tried of an unstable loop, the nearest first.
+_GAINS = tuple(2.0**k for n in range(1, 5) for k in (-n, n))
 _FLAT = 0.02  # relative change of a response that has come to its limit, and its distance from the real axis
 _BOUNDLESS = 1e6  # a gain that may grow or sink by more than this is free
 
@@ -129,24 +138,72 @@ def check_stable(L: Any) -> None:
         Names the worst eigenvalue.
     """
     closed = closed_loop(L)
+    worst, badness = _worst_pole(closed)
+    if badness < 0:
+        return
+    if closed.isdtime(strict=True):
+        frequency = abs(cmath.log(worst)) / closed.dt / (2 * math.pi) if worst else 0.0
+        where = f"|z| = {abs(worst):.6g} at {frequency:.3g} Hz, expected below 1"
+    else:
+        where = f"{worst:.6g} 1/s at {abs(worst) / (2 * math.pi):.3g} Hz, expected left of 0"
+    raise UnstableLoopError(
+        f"the closed loop is unstable (worst eigenvalue {where}), so there are no margins; {_remedy(L)}", worst
+    )
+
+
+def is_stable(L: Any) -> bool:
+    """Whether a loop is stable when it is closed."""
+    return _worst_pole(closed_loop(L))[1] < 0
+
+
+def _worst_pole(closed: Any) -> tuple[complex, float]:
+    """The eigenvalue nearest to instability or farthest beyond, and by how much: |z| − 1, or its real part [1/s]."""
     poles = np.asarray(closed.poles(), dtype=complex)
-    discrete = closed.isdtime(strict=True)
-    badness = np.abs(poles) - 1 if discrete else poles.real
-    if badness.size and not badness.max() < 0:
-        worst = complex(poles[int(badness.argmax())])
-        where = f"|z| = {abs(worst):.6g}, expected below 1" if discrete else f"{worst:.6g} 1/s, expected left of 0"
-        raise UnstableLoopError(
-            f"the closed loop is unstable (worst eigenvalue {where}), so there are no margins; lower bandwidth or "
-            "sample time, or add damping",
-            worst,
-        )
+    if not poles.size:
+        return 0j, -math.inf
+    badness = np.abs(poles) - 1 if closed.isdtime(strict=True) else poles.real
+    worst = int(badness.argmax())
+    return complex(poles[worst]), float(badness[worst])
+
+
+def _remedy(L: Any) -> str:
+    """Which gains would make a loop stable: the nearest power of two."""
+    for factor in _GAINS:
+        if is_stable(factor * L):
+            way = "lower" if factor < 1 else "higher"
+            return f"it is stable with all gains × {factor:g}: choose a {way} bandwidth"
+    return f"no gains from × {min(_GAINS):g} to × {max(_GAINS):g} make it stable"
 
 
 def response(L: Any, omega: FloatArray) -> ComplexArray:
     """L (n, 6, 6) at frequencies (n,) [rad/s]: C (s − A)⁻¹ B + D at s = iω, or at z = e^(iωT)."""
     s = np.exp(1j * omega * L.dt) if L.isdtime(strict=True) else 1j * omega
-    resolvent = s[:, None, None] * np.eye(L.nstates) - L.A
-    return np.asarray(L.C @ np.linalg.solve(resolvent, L.B.astype(complex)[None]) + L.D)
+    if L.nstates <= _FEW_STATES:
+        resolvent = s[:, None, None] * np.eye(L.nstates) - L.A
+        return np.asarray(L.C @ np.linalg.solve(resolvent, L.B.astype(complex)[None]) + L.D)
+    # delays have many states: a triangle is solved row by row from below, for all frequencies at once
+    T, B, C = _triangular(L)
+    parts = np.array_split(s, math.ceil(len(s) * L.nstates * L.ninputs / _MOST_NUMBERS))
+    return np.concatenate([C @ _solved(T, B, part) + L.D for part in parts])
+
+
+@lru_cache(maxsize=2)
+def _triangular(L: Any) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """T, Qᴴ B and C Q with A = Q T Qᴴ, T upper triangular (Schur)."""
+    T, Q = schur(np.asarray(L.A, dtype=complex), output="complex")
+    return T, Q.conj().T @ L.B, L.C @ Q
+
+
+def _solved(T: ComplexArray, B: ComplexArray, s: ComplexArray) -> ComplexArray:
+    """(s − T)⁻¹ B (len(s), n, m) for an upper triangle T: (s − T_ii) x_i = b_i + ∑_{j>i} T_ij x_j."""
+    n, m = B.shape
+    if len(s) < _FEW_FREQUENCIES:
+        return np.array([solve_triangular(each * np.eye(n) - T, B, check_finite=False) for each in s])
+    x = np.empty((n, len(s) * m), dtype=complex)
+    at = np.repeat(s, m)
+    for i in reversed(range(n)):
+        x[i] = (np.tile(B[i], len(s)) + T[i, i + 1 :] @ x[i + 1 :]) / (at - T[i, i])
+    return np.moveaxis(x.reshape(n, len(s), m), 0, 1)
 
 
 def one_leg_open(response_of_all: ComplexArray, k: int) -> ComplexArray:

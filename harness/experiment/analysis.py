@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart.harness.control.controllers import PD, ControllerChoice
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.loop_transfer import loop_transfer
-from gough_stewart.harness.control.margins import Margins, closed_loop, loop_margins
+from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
 from gough_stewart.harness.control.pid import Gains
-from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.design_figures import design_figures
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.output.versions import versions
@@ -123,17 +124,15 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         what = "an open loop has no margins" if linear is None else "a function has no transfer function"
         raise ControllerError(f"{chosen.where}: controller: {what}; choose an experiment with a linear controller")
     actuators, sample_time = prepared.loop.actuators, prepared.loop.timing.sample_time
-    L = loop_transfer(
-        prepared.platform,
-        linear,
-        sample_time,
-        delay=actuators.delay,
-        lag=actuators.lag,
-        position=None if prepared.motion is None else prepared.motion.position[0],
-        orientation=None if prepared.motion is None else prepared.motion.orientation[0],
-    )
+    L = _loop(prepared, linear, sample_time, actuators.delay, actuators.lag)
+    try:
+        found = loop_margins(L)
+    except UnstableLoopError as error:
+        own = chosen.controller if controller is None else None
+        moved = "; ".join([str(error), *_what_moved_it(prepared, linear, own)])
+        raise UnstableLoopError(moved, error.eigenvalue) from None
     return LoopMargins(
-        **vars(loop_margins(L)),
+        **vars(found),
         title=chosen.title,
         sample_time=sample_time,
         delay=actuators.delay,
@@ -142,6 +141,38 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         modes=tuple(modes(closed_loop(L))),
         loop=L,
     )
+
+
+def _loop(prepared: Prepared, controller: LinearController, sample_time: float, delay: int, lag: float) -> Any:
+    """The loop transfer at the first pose of the reference."""
+    motion = prepared.motion
+    return loop_transfer(
+        prepared.platform,
+        controller,
+        sample_time,
+        delay=delay,
+        lag=lag,
+        position=None if motion is None else motion.position[0],
+        orientation=None if motion is None else motion.orientation[0],
+    )
+
+
+def _what_moved_it(prepared: Prepared, controller: LinearController, choice: ControllerChoice | None) -> list[str]:
+    """What else than the gains would make an unstable loop stable, each alone: delay, lag, sample time."""
+    delay, lag = prepared.loop.actuators.delay, prepared.loop.actuators.lag
+    sample_time = prepared.loop.timing.sample_time
+    found = []
+    if delay and is_stable(_loop(prepared, controller, sample_time, 0, lag)):
+        found.append(f"it is stable without the delay of {delay} samples")
+    if lag and is_stable(_loop(prepared, controller, sample_time, delay, 0.0)):
+        found.append(f"it is stable without the actuators' lag of {lag:g} s")
+    for part in (2, 4, 8, 16):
+        # that of a file is for its own sample time
+        faster = choice.controller(prepared.platform, sample_time / part) if isinstance(choice, PD) else None
+        if isinstance(faster, LinearController) and is_stable(_loop(prepared, faster, sample_time / part, delay, lag)):
+            found.append(f"it is stable at a sample_time of {sample_time / part:g} s")
+            break
+    return found
 
 
 def margins_files(found: LoopMargins) -> dict[str, bytes]:

@@ -23,6 +23,7 @@ from gough_stewart.harness.control.margins import (
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.control.structured import scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.harness.experiment.analysis import margins as margins_of
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.uneven import UNEVEN
@@ -164,16 +165,73 @@ def test_the_frequency_range_ends_at_half_the_sample_rate(L: Any) -> None:
 
 
 def test_an_unstable_loop_has_no_margins() -> None:
-    """Expected: with 80 samples of delay the pose is lost; the error names the eigenvalue."""
+    """Expected: with 45 samples of delay the pose is lost; the error names the eigenvalue."""
     platform = load_preset("motion_base")
     controller = LinearController(sampled(pid(gains_from_bandwidth(platform, 4.0, 0.8)), T))
     with pytest.raises(
-        UnstableLoopError, match=r"unstable \(worst eigenvalue \|z\| = 1\.\d+, expected below 1"
+        UnstableLoopError, match=r"unstable \(worst eigenvalue \|z\| = 1\.\d+ at [\d.]+ Hz, expected below 1"
     ) as caught:
-        loop_margins(loop_transfer(platform, controller, T, delay=80))
+        loop_margins(loop_transfer(platform, controller, T, delay=45))
     assert abs(caught.value.eigenvalue) > 1
-    with pytest.raises(UnstableLoopError, match="1/s, expected left of 0"):
+    with pytest.raises(UnstableLoopError, match=r"1/s at [0-9.]+ Hz, expected left of 0"):
         loop_margins(diagonal(control.tf([1.0], [1, 0, 0])))
+
+
+@pytest.mark.parametrize(
+    ("gain", "message"),
+    [
+        (0.5, r"stable with all gains × 8: choose a higher bandwidth"),
+        (1.0, r"stable with all gains × 4: choose a higher bandwidth"),
+        (2.0, r"stable with all gains × 2: choose a higher bandwidth"),
+    ],
+)
+def test_a_loop_with_too_little_gain_is_advised_to_have_more(gain: float, message: str) -> None:
+    """Expected: (s − 1)(s + 3) + k is stable from k = 3 on, by Routh's rule."""
+    with pytest.raises(UnstableLoopError, match=message):
+        loop_margins(diagonal(control.tf([gain], [1, 2, -3])))
+
+
+@pytest.mark.parametrize(("gain", "factor"), [(7.0, "0.5"), (20.0, "0.25"), (40.0, "0.125")])
+def test_a_loop_with_too_much_gain_is_advised_to_have_less(gain: float, factor: str) -> None:
+    """Expected: s³ + 3 s² + 2 s + k is stable below k = 6, by Routh's rule."""
+    with pytest.raises(UnstableLoopError, match=rf"stable with all gains × {factor}: choose a lower bandwidth"):
+        loop_margins(diagonal(control.tf([gain], [1, 3, 2, 0])))
+
+
+def test_a_loop_that_no_gain_helps_says_so() -> None:
+    """Expected: s² (s + 2) + k has a root to the right for every k > 0, by Routh's rule."""
+    with pytest.raises(UnstableLoopError, match=r"no gains from × 0\.0625 to × 16 make it stable"):
+        loop_margins(diagonal(control.tf([1.0], [1, 2, 0, 0])))
+
+
+def test_what_moved_an_eigenvalue_of_an_experiment_is_named() -> None:
+    """Expected: each alone makes the loop stable, as margins of the experiment without it show."""
+    lazy = {"controller.bandwidth": 8, "actuators.lag": 0.1, "loop.duration": 1}
+    with pytest.raises(UnstableLoopError, match=r"it is stable without the actuators' lag of 0\.1 s") as caught:
+        margins_of("heave_step", lazy)
+    assert "delay" not in str(caught.value)
+    assert margins_of("heave_step", {**lazy, "actuators.lag": 0}).disk.alpha > 0
+    with pytest.raises(UnstableLoopError, match=r"it is stable at a sample_time of 0\.01 s"):
+        margins_of("too_slow")
+
+
+def test_a_delay_of_too_many_samples_is_refused_before_it_fills_the_memory() -> None:
+    with pytest.raises(
+        ControllerError, match=r"a delay of 1000 samples of 0\.001 s gives a linear loop of 60.. states"
+    ):
+        margins_of("heave_step", {"loop.delay": 1000, "loop.duration": 3})
+
+
+@pytest.mark.parametrize("count", [3, 40])
+def test_the_response_of_many_states_is_that_of_the_equations(count: int) -> None:
+    """Expected: C (z − A)⁻¹ B + D, solved at each frequency as it stands."""
+    rng = np.random.default_rng(8)
+    A = rng.normal(size=(90, 90))
+    A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
+    loop = control.ss(A, rng.normal(size=(90, 6)), rng.normal(size=(6, 90)), rng.normal(size=(6, 6)), T)
+    omega = np.geomspace(1, 3000, count)
+    expected = [loop.C @ np.linalg.solve(np.exp(1j * w * T) * np.eye(90) - A, loop.B) + loop.D for w in omega]
+    assert np.abs(response(loop, omega) - expected).max() < 1e-10 * np.abs(expected).max()
 
 
 def test_loops_that_are_none_are_refused() -> None:
