@@ -5,21 +5,22 @@ import json
 import signal
 import sys
 import tempfile
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
+from contextlib import contextmanager
 from pathlib import Path
 from queue import Queue
 
 from tools.mutants.copies import copy_of
 from tools.mutants.mutation import Mutant
-from tools.mutants.rooms import DEFAULT_FOLDERS, tests_of
+from tools.mutants.rooms import DEFAULT_FOLDERS, LIBRARIES, tests_of
 from tools.mutants.selection import files_in, mutants_in_order, reason_of, reasons
 from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
 
 ROOT = Path(__file__).parents[2]
 
 
-def main(arguments: list[str] | None = None, root: Path = ROOT) -> int:
+def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Iterable[str] = LIBRARIES) -> int:
     """The command; 0 if every folder's kill rate is at least what was asked for."""
     options = _parser().parse_args(arguments)
     reached = True
@@ -30,8 +31,15 @@ def main(arguments: list[str] | None = None, root: Path = ROOT) -> int:
             if options.list:
                 print(*mutants[: options.number], sep="\n")
                 continue
-            fates = _fates(root, folder, mutants, options)
-            report |= {mutant.key: fate.name for mutant, fate in fates.items()}
+            tests = tuple(options.tests) if options.tests else tests_of(folder, root)
+            print(f"{folder}: first {' '.join(tests)} on the sources as they are", flush=True)
+            fates: dict[Mutant, Fate] = {}
+            with _benches(root, options.jobs, libraries) as benches:
+                evidence = benches[0].clean_run(tests, [folder])
+                for mutant, fate in _trials(benches, mutants, tests, evidence, options.number):
+                    fates[mutant] = fate
+                    report[mutant.key] = fate.name
+                    print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)
             reached = _summary(folder, fates, options.least) and reached
     except (LookupError, CleanRunError) as error:
         print(error, file=sys.stderr)
@@ -39,8 +47,9 @@ def main(arguments: list[str] | None = None, root: Path = ROOT) -> int:
     except KeyboardInterrupt:
         print("interrupted; the sources were never touched", file=sys.stderr)
         return 130
-    if options.report:
-        options.report.write_text(json.dumps(report, indent=1), encoding="utf-8")
+    finally:
+        if options.report:
+            options.report.write_text(json.dumps(report, indent=1), encoding="utf-8")
     return 0 if reached else 1
 
 
@@ -71,38 +80,45 @@ def _chosen(root: Path, folder: str, options: argparse.Namespace) -> list[Mutant
     return [mutant for mutant in mutants if reason_of(mutant, known) is None]
 
 
-def _fates(root: Path, folder: str, mutants: list[Mutant], options: argparse.Namespace) -> dict[Mutant, Fate]:
-    """What becomes of the first mutants that compile, as many as were asked for."""
-    fates: dict[Mutant, Fate] = {}
-    with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as place:
-        benches = [Bench(copy_of(root, Path(place, f"copy-{k}")), Path(place, f"run-{k}")) for k in range(options.jobs)]
-        free: Queue[Bench] = Queue()
-        for bench in benches:
-            free.put(bench)
-        tests = tuple(options.tests) if options.tests else tests_of(folder, root)
-        print(f"{folder}: first {' '.join(tests)} on the sources as they are", flush=True)
-
-        def attempt(mutant: Mutant, evidence: Evidence) -> Fate:
-            bench = free.get()
-            try:
-                return bench.trial(mutant, tests, evidence)
-            finally:
-                free.put(bench)
-
-        waiting = list(mutants)
-        pool = ThreadPoolExecutor(options.jobs)
+@contextmanager
+def _benches(root: Path, number: int, libraries: Iterable[str]) -> Iterator[list[Bench]]:
+    """Copies of the repository in a temporary folder, gone in the end whatever happens."""
+    with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as folder:
+        place = Path(folder)
+        benches = [Bench(copy_of(root, place / f"copy-{k}"), place / f"run-{k}", libraries) for k in range(number)]
         try:
-            evidence = benches[0].clean_run(tests, [folder])
-            while waiting and (missing := options.number - sum(fate != Fate.INVALID for fate in fates.values())) > 0:
-                batch, waiting = waiting[:missing], waiting[missing:]
-                for mutant, fate in zip(batch, pool.map(attempt, batch, repeat(evidence)), strict=True):
-                    fates[mutant] = fate
-                    print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)
+            yield benches
         finally:
             for bench in benches:
                 bench.stop()
-            pool.shutdown(cancel_futures=True)
-    return fates
+
+
+def _trials(
+    benches: list[Bench], mutants: list[Mutant], tests: tuple[str, ...], evidence: Evidence, number: int
+) -> Iterator[tuple[Mutant, Fate]]:
+    """What becomes of the first mutants that compile, as many as were asked for, and of those between that do not."""
+    free: Queue[Bench] = Queue()
+    for bench in benches:
+        free.put(bench)
+
+    def attempt(mutant: Mutant) -> Fate:
+        bench = free.get()
+        try:
+            return bench.trial(mutant, tests, evidence)
+        finally:
+            free.put(bench)
+
+    pool = ThreadPoolExecutor(len(benches))
+    try:
+        while mutants and number > 0:
+            batch, mutants = mutants[:number], mutants[number:]
+            for mutant, fate in zip(batch, pool.map(attempt, batch), strict=True):
+                number -= fate is not Fate.INVALID
+                yield mutant, fate
+    finally:
+        for bench in benches:
+            bench.stop()
+        pool.shutdown(cancel_futures=True)
 
 
 def _summary(folder: str, fates: dict[Mutant, Fate], least: float) -> bool:

@@ -16,6 +16,7 @@ import pytest
 _PLAN: dict[str, Any] = json.loads(Path(os.environ["MUTANTS_PLAN"]).read_text(encoding="utf-8"))
 _seconds: dict[str, float] = {}
 _setups: list[float] = [0.0]
+_passed: list[str] = []
 _failed: list[str] = []
 _complaints: list[str] = []
 
@@ -39,10 +40,12 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Keeps times and failures."""
+    """Keeps times and what became of it."""
     _seconds[report.nodeid] = _seconds.get(report.nodeid, 0.0) + report.duration
     if report.when == "setup":
         _setups.append(report.duration)
+    if report.when == "call" and report.passed:
+        _passed.append(report.nodeid)
     if report.failed:
         _failed.append(report.nodeid)
         _complaints.append(report.longreprtext)
@@ -50,5 +53,6 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 def pytest_sessionfinish() -> None:
     """Writes them."""
-    result = {"seconds": _seconds, "longest_setup": max(_setups), "failed": _failed, "complaints": _complaints}
+    result = {"seconds": _seconds, "longest_setup": max(_setups), "complaints": _complaints}
+    result |= {"passed": _passed, "failed": _failed}
     Path(_PLAN["result"]).write_text(json.dumps(result), encoding="utf-8")

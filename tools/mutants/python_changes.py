@@ -59,15 +59,14 @@ COUNTERS = {"i", "j", "k", "n", "index", "leg"}
 
 
 def python_changes(source: bytes) -> Iterator[list[Change]]:
-    """The changes of each place of a source, those that are no Python any more left out."""
+    """The changes of each place of a source; a few may be no Python any more."""
     collector = _Collector(source)
     collector.visit(ast.parse(source))
-    for place in collector.places:
-        if valid := [change for change in place if _compiles(change.apply(source))]:
-            yield valid
+    yield from collector.places
 
 
-def _compiles(source: bytes) -> bool:
+def is_python(source: bytes) -> bool:
+    """Whether a source can be parsed."""
     try:
         ast.parse(source)
     except SyntaxError:

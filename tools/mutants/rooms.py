@@ -4,18 +4,30 @@ from pathlib import Path
 
 # What `make mutants` tries when it is not asked for something else.
 DEFAULT_FOLDERS = ("model", "fmu_build/c", "harness/loop", "harness/control", "harness/motion", "harness/plants")
+# Loaded once, before the trials.
+LIBRARIES = (
+    *("pytest", "hypothesis", "numpy", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial.transform"),
+    *("casadi", "control", "fmpy", "lxml.etree"),
+)
 # Beside the folder's mirror in tests/. Folders that are not here have their mirror alone.
 _NEARBY = {
     "harness/loop": ("tests/harness/experiment",),
     "harness/control": ("tests/harness/loop", "tests/harness/experiment"),
     "harness/motion": ("tests/harness/loop", "tests/harness/experiment"),
     "harness/plants": ("tests/harness/loop", "tests/harness/experiment"),
-    "harness/output/web": ("tests/harness/view", "tests/harness/workspace"),
+}
+# Scripts are seen in a browser alone.
+_IN_BROWSER = {
+    "harness/view/web": ("tests/harness/view/test_in_browser.py",),
+    "harness/workspace/web": ("tests/harness/workspace/test_in_browser.py",),
+    "harness/output/web": ("tests/harness/view/test_in_browser.py", "tests/harness/workspace/test_in_browser.py"),
 }
 
 
 def tests_of(folder: str, root: Path) -> tuple[str, ...]:
     """Folders of tests that see one of the sources: its mirror or that of a folder above, and nearby ones."""
+    if Path(folder).as_posix() in _IN_BROWSER:
+        return _IN_BROWSER[Path(folder).as_posix()]
     for above in (Path(folder), *Path(folder).parents):
         if above != Path() and (root / "tests" / above).is_dir():
             nearby = _NEARBY.get(Path(folder).as_posix(), ())

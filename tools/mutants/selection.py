@@ -5,10 +5,11 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 from tools.mutants.mutation import Change, Mutant, mutant_of
-from tools.mutants.python_changes import python_changes
+from tools.mutants.python_changes import is_python, python_changes
 from tools.mutants.token_changes import token_changes
 
 _CHANGES: dict[str, Callable[[bytes], Iterator[list[Change]]]] = {
@@ -39,9 +40,14 @@ def mutants_in_order(root: Path, files: Iterable[Path], seed: int) -> list[Mutan
     for file in files:
         source = (root / file).read_bytes()
         for place in _CHANGES[file.suffix](source):
-            draw = random.Random(f"{seed}|{mutant_of(file, source, place[0]).before}")
-            chosen.append(mutant_of(file, source, draw.choice(place)))
+            mutants = [mutant_of(file, source, change) for change in place]
+            random.Random(f"{seed}|{mutants[0].before}").shuffle(mutants)
+            chosen += list(islice((m for m in mutants if _may_run(m, source)), 1))
     return sorted(_numbered(chosen), key=lambda mutant: mutant.rank(seed))
+
+
+def _may_run(mutant: Mutant, source: bytes) -> bool:
+    return mutant.file.suffix != ".py" or is_python(mutant.change.apply(source))
 
 
 def every_mutant(file: Path, source: bytes) -> Iterator[Mutant]:

@@ -1,4 +1,4 @@
-"""A process that has loaded the libraries, and forks into one run of pytest after the other; asked by lines of JSON.
+"""A process that has loaded libraries, its arguments, and forks into runs of pytest, asked for by lines of JSON.
 
 Loading NumPy, SciPy, CasADi and python-control takes longer than most mutants live. Nothing of the repository is
 loaded before the fork.
@@ -14,17 +14,12 @@ from contextlib import suppress
 from types import FrameType
 from typing import Any
 
-# Not those that are plugins of pytest: it wants to load them itself.
-_LIBRARIES = (
-    *("pytest", "numpy", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial.transform"),
-    *("casadi", "control", "fmpy", "lxml.etree"),
-)
 _child = 0
 
 
 def serve() -> None:
     """Answers each request `{"arguments": …, "environment": …, "printed": …}` with the exit code of pytest."""
-    for library in _LIBRARIES:
+    for library in sys.argv[1:]:
         with suppress(ImportError):
             importlib.import_module(library)
     signal.signal(signal.SIGTERM, _end)

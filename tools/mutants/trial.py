@@ -72,8 +72,8 @@ class Evidence:
 class Bench:
     """A copy of the repository, on which one mutant after the other is tried."""
 
-    def __init__(self, copy: Path, scratch: Path) -> None:
-        self.copy, self.scratch = copy, scratch
+    def __init__(self, copy: Path, scratch: Path, libraries: Iterable[str]) -> None:
+        self.copy, self.scratch, self._libraries = copy, scratch, libraries
         scratch.mkdir(parents=True)
         (scratch / "tmp").mkdir()
         self._server: subprocess.Popen[str] | None = None
@@ -89,11 +89,16 @@ class Bench:
         """
         data = self.scratch / "coverage"
         data.unlink(missing_ok=True)
-        options = [*(f"--cov={folder}" for folder in folders), "--cov-context=test", "--cov-report="]
+        options = ["-p", "pytest_cov.plugin", *(f"--cov={folder}" for folder in folders)]
+        options += ["--cov-context=test", "--cov-report="]
         plan = {"first": [], "skipped": [], "limits": {}, "limit": 3600}
         code, printed, result = self._pytest(tests, options, plan, {"COVERAGE_FILE": str(data)})
         if code != 0:
             raise CleanRunError(f"the tests have to pass before there are mutants; pytest says:\n{printed[-4000:]}")
+        if not result["passed"]:
+            raise CleanRunError(
+                f"no test ran, as where there is no Chromium for scripts; pytest says:\n{printed[-4000:]}"
+            )
         return Evidence(result["seconds"], result["longest_setup"], self._tests_of_lines(data))
 
     def _tests_of_lines(self, data: Path) -> dict[tuple[str, int], set[str]]:
@@ -135,7 +140,7 @@ class Bench:
         """First the modules with tests that may see the mutant soon, then the other tests."""
         first = evidence.first(mutant)
         plan = {"first": first, "skipped": [], "limits": evidence.limits(), "limit": 600}
-        options, environment = ["-x", "-p", "no:cov"], {"PYTHONDONTWRITEBYTECODE": "1"}
+        options, environment = ["-x"], {"PYTHONDONTWRITEBYTECODE": "1"}
         modules = sorted({test.partition("::")[0] for test in first})
         code, printed, result = self._pytest(modules, options, plan, environment)
         if code != 0 or len(result["seconds"]) == len(evidence.seconds):
@@ -159,11 +164,12 @@ class Bench:
         plan_file.write_text(json.dumps({**plan, "result": str(result)}), encoding="utf-8")
         shutil.rmtree(self.scratch / "tmp")
         (self.scratch / "tmp").mkdir()
-        plugins = ["-p", "tools.mutants.plugin", "-p", "no:cacheprovider", "-p", "no:xdist"]
+        plugins = ["-p", "tools.mutants.plugin", "-p", "no:cacheprovider"]
         # what is compiled from a mutant stays out of the user's caches
         own = {
             "PYTHONPATH": f"{self.copy}{os.pathsep}{_ROOT}",  # of what the tests start
             "MUTANTS_PLAN": str(plan_file),
+            "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # the tests need none, and they take a second to load
             "ZIG_GLOBAL_CACHE_DIR": str(self.scratch.parent / "zig"),
             "TMPDIR": str(self.scratch / "tmp"),
         }
@@ -182,7 +188,7 @@ class Bench:
         """Exit code of a run of pytest; a process that has the libraries forks for it."""
         if self._server is None:
             self._server = subprocess.Popen(
-                [sys.executable, "-m", "tools.mutants.server"],
+                [sys.executable, "-m", "tools.mutants.server", *self._libraries],
                 cwd=self.copy,
                 # one job is one processor
                 env={**os.environ, "PYTHONPATH": str(_ROOT), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
