@@ -9,7 +9,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from gough_stewart.fmu_build.archive import file_name
-from gough_stewart.fmu_build.toolchain import cache_folder
+from gough_stewart.fmu_build.compiler_cache import cache_folder
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.targets import native
 from gough_stewart.model.files import write_files
 from gough_stewart.model.progress import StepProgress
 
@@ -19,6 +21,8 @@ _PACKAGES = ("gough-stewart", "casadi", "fmpy", "latex2mathml", "numpy", "scipy"
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path:
     """The FMU of the paper's platform for this machine, from the cache if it was built from the same sources before.
+
+    Its digest lies beside it: a damaged one is built anew.
 
     Parameters
     ----------
@@ -30,18 +34,33 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
     Raises
     ------
     BuildError
-        As `build`.
+        As `build`; or the cache does not keep what is written there.
     OSError
         The cache cannot be written.
     """
-    path = cache_folder() / "fmus" / _digest() / file_name(fmi_version)
-    if not path.is_file():
+    path = cache_folder() / "fmus" / f"{_digest()}-{native().name}" / file_name(fmi_version)
+    kept = path.with_name(f"{path.name}.sha256")
+    if not _is_whole(path, kept):
         from gough_stewart.fmu_build.build import build  # CasADi, and all else that a unit of the cache needs no more
 
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
             (built,) = build(folder, fmi=[fmi_version], progress=progress)
-            write_files(path.parent, {path.name: built.read_bytes()})
+            content = built.read_bytes()
+        write_files(path.parent, {path.name: content, kept.name: _digest_of(content).encode()})
+        if not _is_whole(path, kept):
+            raise BuildError(f"{path} is not what was written there; delete the folder {path.parent}, or free its disk")
     return path
+
+
+def _is_whole(path: Path, kept: Path) -> bool:
+    try:
+        return kept.read_bytes() == _digest_of(path.read_bytes()).encode()
+    except OSError:
+        return False
+
+
+def _digest_of(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 @cache

@@ -1,6 +1,8 @@
 """The C compiler: `zig cc` from the ziglang wheel, the same for every target."""
 
 import os
+import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -12,8 +14,13 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from platformdirs import user_cache_path
-
+from gough_stewart.fmu_build.compiler_cache import (
+    cache_folder,
+    check_objects,
+    compiler_environment,
+    empty_objects,
+    remember_objects,
+)
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.model.files import write_whole
@@ -26,6 +33,8 @@ FLAGS = (
     "-fno-math-errno",
 )
 LIBRARY = "gough_stewart"
+# For a library of a few hundred kilobytes and what is made on the way [bytes].
+_ROOM = 16_000_000
 
 
 def compile_library(
@@ -33,7 +42,8 @@ def compile_library(
 ) -> bytes:
     """The shared library of some C files, the same bytes for the same sources.
 
-    The compiler ends soon after `stop` is set, with all processes that it has started.
+    A damaged cache of the compiler is made anew. The compiler ends soon after `stop` is set, with all processes that it
+    has started.
 
     Raises
     ------
@@ -43,21 +53,64 @@ def compile_library(
     # zig's cache knows a file by its place, so that every file gets one that goes with its content
     include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
+    check_objects()
     with tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library = Path(scratch, LIBRARY + target.suffix)
         command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags]
         command += ["-I", str(include), *files, "-o", str(library), "-lm"]
-        code, message = _run(command, scratch, stop or Event())
+        stop = stop or Event()
+        code, message = _run(command, scratch, stop)
+        if code != 0 and not stop.is_set() and _may_be_the_cache(message, scratch):
+            empty_objects()
+            code, message = _run(command, scratch, stop)
         if code != 0:
-            raise BuildError(f"the compiler failed for {target.name}:\n{message.strip()}")
+            raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
+        remember_objects()
         return library.read_bytes()
+
+
+def _is_about_sources(message: str) -> bool:
+    """Whether it names a line of a file that it was given."""
+    return re.search(re.escape(str(cache_folder())) + r".*?:\d+:\d+: (?:fatal )?error: ", message) is not None
+
+
+def _nearly_full(scratch: str) -> Path | None:
+    """The folder that has no room for a build, if there is one."""
+    for folder in (Path(scratch), cache_folder()):
+        if shutil.disk_usage(folder).free < _ROOM:
+            return folder
+    return None
+
+
+def _may_be_the_cache(message: str, scratch: str) -> bool:
+    return not _is_about_sources(message) and _nearly_full(scratch) is None
+
+
+def _complaint(code: int, message: str, scratch: str) -> str:
+    """What the compiler said, and what may help."""
+    words = message.strip() or f"it ended with {code} and said nothing"
+    full = _nearly_full(scratch)
+    if full is not None:
+        free = shutil.disk_usage(full).free / 1e6
+        place = f"{full.parent}, set TMPDIR" if full == Path(scratch) else f"{full}, set ZIG_GLOBAL_CACHE_DIR"
+        return f"{words}\nThere is room for {free:.3g} MB in {place} to a folder with {_ROOM / 1e6:.0f} MB or more."
+    if _is_about_sources(message):
+        return words
+    return f"{words}\nA new cache did not help; if nothing else explains this, delete the folder {cache_folder()}"
 
 
 def _run(command: Sequence[str], folder: str, stop: Event) -> tuple[int, str]:
     """Exit code of a command and what it said on its error stream; in a group of its own, to be ended as a whole."""
     group: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
     with subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **group
+        command,
+        cwd=folder,
+        env=compiler_environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+        **group,
     ) as compiler:
         while True:
             try:
@@ -87,12 +140,6 @@ def place_of(files: Mapping[str, str]) -> Path:
             "set ZIG_GLOBAL_CACHE_DIR or XDG_CACHE_HOME to a folder that can"
         ) from error
     return folder
-
-
-def cache_folder() -> Path:
-    """Where sources lie for the compiler; inside zig's cache if its place is set, so that both are cleared at once."""
-    zig = os.environ.get("ZIG_GLOBAL_CACHE_DIR")
-    return Path(zig, "gough-stewart") if zig else user_cache_path("gough-stewart") / "build"
 
 
 def universal_binary(libraries: Sequence[tuple[Target, bytes]]) -> bytes:

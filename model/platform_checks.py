@@ -98,15 +98,8 @@ def check_home_pose(platform: PlatformFields) -> None:
 
 def check_com_offsets(platform: PlatformFields) -> None:
     """Centres of mass lie on the legs, and near the platform."""
-    shortest = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.min())
-    for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
-        value = getattr(platform, name)
-        if not 0 <= value <= shortest:
-            raise PlatformError(
-                name,
-                f"is {value:g} m from the {end} joint; expected between 0 and the shortest leg of the home pose, "
-                f"{shortest:g} m",
-            )
+    lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    check_leg_com_offsets(platform, float(lengths.min()), "home")
     reach = float(np.linalg.norm(platform.platform_points, axis=1).max())
     offset = float(np.linalg.norm(platform.platform_com))
     if offset > 10 * reach:
@@ -114,6 +107,18 @@ def check_com_offsets(platform: PlatformFields) -> None:
             "platform_com",
             f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units",
         )
+
+
+def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) -> None:
+    """The centres of mass of both parts lie on every leg, the shortest [m] of a pose included: the legs are alike."""
+    for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
+        value = getattr(platform, name)
+        if not 0 <= value <= shortest:
+            raise PlatformError(
+                name,
+                f"is {value:g} m from the {end} joint; expected between 0 and the shortest leg of the {pose} pose, "
+                f"{shortest:g} m",
+            )
 
 
 def check_limits(platform: PlatformFields) -> None:

@@ -15,7 +15,9 @@ from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.integrator import integrate
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.real import real_array
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
@@ -55,7 +57,8 @@ class SteppingModel:
     7. A step fails, with `StepError`, when at an internal step a leg has collapsed, |pitch| reaches 90°, the leg
        Jacobian is singular (or was passed through singularity), the tolerance cannot be held, or more than
        `integrator.MOST_INTERNAL_STEPS` would be needed. The error names quantity, value and time. Wrong arguments
-       (step ≤ 0, another time, not finite) are errors too.
+       (step ≤ 0, another time, not finite) are errors too, and a start pose with a leg so short that the centre of
+       mass of a part does not lie on it.
        Poses are checked at internal steps: at a loose tolerance a motion may touch a singular pose and come back
        between two of them.
     8. A failed call leaves the model exactly as before it.
@@ -216,6 +219,9 @@ class SteppingModel:
             raise StepError("step", step, self._time, "too small to advance the time in double precision")
         # known from the step before, unless somebody has set something since
         handedness = self._handedness or check_pose(self._platform, self._x, self._time)
+        if not self._started:
+            legs = leg_geometry(self._platform, self._x[0:3], self._x[3:6])
+            check_leg_com_offsets(self._platform, float(legs.length.min()), "start")
         self._x, self._internal_step = integrate(
             lambda x: self._kernel.derivatives(x, self._u, self._p).copy(),
             self._x,

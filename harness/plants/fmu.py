@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,7 @@ class FmuPlant(Plant):
         tolerance: float = DEFAULT_TOLERANCE,
         fixed_step_size: float = 0.0,
     ) -> None:
+        self._platform = platform
         with ExitStack() as stack:
             file = path if isinstance(path, UnitFile) else stack.enter_context(UnitFile(path))
             self.path = file.path
@@ -76,14 +78,19 @@ class FmuPlant(Plant):
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
         """Rule 3 of `Plant`."""
-        known = {}
+        known: dict[str, Any] = {}
         for name, value in values.items():
             variable, element = interface.find(name)
             if variable not in interface.TUNABLE or element is not None:
                 tunable = ", ".join(v.name for v in interface.TUNABLE)
                 raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
             known[name] = interface.checked_value(variable, value)
+        if not known:
+            return
+        # the unit looks at elements one by one, and at an inertia as a whole when the next step begins
+        changed = replace(self._platform, **known)
         self._checked("parameters", self._unit.write_by_name, known)
+        self._platform = changed
 
     def results(self) -> FloatArray:
         """Rule 4 of `Plant`."""

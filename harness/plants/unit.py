@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.fmu_build.layout import BY_NAME
 from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.archive import check_archive
 from gough_stewart.model import interface
 
 FmiType = Literal["CoSimulation", "ModelExchange"]
@@ -44,7 +45,7 @@ class UnitFile:
     Raises
     ------
     PlantError
-        No such file, not an FMU, or an FMU of another model or version.
+        No such file, not an FMU, one that must not be unpacked, or an FMU of another model or version.
     """
 
     def __init__(self, path: Path | str, folder: Path | None = None) -> None:
@@ -133,8 +134,11 @@ class Unit:
             "modelIdentifier": file.description.coSimulation.modelIdentifier,  # that of Model Exchange, too
             "instanceName": name,
         }
+        kind: Any = _CLASSES[file.version, fmi_type]
+        # made in two steps: its library is loaded before it may fail
+        self.fmu: Any = kind.__new__(kind)
         try:
-            self.fmu: Any = _CLASSES[file.version, fmi_type](**arguments)
+            self.fmu.__init__(**arguments)
             if self.is_fmi2:
                 # kept, since the instance calls them for as long as it lives
                 self.callbacks = fmi2CallbackFunctions()
@@ -145,6 +149,8 @@ class Unit:
             else:
                 self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
         except Exception as error:  # FMPy raises it bare
+            if hasattr(self.fmu, "dll"):
+                self.fmu.freeLibrary()
             text = self.take_messages()
             reason = f"gives no instance: {text}" if text else f"does not run on this machine ({error})"
             raise PlantError(f"{file.path}: {reason}; build it here by `gough-stewart build`") from error
@@ -224,6 +230,7 @@ def references(name: str, is_fmi2: bool) -> list[int]:
 def _description_of(path: Path) -> Any:
     if not path.is_file():
         raise PlantError(f"{path}: no such file; expected an FMU; {_REMEDY}")
+    check_archive(path)
     try:
         description = fmpy.read_model_description(str(path))
     except Exception as error:  # FMPy, zipfile and lxml each have their own

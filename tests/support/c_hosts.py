@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from gough_stewart.fmu_build.compiler_cache import compiler_environment
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import place_of
 from gough_stewart.model.platform_toml import load_preset
@@ -43,6 +44,7 @@ def compile_host(host: Sequence[Path], program: Path, compiler: Sequence[str]) -
         text=True,
         check=False,
         cwd=program.parent,
+        env=compiler_environment(),
     )
     assert done.returncode == 0, done.stderr
     return program

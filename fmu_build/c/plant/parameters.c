@@ -80,14 +80,14 @@ int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS]
     if (!joints_are_apart(p + P_BASE_POINTS, "base_points", message) ||
         !joints_are_apart(p + P_PLATFORM_POINTS, "platform_points", message))
         return 0;
-    double longest = 0;
-    for (int i = 0; i < N_LEGS; i++)
-        longest = fmax(longest, leg_length[i]);
+    double shortest = leg_length[0];
+    for (int i = 1; i < N_LEGS; i++)
+        shortest = fmin(shortest, leg_length[i]);
     const double com[2] = {p[P_LEG_LOWER_COM], p[P_LEG_UPPER_COM]};
     for (int part = 0; part < 2; part++)
-        if (com[part] > longest) {
-            write_message(message, "leg_%s_com is %g m; expected on the leg, at most the longest leg of the start, %g m",
-                          part ? "upper" : "lower", com[part], longest);
+        if (com[part] > shortest) { /* the legs are alike: what is not on the shortest lies beside it */
+            write_message(message, "leg_%s_com is %g m; expected on the leg, at most the shortest one of the start, %g m",
+                          part ? "upper" : "lower", com[part], shortest);
             return 0;
         }
     return 1;

@@ -1,8 +1,10 @@
 """Plants by their contract: model, FMI 2.0 and FMI 3.0 give the same, and clean up after themselves."""
 
+import sys
 import tempfile
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 
@@ -18,10 +20,12 @@ from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.unit import Unit, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import forward_dynamics
-from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.errors import GoughStewartError, InterfaceError, PlatformError, StepError
 from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
@@ -170,6 +174,47 @@ def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platfor
     assert abs(floating[2]) < 0.1
 
 
+def test_an_inertia_that_no_body_has_is_refused_at_once_and_changes_nothing(open_one: Open) -> None:
+    """Expected: rule 3, and rule 6 of a step under the old payload; no parameters at all are none."""
+    with open_one(UNEVEN, None) as plant, open_one(UNEVEN, None) as other:
+        with pytest.raises(PlatformError, match="triangle"):
+            plant.set_parameters({"platform_mass": 30.0, "platform_inertia": np.diag([1.0, 1.0, 3.0])})
+        plant.set_parameters({})
+        for each in (plant, other):
+            each.set_inputs(1.1 * np.append(UNEVEN.home_actuator_force, np.zeros(6)))
+            each.do_step(0.0, 0.01)
+        assert (plant.results() == other.results()).all()
+        plant.set_parameters({"platform_inertia": np.diag([1.0, 1.0, 1.5])})
+        with pytest.raises(PlatformError, match="triangle"):
+            plant.set_parameters({"platform_inertia": np.diag([1.0, 2.0, 3.1])})
+        plant.do_step(0.01, 0.01)
+
+
+def test_a_centre_of_mass_beyond_the_shortest_leg_of_the_start_is_refused(open_one: Open) -> None:
+    """Expected: legs are alike, so that what is not on the shortest lies beside it; home has longer legs."""
+    long = replace(UNEVEN, leg_lower_com=2.35)
+    low = State(UNEVEN.home_position - [0.0, 0.0, 0.9], np.zeros(3), np.zeros(3), np.zeros(3))
+    lengths = leg_geometry(long, low.position, low.orientation).length
+    assert lengths.min() < 2.35 < lengths.max()
+    with open_one(long, None) as plant:
+        plant.do_step(0.0, 0.01)
+    with pytest.raises(GoughStewartError, match=r"leg_lower_com.* is 2.35 m"), open_one(long, low) as plant:
+        plant.do_step(0.0, 0.01)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="mapped files are read from /proc")
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_failed_instance_does_not_keep_the_library(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: no file of the unit's folder is mapped into this process afterwards."""
+    with UnitFile(fmus[version].path) as file:
+        with Unit(file):
+            assert str(file.folder) in Path("/proc/self/maps").read_text()
+        assert str(file.folder) not in Path("/proc/self/maps").read_text()
+        with pytest.raises(PlantError, match="wrong token"):
+            Unit(file, token="another")
+        assert str(file.folder) not in Path("/proc/self/maps").read_text()
+
+
 def test_closing_twice_is_fine_and_leaves_nothing(
     fmus: dict[str, Fmu], paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -263,7 +308,8 @@ def test_open_plant_builds_what_is_not_given_and_keeps_it(
         with open_plant("fmu3", paper, progress=told.append) as plant:
             plant.do_step(0.0, 0.01)
         assert sum("FMI 3.0: sources" in text for text in told) == count
-    assert [file.name for file in tmp_path.rglob("*") if file.is_file()] == ["gough_stewart_fmi3.fmu"]
+    names = ["gough_stewart_fmi3.fmu", "gough_stewart_fmi3.fmu.sha256"]
+    assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == names
 
 
 def test_open_plant_refuses_what_does_not_fit(fmus: dict[str, Fmu], paper: Platform) -> None:

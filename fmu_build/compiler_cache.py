@@ -1,0 +1,90 @@
+"""The compiler's cache: a folder of its own, whose objects are checked by digest, so that damage heals by itself.
+
+Beside each object in it lies the digest of what the compiler wrote. An object that differs would be linked as it is,
+or end every later build: the cache is emptied, and what is in it made anew.
+"""
+
+import os
+import shutil
+from hashlib import sha256
+from pathlib import Path
+from threading import Lock
+
+from platformdirs import user_cache_path
+
+_OBJECTS, _DIGESTS = "o", ".sha256"
+_lock = Lock()
+_emptied: set[Path] = set()
+_checked: set[Path] = set()
+
+
+def cache_folder() -> Path:
+    """Where sources and objects lie; inside zig's cache if its place is set, so that both are cleared at once."""
+    zig = os.environ.get("ZIG_GLOBAL_CACHE_DIR")
+    return Path(zig, "gough-stewart") if zig else user_cache_path("gough-stewart") / "build"
+
+
+def object_cache() -> Path:
+    """The folder that zig keeps its objects in."""
+    return cache_folder() / "zig"
+
+
+def compiler_environment() -> dict[str, str]:
+    """The process's environment, with the compiler's caches in `object_cache`."""
+    folder = str(object_cache())
+    return {**os.environ, "ZIG_GLOBAL_CACHE_DIR": folder, "ZIG_LOCAL_CACHE_DIR": folder}
+
+
+def check_objects() -> None:
+    """Empty the cache if an object is not what the compiler wrote; once a process."""
+    folder = object_cache()
+    with _lock:
+        if folder in _checked:
+            return
+        _checked.add(folder)
+        if not all(_is_whole(place) for place in _places(folder)):
+            _empty(folder)
+
+
+def empty_objects() -> None:
+    """Empty the cache, since the compiler stumbled over it; once a process, so that builds side by side go on."""
+    folder = object_cache()
+    with _lock:
+        if folder not in _emptied:
+            _empty(folder)
+
+
+def remember_objects() -> None:
+    """Keep the digests of objects that are new."""
+    with _lock:
+        for place in _places(object_cache()):
+            if not (place / _DIGESTS).exists():
+                try:
+                    (place / _DIGESTS).write_text(_digests(place))
+                except OSError:  # a full disk: the next build is not checked
+                    return
+
+
+def _places(folder: Path) -> list[Path]:
+    objects = folder / _OBJECTS
+    return [place for place in objects.iterdir() if place.is_dir()] if objects.is_dir() else []
+
+
+def _is_whole(place: Path) -> bool:
+    try:
+        return not (place / _DIGESTS).exists() or (place / _DIGESTS).read_text() == _digests(place)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _digests(place: Path) -> str:
+    files = sorted(file for file in place.rglob("*") if file.is_file() and file.name != _DIGESTS)
+    return "".join(f"{sha256(file.read_bytes()).hexdigest()} {file.relative_to(place)}\n" for file in files)
+
+
+def _empty(folder: Path) -> None:
+    _emptied.add(folder)
+    if folder.is_dir() and not folder.is_symlink():
+        shutil.rmtree(folder, ignore_errors=True)
+    else:
+        folder.unlink(missing_ok=True)

@@ -1,0 +1,63 @@
+"""FMUs that must not be unpacked are refused by name and size, before anything is."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.archive import check_archive
+from gough_stewart.harness.plants.fmu import FmuPlant
+from tests.support.uneven import UNEVEN
+
+
+def archive_with(path: Path, name: str) -> Path:
+    """An archive whose last entry has this name, as no library would write it."""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", b"<fmiModelDescription/>")
+        entry = zipfile.ZipInfo("harmless")
+        entry.filename = entry.orig_filename = name
+        archive.writestr(entry, b"x")
+    return path
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("/etc/unit", "//host/unit", "../outside", "resources/../../outside", ".."),
+        *("resources\\..\\..\\outside", "\\outside", "C:/outside", "c:outside"),
+    ],
+)
+def test_an_entry_that_leads_out_is_refused_by_name(name: str, tmp_path: Path) -> None:
+    path = archive_with(tmp_path / "unit.fmu", name)
+    with pytest.raises(
+        PlantError, match=r"unit\.fmu: the entry .* leads out of the archive.*nothing was unpacked"
+    ) as caught:
+        FmuPlant(path, UNEVEN)
+    assert repr(name) in str(caught.value)
+    assert [file.name for file in tmp_path.iterdir()] == ["unit.fmu"]
+
+
+@pytest.mark.parametrize("name", ["resources/a..b", "resources/..hidden", "documentation/d:e.html"])
+def test_other_names_are_no_reason(name: str, tmp_path: Path) -> None:
+    check_archive(archive_with(tmp_path / "unit.fmu", name))
+
+
+def test_a_bomb_is_refused_by_name_and_size(tmp_path: Path) -> None:
+    path = tmp_path / "unit.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", b"<fmiModelDescription/>")
+        with archive.open("resources/bomb", "w") as bomb:
+            for _ in range(300):
+                bomb.write(bytes(1_000_000))
+    assert path.stat().st_size < 1_000_000
+    with pytest.raises(PlantError, match=r"300 MB of it the entry 'resources/bomb'; expected at most 256 MB"):
+        FmuPlant(path, UNEVEN)
+
+
+def test_an_archive_of_too_many_files_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "unit.fmu", "w") as archive:
+        for k in range(10_001):
+            archive.writestr(f"resources/{k}", b"")
+    with pytest.raises(PlantError, match="holds 10,001 files; expected an FMU of at most 10,000"):
+        FmuPlant(tmp_path / "unit.fmu", UNEVEN)
