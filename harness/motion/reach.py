@@ -9,10 +9,12 @@ from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
 from gough_stewart.model.kinematics import (
+    condition_number_bound,
     conditioning_of_legs,
     joint_angles,
     leg_geometry,
     rates_of_legs,
+    scaled_jacobian_of_legs,
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
@@ -96,7 +98,9 @@ def check_reach(
 def _bounds(platform: Platform, motion: Motion, largest_condition_number: float) -> list[_Bound]:
     pose = (motion.position, motion.orientation)
     legs = leg_geometry(platform, *pose)
-    condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
+    condition_number = condition_number_bound(scaled_jacobian_of_legs(legs)[0])
+    if not (condition_number <= largest_condition_number).all():
+        condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
     side = side_of_singular_poses(platform, legs)
     pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # at LARGEST_PITCH itself the plant refuses
     bounds = [

@@ -8,7 +8,8 @@ import numpy as np
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_html
 from gough_stewart.harness.results.figures import pose_png
 from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.harness.results.record import Record, outcome_text
+from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.tables import metrics_sheets
 
 _ERRORS = {"position": ("mm", 1e3), "orientation": ("mrad", 1e3), "leg_length": ("mm", 1e3)}

@@ -4,18 +4,56 @@ Importing matplotlib and drawing take half as long as a run of ten seconds, and 
 beside the loop.
 """
 
+import gc
+import os
 import pickle
 import subprocess
 import sys
+from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from gough_stewart.harness.results.record import Record
 
 FIGURES = ("pose", "errors", "forces", "legs")
-# The process has a copy of the record.
-_MOST_ROWS = 100_000
+_POSE_AND_LEGS = ("position", "orientation", "leg_length")
+_DRAWN = (
+    *("time", "actuator_force", "flag.force_limited", "flag.rate_limited"),
+    *(f"{prefix}{name}" for prefix in ("", "reference.", "error.") for name in _POSE_AND_LEGS),
+)
+
+
+class Drawable(Protocol):
+    """What figures are drawn of: a record, or the part of one."""
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Title, outcome, limits."""
+
+    def __getitem__(self, name: str) -> "NDArray[Any]":
+        """A column (n,), or all columns of a variable (n, size)."""
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is such a column or variable."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The part of a record that figures show, without polars, whose import would take longer than to send this."""
+
+    columns: "dict[str, NDArray[Any]]"
+    metadata: dict[str, Any]
+
+    def __getitem__(self, name: str) -> "NDArray[Any]":
+        """As of a record."""
+        return self.columns[name]
+
+    def __contains__(self, name: str) -> bool:
+        """As of a record."""
+        return name in self.columns
 
 
 def draw_here(record: "Record") -> dict[str, bytes]:
@@ -49,12 +87,13 @@ class Drawing:
 
     def __call__(self, record: "Record") -> dict[str, bytes]:
         """Figures by file name; drawn here if the process cannot, where whatever is wrong shows."""
-        if self._process is None or record.table.height > _MOST_ROWS:
-            return draw_here(record)
         process, self._process = self._process, None
+        if process is None:
+            return draw_here(record)
+        drawn = Drawn({name: record[name] for name in _DRAWN if name in record}, record.metadata)
         with process:
             try:
-                answer, _ = process.communicate(pickle.dumps(record))
+                answer, _ = process.communicate(pickle.dumps(drawn))
             except BaseException:
                 process.kill()
                 raise
@@ -73,10 +112,33 @@ class Drawing:
 
 
 def _draw_what_is_sent() -> None:
+    gc.disable()  # it will not live long enough to have garbage
     from gough_stewart.harness.results.figures import run_figures
 
-    record = pickle.load(sys.stdin.buffer)
-    sys.stdout.buffer.write(pickle.dumps(run_figures(record)))
+    drawn = pickle.load(sys.stdin.buffer)
+    if sys.platform == "linux":  # elsewhere libraries may not survive a fork
+        figures = _drawn_by_two(drawn)
+    else:
+        figures = run_figures(drawn)
+    sys.stdout.buffer.write(pickle.dumps(figures))
+    sys.stdout.flush()
+    os._exit(0)  # to clean up behind all imports would take a tenth of a second
+
+
+def _drawn_by_two(drawn: Drawn) -> dict[str, bytes]:
+    """Half of the figures by a copy of this process, which has everything imported."""
+    from gough_stewart.harness.results.figures import run_figures
+
+    reader, writer = os.pipe()
+    if os.fork() == 0:
+        with os.fdopen(writer, "wb") as there:
+            pickle.dump(run_figures(drawn, FIGURES[2:]), there)
+        os._exit(0)
+    os.close(writer)
+    figures = run_figures(drawn, FIGURES[:2])
+    with os.fdopen(reader, "rb") as there:
+        figures.update(pickle.load(there))
+    return figures
 
 
 if __name__ == "__main__":

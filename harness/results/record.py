@@ -149,12 +149,6 @@ def columns(prefix: str, size: int) -> list[str]:
     return [f"{prefix}[{k + 1}]" for k in range(size)]
 
 
-def outcome_text(outcome: dict[str, Any]) -> str:
-    """How a run ended, in one line: status, time and, if there is one, cause."""
-    cause = f": {outcome['cause']}" if outcome.get("cause") else ""
-    return f"{outcome['status']} at {outcome['time']:.6g} s{cause}"
-
-
 def plain(platform: Platform) -> dict[str, Any]:
     """A platform in plain types, as metadata hold it."""
     return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}

@@ -6,7 +6,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_terminal
-from gough_stewart.harness.results.record import outcome_text
+from gough_stewart.harness.results.outcome import outcome_text
 
 
 def metrics_table(metrics: dict[str, Any]) -> RenderableType:

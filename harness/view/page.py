@@ -14,7 +14,8 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, library, plotly
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.results.metrics import finite_part, metrics
-from gough_stewart.harness.results.record import Record, machine_of, outcome_text, platform_of
+from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.record import Record, machine_of, platform_of
 from gough_stewart.harness.results.tables import metrics_sheets
 from gough_stewart.harness.view.charts import DASHES, chart_of, points_of
 from gough_stewart.harness.view.scene import FRAMES, frame_rows, scene_of

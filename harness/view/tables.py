@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.output.tables import Named, Sheet, number_text
-from gough_stewart.harness.results.record import Record, outcome_text
+from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.scene import FLAGS, nearness_to_limits
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform

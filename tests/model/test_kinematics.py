@@ -151,3 +151,15 @@ def test_poses_and_motions_may_be_lists(paper: Platform) -> None:
         dynamics.inverse_dynamics(paper, given, dynamics.Acceleration(*acceleration))
         == dynamics.inverse_dynamics(paper, same, dynamics.Acceleration(*map(np.array, acceleration)))
     ).all()
+
+
+def test_the_bound_of_the_condition_number_is_above_it_and_not_by_much() -> None:
+    """Expected: κ ≤ ‖A‖ ‖A⁻¹‖ ≤ n κ in Frobenius norms, with κ by singular values; no bound where a matrix has none."""
+    rng = np.random.default_rng(4)
+    matrices = rng.normal(size=(50, 6, 6)) * np.geomspace(1e-3, 1e3, 6)
+    exact, bound = np.linalg.cond(matrices), kinematics.condition_number_bound(matrices)
+    assert (exact <= bound).all()
+    assert (bound <= 6 * exact).all()
+    matrices[7, 3] = matrices[7, 2]
+    assert kinematics.condition_number_bound(matrices)[7] > 1e12
+    assert np.isinf(kinematics.condition_number_bound(np.zeros((2, 6, 6)))).all()

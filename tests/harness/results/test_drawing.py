@@ -27,14 +27,11 @@ def test_another_process_draws_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_without_the_process_figures_are_drawn_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the same files if it has died, if there can be no other process, and of a record too long to copy."""
+    """Expected: the same files if it has died, and if there can be no other process."""
     expected = run_figures(RECORD)
     with Drawing() as draw:
         assert draw._process is not None
         draw._process.kill()
-        assert draw(RECORD) == expected
-    monkeypatch.setattr(drawing, "_MOST_ROWS", 19)
-    with Drawing() as draw:
         assert draw(RECORD) == expected
     monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: (_ for _ in ()).throw(BlockingIOError()))
     with Drawing() as draw:
