@@ -16,6 +16,7 @@ from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.stepping import SteppingModel
 from tests.fmu_build.test_trajectories import start_of
+from tests.model.test_stepping import CLOCKS
 from tests.support.fmu_plants import DISCARD, ERROR, OK, Fmu, plant, refused
 from tests.support.random_platforms import random_inputs, random_platform, random_state
 from tests.support.uneven import UNEVEN, uneven_case
@@ -193,6 +194,20 @@ def test_what_is_computed_cannot_be_set(fmu: Fmu, name: str) -> None:
         assert "computed" in p.messages[-1].text
 
 
+def test_messages_name_each_element_as_the_description_does(fmu2: Fmu) -> None:
+    """Expected: the names of modelDescription.xml, `joint_force[4,2]`, `der(velocity[3])`, by value reference."""
+    with plant(fmu2) as p:
+        computed = [v for v in fmu2.description.modelVariables if v.causality in ("output", "local") and not v.start]
+        assert len(computed) > 40
+        for v in computed:
+            assert refused(p.fmu.setReal, [v.valueReference], [0.0]) == ERROR
+            assert f": {v.name} is computed" in p.messages[-1].text
+        for v in fmu2.description.modelVariables:
+            if v.causality in ("input", "parameter"):
+                assert refused(p.fmu.setReal, [v.valueReference], [np.nan]) == DISCARD
+                assert f": {v.name} = nan {v.unit} refused; expected a finite number" in p.messages[-1].text
+
+
 def test_unknown_references_wrong_counts_and_null_pointers_are_errors(fmu: Fmu) -> None:
     with plant(fmu) as p:
         one, reference = (c_double * 1)(), (c_uint32 * 1)(4711)
@@ -260,6 +275,27 @@ def test_a_step_that_makes_no_sense_is_an_error(fmu: Fmu, time: float, step: flo
         assert refused(p.step, time, step) == ERROR
         assert expected in p.messages[-1].text
         assert p.serialized() == before
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("now", "step", "inside", "outside"), CLOCKS)
+def test_an_importers_clock_may_round_a_little(
+    fmu: Fmu, now: float, step: float, inside: float, outside: float, side: int
+) -> None:
+    """Expected: as for the stepping model."""
+    with plant(fmu) as p:
+        p.start(time=now)
+        assert refused(p.step, now + side * outside, step) == ERROR
+        assert "present time" in p.messages[-1].text
+        p.step(now + side * inside, step)
+
+
+@pytest.mark.parametrize(("late", "status"), [(0.5e-9, OK), (2e-9, ERROR)])
+def test_a_step_may_pass_the_stop_time_by_the_rounding_of_a_clock(fmu: Fmu, late: float, status: int) -> None:
+    """Expected: 1e-9 s for times about a second."""
+    with plant(fmu) as p:
+        p.start(stop=0.25)
+        assert refused(p.step, 0.0, 0.25 + late) == status
 
 
 def test_the_tolerance_of_model_exchange_is_the_importers_business(fmu: Fmu) -> None:

@@ -210,6 +210,25 @@ def test_rule_5_a_stale_time_is_refused_also_late_and_for_tiny_steps() -> None:
     model.do_step(1000.0 + 1e-6, 1e-6)
 
 
+# Present time, step, and the largest accepted difference: 1e-9 of the time or of 1 s, but no more than a thousandth of
+# the step, nor less than a few units of rounding, 2⁻⁴⁵ s at 200 s. The last is to be refused.
+CLOCKS = [
+    (0.5, 1e-3, 0.97e-9, 1.03e-9),
+    (0.5, 1e-7, 0.97e-10, 1.03e-10),
+    (200.0, 1e-3, 1.94e-7, 2.06e-7),
+    (200.0, 1e-11, 4 * 2.0**-45, 8 * 2.0**-45),
+]
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("now", "step", "inside", "outside"), CLOCKS)
+def test_rule_5_a_clock_may_round_a_little(now: float, step: float, inside: float, outside: float, side: int) -> None:
+    model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)))
+    model.do_step(0.0, now)
+    refused(model, lambda: model.do_step(now + side * outside, step), StepError, "present time")
+    model.do_step(now + side * inside, step)
+
+
 @pytest.mark.parametrize("copied", [deepcopy, copy, lambda model: pickle.loads(pickle.dumps(model))])
 def test_rule_9_copies_go_their_own_way(copied: Any) -> None:
     """Expected: the same future, and no effect on the original."""

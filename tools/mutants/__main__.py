@@ -14,7 +14,7 @@ from queue import Queue
 from tools.mutants.copies import copy_of
 from tools.mutants.mutation import Mutant
 from tools.mutants.rooms import DEFAULT_FOLDERS, LIBRARIES, tests_of
-from tools.mutants.selection import files_in, mutants_in_order, reason_of, reasons
+from tools.mutants.selection import equivalents, files_in, mutants_in_order
 from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
 
 ROOT = Path(__file__).parents[2]
@@ -72,12 +72,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _chosen(root: Path, folder: str, options: argparse.Namespace) -> list[Mutant]:
     """Mutants of a folder in their order, without those that are known to be equivalent."""
-    known = reasons()
+    known = equivalents()
     mutants = mutants_in_order(root, files_in(root, [folder], options.file), options.seed)
     if options.again:
         before = json.loads(options.again.read_text(encoding="utf-8"))
         mutants = [mutant for mutant in mutants if before.get(mutant.key) == Fate.SURVIVED.name]
-    return [mutant for mutant in mutants if reason_of(mutant, known) is None]
+    return [mutant for mutant in mutants if known.reason(mutant) is None]
 
 
 @contextmanager

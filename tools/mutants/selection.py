@@ -1,10 +1,12 @@
 """The mutants of some folders in the random order of a seed."""
 
 import random
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from itertools import islice
 from pathlib import Path
 
@@ -65,12 +67,26 @@ def _numbered(mutants: Iterable[Mutant]) -> Iterator[Mutant]:
         seen[mutant.key] += 1
 
 
-def reasons(path: Path = EQUIVALENT) -> dict[tuple[str, str, str], str]:
-    """Why a mutant cannot be told from the source, by file and lines before and after."""
-    tables = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", [])
-    return {(each["file"], each["before"], each["after"]): each["reason"] for each in tables}
+@dataclass(frozen=True)
+class Equivalents:
+    """Mutants that cannot be told from the source, with the reason: single ones, and families by a pattern."""
+
+    single: dict[tuple[str, str, str], str]  # by file and lines before and after
+    families: tuple[tuple[str, re.Pattern[str], str], ...]  # file with wildcards, "before → after", reason
+
+    def reason(self, mutant: Mutant) -> str | None:
+        """Why this one cannot be told from the source, if it is known."""
+        file = mutant.file.as_posix()
+        for pattern, change, why in self.families:
+            if fnmatch(file, pattern) and change.search(f"{mutant.before} → {mutant.after}"):
+                return why
+        return self.single.get((file, mutant.before, mutant.after))
 
 
-def reason_of(mutant: Mutant, known: dict[tuple[str, str, str], str]) -> str | None:
-    """Why this one cannot be told from the source, if it is known."""
-    return known.get((mutant.file.as_posix(), mutant.before, mutant.after))
+def equivalents(path: Path = EQUIVALENT) -> Equivalents:
+    """What the file says."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    return Equivalents(
+        {(each["file"], each["before"], each["after"]): each["reason"] for each in tables.get("mutant", [])},
+        tuple((each["file"], re.compile(each["pattern"]), each["reason"]) for each in tables.get("family", [])),
+    )
