@@ -65,7 +65,7 @@ format: $(VENV)/dev
 
 # The variable switches off a notice of the theme, which names it for that.
 docs: $(VENV)/docs
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --site-dir $(abspath $(SITE))
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --site-dir "$$($(BIN)/python -c 'import os, sys; print(os.path.abspath(sys.argv[1]))' "$(SITE)")"
 	@echo "open $(SITE)/index.html"
 
 figures: $(VENV)/dev

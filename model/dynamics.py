@@ -23,7 +23,7 @@ from gough_stewart.model.leg_dynamics import axial_mass, bias_force, inertia_for
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import Array, apply, concatenate, cross, dot, skew, transpose
+from gough_stewart.model.vectors import Array, apply, concatenate, cross, dot, skew, transpose, without_warnings
 
 Solve = Callable[[Array, Array], Array]
 
@@ -58,7 +58,7 @@ def solve_leg_forces(matrix: Array, vector: Array) -> Array:
 
 
 def _check_condition(matrix: Array) -> None:
-    worst = float(np.max(np.linalg.cond(matrix)))
+    worst = float(np.max(np.linalg.cond(matrix))) if np.isfinite(matrix).all() else np.inf
     if not worst < LARGEST_CONDITION_NUMBER:
         raise SingularPoseError(
             f"leg Jacobian has condition number {worst:.3g}, expected below {LARGEST_CONDITION_NUMBER:g}: the leg "
@@ -67,6 +67,7 @@ def _check_condition(matrix: Array) -> None:
         )
 
 
+@without_warnings
 def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Mass matrix M (..., 6, 6) for the twist [v; ω]; symmetric, positive definite.
 
@@ -78,12 +79,14 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     return _mass_matrix(parameters, legs, _lumped_body(parameters, orientation, legs))
 
 
+@without_warnings
 def bias_wrench(parameters: Parameters, state: State) -> Array:
     """Wrench n (..., 6) that holds [v̇; ω̇] = 0 without actuators: inertia of the motion, weight, friction."""
     legs = leg_geometry(parameters, state.position, state.orientation)
     return _bias_wrench(parameters, state, legs, _lumped_body(parameters, state.orientation, legs))
 
 
+@without_warnings
 def forward_dynamics(
     parameters: Parameters, state: State, inputs: Inputs, solve: Solve = solve_mass_matrix
 ) -> Acceleration:
@@ -100,6 +103,7 @@ def forward_dynamics(
     return Acceleration(a[..., :3], a[..., 3:])
 
 
+@without_warnings
 def inverse_dynamics(
     parameters: Parameters,
     state: State,
@@ -159,6 +163,7 @@ def static_leg_forces(
     return inverse_dynamics(parameters, state, Acceleration(rest, rest), external_wrench, solve)
 
 
+@without_warnings
 def joint_forces(parameters: Parameters, state: State, actuator_force: Array, acceleration: Acceleration) -> Array:
     """Force of each leg on the platform at P_i (..., 6, 3) [N], world components.
 

@@ -7,9 +7,10 @@ from gough_stewart.model.leg_dynamics import axial_mass, friction_force, leg_mom
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
-from gough_stewart.model.vectors import Array, apply, cross, dot, per_leg, transpose
+from gough_stewart.model.vectors import Array, apply, cross, dot, per_leg, transpose, without_warnings
 
 
+@without_warnings
 def kinetic_energy(parameters: Parameters, state: State) -> Array:
     """Kinetic energy (...) [J] of the platform and the six legs.
 
@@ -27,6 +28,7 @@ def kinetic_energy(parameters: Parameters, state: State) -> Array:
     return np.asarray(0.5 * (of_platform + of_legs.sum(axis=-1)))
 
 
+@without_warnings
 def potential_energy(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Potential energy of gravity (...) [J], zero where every mass lies at the world origin.
 

@@ -12,7 +12,7 @@ import numpy as np
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
-from gough_stewart.model.vectors import Array, cross, dot, transpose
+from gough_stewart.model.vectors import Array, cross, dot, transpose, without_warnings
 
 
 class LegGeometry(NamedTuple):
@@ -40,6 +40,7 @@ class Conditioning(NamedTuple):
     characteristic_length: Array  # ρ (...) [m], the scale of angles
 
 
+@without_warnings
 def leg_geometry(parameters: Parameters, position: Array, orientation: Array) -> LegGeometry:
     """Vectors, lengths and directions of the legs at a pose.
 
@@ -67,6 +68,7 @@ def leg_rates(parameters: Parameters, state: State) -> LegRates:
     return rates_of_legs(leg_geometry(parameters, state.position, state.orientation), state)
 
 
+@without_warnings
 def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
     """`leg_rates` where the geometry is known already."""
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
@@ -119,6 +121,7 @@ def condition_number_bound(matrix: Array) -> Array:
     return np.asarray(np.linalg.norm(matrix, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1)))
 
 
+@without_warnings
 def handedness_of_legs(legs: LegGeometry) -> Array:
     """sign(det J) (...): constant within an assembly mode, changes at singular poses; else 0 or not a number."""
     return np.asarray(np.sign(np.linalg.det(jacobian_of_legs(legs))))

@@ -11,6 +11,8 @@ Array = NDArray[Any]
 Scalars = Array | float
 # Numbers alone.
 FloatArray = NDArray[np.float64]
+# A decorator: a leg of length 0 has no direction, and what follows from it is infinite or not a number, without a word.
+without_warnings = np.errstate(divide="ignore", invalid="ignore")
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
+from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path, targets
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar
 
 
@@ -27,6 +27,7 @@ def build_command(
             help="System to run on: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
             "x86_64-darwin, aarch64-darwin; may be repeated.",
             metavar="NAME",
+            autocompletion=targets,
         ),
     ] = None,
     preset: PresetOption = None,

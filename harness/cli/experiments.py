@@ -5,11 +5,15 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from gough_stewart.harness.cli.options import experiments
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors
 
 
 def experiments_command(
-    name: Annotated[str | None, typer.Argument(help="Print this experiment's TOML file.", metavar="[NAME]")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Print this experiment's TOML file.", metavar="[NAME]", autocompletion=experiments),
+    ] = None,
 ) -> None:
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():

@@ -1,8 +1,13 @@
 """The command `margins`: the linear side of an experiment."""
 
-from pathlib import Path
-
-from gough_stewart.harness.cli.options import ExperimentArgument, OutOption, SetOption, chosen_experiment
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    NoPythonOption,
+    OutOption,
+    SetOption,
+    chosen_experiment,
+    results_folder,
+)
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written
 
 
@@ -10,6 +15,7 @@ def margins_command(
     experiment: ExperimentArgument,
     out: OutOption = None,
     settings: SetOption = None,
+    no_python: NoPythonOption = False,
 ) -> None:
     """Gains, closed-loop modes and stability margins of an experiment's controller, on the linear model.
 
@@ -23,8 +29,8 @@ def margins_command(
     - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
     """
     with clear_errors() as written:
-        chosen = chosen_experiment(experiment, settings)
-        folder = out or Path("results", f"{Path(experiment).stem}-margins")
+        chosen = chosen_experiment(experiment, settings, no_python)
+        folder = out or results_folder(experiment, "-margins")
         with progress_bar() as bar:
             bar.add_task("linear model, margins, figures", total=None)
             from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets

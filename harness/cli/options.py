@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gough_stewart.harness.errors import UsageError
+from gough_stewart.harness.cli.terminal import errors
+from gough_stewart.harness.errors import ExperimentError, UsageError
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
@@ -22,15 +23,53 @@ def path(text: str) -> Path:
     return Path(text)
 
 
+# What the shell completes; where none fits, it looks for files.
+
+
+def presets(begun: str) -> list[str]:
+    """Platforms that ship with the package."""
+    from gough_stewart.model.platform_toml import preset_names
+
+    return [name for name in preset_names() if name.startswith(begun)]
+
+
+def experiments(begun: str) -> list[str]:
+    """Experiments that ship with the package."""
+    from gough_stewart.harness.experiment.file import experiment_names
+
+    return [name for name in experiment_names() if name.startswith(begun)]
+
+
+def targets(begun: str) -> list[str]:
+    """Systems that FMUs are built for."""
+    from gough_stewart.fmu_build.targets import BY_NAME
+
+    return [name for name in ("native", "all", *BY_NAME) if name.startswith(begun)]
+
+
 PresetOption = Annotated[
     str | None,
-    typer.Option(help="A platform that ships with the package; see `gough-stewart presets`.", metavar="NAME"),
+    typer.Option(
+        help="A platform that ships with the package; see `gough-stewart presets`.",
+        metavar="NAME",
+        autocompletion=presets,
+    ),
 ]
 PlatformOption = Annotated[
     Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE", parser=path)
 ]
 ExperimentArgument = Annotated[
-    str, typer.Argument(help="A TOML file, or the name of a shipped experiment.", metavar="FILE.toml|NAME")
+    str,
+    typer.Argument(
+        help="A TOML file, or the name of a shipped experiment. A file may name a Python controller or an FMU, which "
+        "are executed: run only files you trust, or with --no-python.",
+        metavar="FILE.toml|NAME",
+        autocompletion=experiments,
+    ),
+]
+NoPythonOption = Annotated[
+    bool,
+    typer.Option("--no-python", help="Refuse an experiment that executes code of its own: a Python file, or an FMU."),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -65,8 +104,33 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
     return load_preset(cases.PAPER_PRESET if preset is None else preset)
 
 
-def chosen_experiment(given: str, settings: list[str] | None) -> "Experiment":
-    """The experiment of a file, or a shipped one by its name; a file of that name goes first."""
+def chosen_experiment(given: str, settings: list[str] | None, no_python: bool) -> "Experiment":
+    """The experiment of a file, or a shipped one by its name; a file of that name goes first.
+
+    Raises
+    ------
+    ExperimentError
+        It cannot be had, or it executes code of its own and that is not wanted.
+    """
     from gough_stewart.harness.experiment.file import load_experiment
 
-    return load_experiment(given, settings or [])
+    chosen = load_experiment(given, settings or [])
+    if no_python and chosen.code:
+        raise ExperimentError(
+            chosen.where, "", f"executes {', '.join(chosen.code)}; leave out --no-python if you trust these files"
+        )
+    for file in chosen.code:
+        errors.say((f"executes {file}, which {given} names", "dim"))
+    return chosen
+
+
+def results_folder(experiment: str, suffix: str = "") -> Path:
+    """Where the files of an experiment go by default: results/NAME, without the end of a file's name.
+
+    A file with the name of a shipped experiment keeps its end, so that the two stay apart.
+    """
+    from gough_stewart.harness.experiment.file import experiment_names
+
+    given = Path(experiment)
+    name = given.name if given.stem in experiment_names() and experiment != given.stem else given.stem
+    return Path("results", name + suffix)

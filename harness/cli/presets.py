@@ -5,11 +5,15 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from gough_stewart.harness.cli.options import presets
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors
 
 
 def presets_command(
-    name: Annotated[str | None, typer.Argument(help="Print this preset's TOML file.", metavar="[NAME]")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Print this preset's TOML file.", metavar="[NAME]", autocompletion=presets),
+    ] = None,
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():

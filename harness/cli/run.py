@@ -7,11 +7,13 @@ import typer
 
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
+    NoPythonOption,
     OutOption,
     ReportOption,
     SetOption,
     chosen_experiment,
     path,
+    results_folder,
 )
 from gough_stewart.harness.cli.terminal import (
     EXIT_INTERRUPTED,
@@ -36,11 +38,17 @@ def run_command(
     ] = None,
     fmu: Annotated[
         Path | None,
-        typer.Option(help="The FMU for the plant fmu2 or fmu3; built if none is given.", metavar="FILE", parser=path),
+        typer.Option(
+            help="The FMU for the plant fmu2 or fmu3; built if none is given. Its code is executed, in a process of "
+            "its own.",
+            metavar="FILE",
+            parser=path,
+        ),
     ] = None,
     out: OutOption = None,
     settings: SetOption = None,
     report: ReportOption = False,
+    no_python: NoPythonOption = False,
 ) -> None:
     """Run an experiment: a controller around the stepping model or the FMU, sampled as on the machine.
 
@@ -48,8 +56,8 @@ def run_command(
     states, flags), **metrics.json**, and **pose**, **errors**, **forces** and **legs** as PNG and SVG; with `--report`
     also **report.html**.
 
-    Exit code 3 if the loop diverged or was stopped by a limit, 130 after Ctrl-C; what ran so far is written all the
-    same.
+    Exit code 3 if the loop diverged, or was stopped by a limit, by its controller or by the FMU; 130 after Ctrl-C. What
+    ran so far is written all the same.
 
     Examples
     --------
@@ -60,8 +68,8 @@ def run_command(
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
     with clear_errors() as written:
-        chosen = chosen_experiment(experiment, settings)
-        folder = out or Path("results", Path(experiment).stem)
+        chosen = chosen_experiment(experiment, settings, no_python)
+        folder = out or results_folder(experiment)
         # every refresh costs the run as much as a hundred of its steps
         with progress_bar(refresh_per_second=4) as progress, Drawing() as draw:
             task = progress.add_task("preparing", total=chosen.loop.duration)

@@ -9,8 +9,9 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray
 
-# A row takes some 150 numbers, and they are there twice while the record is made.
 MOST_STEPS = 1_000_000
+# Measured: some 150 numbers a row, in the loop's arrays, in the record's table, and once more while it is made.
+BYTES_A_STEP = 4_000
 # Times are multiples of the plant step to this share of it.
 _ROUNDING = 1e-6
 
@@ -49,7 +50,8 @@ class Timing:
             if not long / short <= MOST_STEPS:
                 raise ControllerError(
                     f"{whole} {long:g} s has {long / short:.3g} plant steps of {short:g} s; expected at most "
-                    f"{MOST_STEPS}, which fill about 3 GB of memory; make it shorter, or the plant_step longer"
+                    f"{MOST_STEPS}, which fill about {MOST_STEPS * BYTES_A_STEP / 1e9:.2g} GB of memory; make it "
+                    "shorter, or the plant_step longer"
                 )
             if round(long / short) < 1 or abs(long / short - round(long / short)) > _ROUNDING:
                 raise ControllerError(

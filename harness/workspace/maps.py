@@ -187,7 +187,8 @@ def _clip(axes: Axes, plane: Plane, *drawn: Any) -> None:
 def _lines(
     axes: Axes, workspace: Workspace, plane: Plane, values: FloatArray, levels: Any, colour: str
 ) -> QuadContourSet | None:
-    inside = [level for level in levels if np.nanmin(values) < level < np.nanmax(values)]
+    finite = values[np.isfinite(values)]
+    inside = [level for level in levels if finite.min(initial=np.inf) < level < finite.max(initial=-np.inf)]
     if not inside:
         return None
     lines = axes.contour(*plane.values, values.T, levels=inside, colors=colour, linewidths=0.7)

@@ -1,5 +1,6 @@
 """Leg kinematics against closed forms, finite differences and known singular poses."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import dynamics, kinematics
+from gough_stewart.model.errors import SingularPoseError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import angular_velocity_from_orientation_rate
 from gough_stewart.model.state import State
@@ -163,3 +165,18 @@ def test_the_bound_of_the_condition_number_is_above_it_and_not_by_much() -> None
     matrices[7, 3] = matrices[7, 2]
     assert kinematics.condition_number_bound(matrices)[7] > 1e12
     assert np.isinf(kinematics.condition_number_bound(np.zeros((2, 6, 6)))).all()
+
+
+def test_a_leg_of_length_zero_is_a_singular_pose_and_no_warning(paper: Platform) -> None:
+    """Expected: joints of leg 1 that meet to the last bit at the origin; a warning would fail the test."""
+    base, points = paper.base_points.copy(), paper.platform_points.copy()
+    base[0] = points[0] = [0.5, 1.0, 0.0]
+    met = replace(paper, base_points=base, platform_points=points, home_orientation=np.zeros(3))
+    o = np.zeros(3)
+    assert kinematics.leg_geometry(met, o, o).length[0] == 0
+    assert kinematics.conditioning(met, o, o).condition_number == np.inf
+    assert np.isnan(dynamics.mass_matrix(met, o, o)).any()
+    with pytest.raises(SingularPoseError, match="condition number inf"):
+        dynamics.static_leg_forces(met, o, o)
+    with pytest.raises(SingularPoseError, match="condition number inf"):
+        dynamics.inverse_dynamics(met, State(o, o, o, o), dynamics.Acceleration(o, o))

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from typer.testing import Result
+from typer.testing import CliRunner, Result
 
+from gough_stewart.harness.cli import app as cli
 from gough_stewart.harness.experiment.file import experiment_names, shipped_text
 from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
@@ -166,3 +167,90 @@ def test_a_folder_without_permission_is_refused_before_the_run(tmp_path: Path, m
     done = invoke("run", "heave_step", "--out", str(tmp_path / "out"))
     assert done.exit_code == 1
     assert "no permission to write" in done.output
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with an experiment that names a Python file and one that names an FMU, which mark what they do."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "law.py").write_text(
+        "import pathlib\npathlib.Path('mark').touch()\ncontroller = lambda sample: [4078.57] * 6\n"
+    )
+    head = 'title = "own"\nplatform.preset = "motion_base"\nreference.type = "hold"\nloop.duration = 0.005\n'
+    (tmp_path / "heave_step.toml").write_text(head + 'controller = {type = "python", file = "law.py"}')
+    (tmp_path / "unit.toml").write_text(
+        head + 'controller.type = "open_loop"\nplant = {kind = "fmu2", fmu = "unit.fmu"}'
+    )
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", ["run", "margins"])
+def test_no_python_refuses_what_an_experiment_would_execute(command: str, own: Path) -> None:
+    """Expected: the file is named, and was not executed."""
+    for experiment, file in (("heave_step.toml", "law.py"), ("unit.toml", "unit.fmu")):
+        done = invoke(command, experiment, "--no-python")
+        assert done.exit_code == 1
+        assert f"{experiment}: executes {file}; leave out --no-python" in done.output
+    assert {path.name for path in own.iterdir()} == {"law.py", "heave_step.toml", "unit.toml"}
+    assert invoke("margins", "heave_step", "--no-python", "--out", "shipped").exit_code == 0
+
+
+def test_run_says_which_code_it_executes(own: Path) -> None:
+    done = invoke("run", "heave_step.toml")
+    assert "executes law.py, which heave_step.toml names" in done.stderr
+    assert (own / "mark").is_file()
+
+
+def test_a_file_with_the_name_of_a_shipped_experiment_has_a_folder_of_its_own(own: Path) -> None:
+    """Expected: results/NAME for what ships and for files, but for one whose name ships as well."""
+    done = invoke("run", "heave_step.toml")
+    assert done.exit_code == 0, done.output
+    (own / "mine.toml").write_text((own / "heave_step.toml").read_text())
+    assert invoke("run", "mine.toml").exit_code == 0
+    assert invoke("run", "heave_step", "--set", "loop.duration=0.3").exit_code == 0
+    assert {path.name for path in (own / "results").iterdir()} == {"heave_step", "heave_step.toml", "mine"}
+    assert read_record(own / "results" / "heave_step").metadata["title"] != "own"
+
+
+def test_no_file_of_an_older_run_stays_beside_a_new_record(own: Path) -> None:
+    """Expected: with a page at first, then without one: as after the second alone."""
+    assert invoke("run", "heave_step", "--set", "loop.duration=0.3", "--report", "--out", "out").exit_code == 0
+    assert (own / "out" / "report.html").is_file()
+    assert invoke("run", "heave_step", "--set", "loop.duration=0.3", "--out", "out").exit_code == 0
+    assert {path.name for path in (own / "out").iterdir()} == FILES
+
+
+def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the record first of all, what is missing named, and no figure of the run before."""
+    short = ("run", "heave_step", "--set", "loop.duration=0.3", "--out", "out")
+    assert invoke(*short).exit_code == 0
+
+    def fails(*_: object) -> None:
+        raise OSError(28, "No space left on device", "out/pose.png")
+
+    monkeypatch.setattr("gough_stewart.harness.experiment.files.metrics_json", fails)
+    done = invoke(*short)
+    assert done.exit_code == 1
+    assert "No space left on device; out has record.parquet" in done.output
+    assert "missing: metrics.json, pose.png" in done.output
+    assert {path.name for path in (own / "out").iterdir()} == {"record.parquet", "record.csv", "metadata.json"}
+    assert read_record(own / "out").metadata["rows"] == 301
+
+
+@pytest.mark.parametrize(
+    ("words", "completed"),
+    [
+        (["run", "hea"], ["heave_step"]),
+        (["margins", "circle_"], ["circle_computed_torque"]),
+        (["experiments", "satur"], ["saturation"]),
+        (["presets", "desk"], ["desktop_hexapod"]),
+        (["reproduce", "--preset", "mot"], ["motion_base"]),
+        (["build", "--target", "x86_64-"], ["x86_64-linux", "x86_64-windows", "x86_64-darwin"]),
+    ],
+)
+def test_the_shell_completes_names(words: list[str], completed: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("_GOUGH_STEWART_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", " ".join(["gough-stewart", *words]))
+    monkeypatch.setenv("COMP_CWORD", str(len(words)))
+    done = CliRunner().invoke(cli.app, prog_name="gough-stewart")
+    assert done.output.split() == completed
