@@ -21,7 +21,7 @@ from gough_stewart.fmu_build.reference_results import ReferenceRuns, reference_f
 from gough_stewart.fmu_build.sources import Sources, sources, standard_headers, standard_license
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import LIBRARY, compile_library, universal_binary
-from gough_stewart.model.files import check_output_folder, write_whole
+from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.progress import StepProgress
@@ -86,11 +86,9 @@ def build(
         told(f"FMI {version}: sources and documents")
         unit = unit_of(chosen, version, runs)
         libraries = _compile(unit, systems, told)
-        archives[folder / file_name(version)] = to_zip(contents(unit, libraries))
-    folder.mkdir(parents=True, exist_ok=True)
-    for path, content in archives.items():
-        write_whole(path, content)
-    return list(archives)
+        archives[file_name(version)] = to_zip(contents(unit, libraries))
+    write_files(folder, archives)
+    return [folder / name for name in archives]
 
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:

@@ -68,7 +68,7 @@ def reproduce_command(
         check_output_folder(out, [*FILES, PAGE])
         case = _chosen_case(order, preset, platform)
         result = reproduce(case, errors, report)
-        write_files(out, result.files)
+        write_files(out, result.files, [PAGE])
         written.append(out)
         Terminal().print(to_terminal(result.report))
         say_written(result.files, out)

@@ -256,6 +256,9 @@ def test_chirp_sweeps_and_goes_on_with_continuous_phase() -> None:
     sweeping = np.sin(2 * np.pi * (f0 * TIMES + (f1 - f0) * TIMES**2 / (2 * T)))
     after = np.sin(2 * np.pi * (0.5 * (f0 + f1) * T + f1 * (TIMES - T)))
     assert np.allclose(motion.position[:, 2], np.where(TIMES < T, sweeping, after), atol=1e-13)
+    # at T itself the frequency has come to rest
+    at_end = Chirp(**STILL, **HEAVE, from_frequency=f0, to_frequency=f1, duration=T)(np.array([T]))
+    assert at_end.acceleration[0, 2] == pytest.approx(-((2 * np.pi * f1) ** 2) * np.sin(np.pi * (f0 + f1) * T))
 
 
 def test_a_chirp_of_one_frequency_is_a_sine() -> None:
