@@ -15,6 +15,10 @@ class ControllerError(GoughStewartError, ValueError):
     """A controller of the wrong size or rate, gains that no controller can have, or a law that gave no forces."""
 
 
+class ExportError(GoughStewartError, ValueError):
+    """A controller or a loop that cannot leave: no law that can be written as C, or a system that no importer takes."""
+
+
 class RecordError(GoughStewartError, ValueError):
     """A file that is no record of a run, or a column that a record has not."""
 

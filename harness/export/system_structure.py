@@ -1,0 +1,167 @@
+"""SystemStructure.ssd and parameter sets of SSP 1.0: units by name, their connectors, connections and parameters.
+
+What importers were found to need is what is written: one flat system without connectors of its own, scalars with
+`ssc:Real` in every connector, connected connectors only, the standard's prefixes, SI units.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from lxml import etree
+
+from gough_stewart.fmu_build.package import package_metadata
+from gough_stewart.fmu_build.units import BY_NAME
+from gough_stewart.harness.errors import ExportError
+
+_SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
+_SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+_SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+_PREFIXES = {"ssd": _SSD, "ssc": _SSC, "ssv": _SSV}
+# libcosim takes its step from an annotation of its own
+_OSP = "com.opensimulationplatform"
+_FMU = "application/x-fmu-sharedlibrary"
+
+
+@dataclass(frozen=True)
+class Connector:
+    """A scalar input or output of a unit."""
+
+    name: str
+    kind: Literal["input", "output"]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Component:
+    """A unit in a system."""
+
+    name: str
+    source: str  # path in the archive
+    connectors: tuple[Connector, ...]
+    parameters: Mapping[str, tuple[float, str]]  # value and unit, by scalar name
+
+
+@dataclass(frozen=True)
+class Connection:
+    """From an output to an input, each as (component, connector)."""
+
+    start: tuple[str, str]
+    end: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class System:
+    """Units and how they are connected.
+
+    Raises
+    ------
+    ExportError
+        A component whose name begins with another's, which FMPy would take for it, or a connection of what is not
+        there.
+    """
+
+    name: str
+    components: tuple[Component, ...]
+    connections: tuple[Connection, ...]
+    duration: float  # [s]
+    step: float  # of the master [s]
+
+    def __post_init__(self) -> None:
+        names = [component.name for component in self.components]
+        for k, name in enumerate(names):
+            for other in names[:k] + names[k + 1 :]:
+                if other.startswith(name):
+                    raise ExportError(
+                        f"components are named '{name}' and '{other}'; expected names of which none begins with "
+                        "another, since FMPy finds parameters by the beginning of their names"
+                    )
+        ends = {(c.name, connector.name): connector.kind for c in self.components for connector in c.connectors}
+        for connection in self.connections:
+            for end, kind in ((connection.start, "output"), (connection.end, "input")):
+                if ends.get(end) != kind:
+                    raise ExportError(f"no {kind} '{end[1]}' of '{end[0]}' to connect")
+
+
+def system_structure(system: System) -> bytes:
+    """SystemStructure.ssd of a system, with its parameter values inside."""
+    package = package_metadata()
+    root = etree.Element(_ssd("SystemStructureDescription"), nsmap=_PREFIXES, version="1.0", name=system.name)
+    root.set("generationTool", f"gough-stewart {package['Version']}")
+    whole = etree.SubElement(root, _ssd("System"), name=system.name)
+    elements = etree.SubElement(whole, _ssd("Elements"))
+    for component in system.components:
+        _add_component(elements, component)
+    connections = etree.SubElement(whole, _ssd("Connections"))
+    for connection in system.connections:
+        ends = {"startElement": connection.start[0], "startConnector": connection.start[1]}
+        ends |= {"endElement": connection.end[0], "endConnector": connection.end[1]}
+        etree.SubElement(connections, _ssd("Connection"), ends)
+    _add_units(root, _ssd("Units"), _units_of(system.components))
+    experiment = etree.SubElement(root, _ssd("DefaultExperiment"), startTime="0", stopTime=repr(system.duration))
+    annotations = etree.SubElement(experiment, _ssd("Annotations"))
+    annotation = etree.SubElement(annotations, f"{{{_SSC}}}Annotation", type=_OSP)
+    osp = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+    algorithm = etree.SubElement(annotation, f"{{{osp}}}Algorithm", nsmap={"osp": osp})
+    etree.SubElement(algorithm, f"{{{osp}}}FixedStepAlgorithm", baseStepSize=repr(system.step))
+    return _to_bytes(root)
+
+
+def parameter_values(system: System) -> bytes:
+    """The parameters of all components as one SSV file, named `component.parameter` as importers of it expect."""
+    root = etree.Element(f"{{{_SSV}}}ParameterSet", nsmap={"ssv": _SSV, "ssc": _SSC}, version="1.0", name=system.name)
+    _add_parameters(
+        root, ((f"{c.name}.{name}", value) for c in system.components for name, value in c.parameters.items())
+    )
+    _add_units(root, f"{{{_SSV}}}Units", {unit for c in system.components for _, unit in c.parameters.values()})
+    return _to_bytes(root)
+
+
+def _add_component(elements: etree._Element, component: Component) -> None:
+    element = etree.SubElement(
+        elements,
+        _ssd("Component"),
+        name=component.name,
+        type=_FMU,
+        source=component.source,
+        implementation="CoSimulation",
+    )
+    connectors = etree.SubElement(element, _ssd("Connectors"))
+    for connector in component.connectors:
+        place = etree.SubElement(connectors, _ssd("Connector"), name=connector.name, kind=connector.kind)
+        etree.SubElement(place, f"{{{_SSC}}}Real", unit=connector.unit)
+    bindings = etree.SubElement(element, _ssd("ParameterBindings"))
+    binding = etree.SubElement(bindings, _ssd("ParameterBinding"), type="application/x-ssp-parameter-set")
+    values = etree.SubElement(binding, _ssd("ParameterValues"))
+    parameters = etree.SubElement(values, f"{{{_SSV}}}ParameterSet", version="1.0", name=component.name)
+    _add_parameters(parameters, component.parameters.items())
+    _add_units(parameters, f"{{{_SSV}}}Units", {unit for _, unit in component.parameters.values()})
+
+
+def _add_parameters(parent: etree._Element, parameters: Iterable[tuple[str, tuple[float, str]]]) -> None:
+    whole = etree.SubElement(parent, f"{{{_SSV}}}Parameters")
+    for name, (value, unit) in parameters:
+        parameter = etree.SubElement(whole, f"{{{_SSV}}}Parameter", name=name)
+        real = etree.SubElement(parameter, f"{{{_SSV}}}Real", value=repr(float(value)))
+        if unit:
+            real.set("unit", unit)
+
+
+def _add_units(parent: etree._Element, tag: str, names: set[str]) -> None:
+    units = etree.SubElement(parent, tag)
+    for name in sorted(names - {""}):
+        unit = etree.SubElement(units, f"{{{_SSC}}}Unit", name=name)
+        exponents = {base: str(power) for base, power in BY_NAME[name].exponents.items()}
+        etree.SubElement(unit, f"{{{_SSC}}}BaseUnit", exponents)
+
+
+def _units_of(components: Iterable[Component]) -> set[str]:
+    return {connector.unit for component in components for connector in component.connectors}
+
+
+def _ssd(name: str) -> str:
+    return f"{{{_SSD}}}{name}"
+
+
+def _to_bytes(root: etree._Element) -> bytes:
+    return bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True, pretty_print=True))
