@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Unit, UnitFile, Values
+from gough_stewart.harness.plants.unit import Unit, UnitFile, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.platform import Platform
@@ -60,8 +60,8 @@ class FmuPlant(Plant):
             self.fmi_version = file.version
             self._unit = unit = stack.enter_context(Unit(file))
             # everything that is called in each step has its buffers from here on
-            self._results = Values([v.name for v in interface.RESULTS], unit.is_fmi2)
-            self._inputs = Values([v.name for v in interface.INPUTS], unit.is_fmi2)
+            self._results = values_of([v.name for v in interface.RESULTS], unit.is_fmi2)
+            self._inputs = values_of([v.name for v in interface.INPUTS], unit.is_fmi2)
             values: dict[str, ArrayLike] = {v.name: getattr(platform, v.name) for v in interface.PLATFORM_PARAMETERS}
             values["fixed_step_size"] = fixed_step_size
             values |= interface.start_values(interface.INPUTS, platform)

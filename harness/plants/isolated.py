@@ -1,5 +1,6 @@
-"""The FMU of somebody else as a plant in a process of its own: what it does to that process is not done to the run."""
+"""The FMU of somebody else in a process of its own: what it does to that process is not done to the run."""
 
+import importlib
 import os
 import pickle
 import signal
@@ -27,27 +28,33 @@ _PATIENCE = 2.0
 _WATCH = 0.5
 
 
-class IsolatedFmu(Plant):
-    """`FmuPlant` in a process of its own; if that ends, or says nothing any more, it does so alone.
+class Isolated:
+    """An object in a process of its own; if that ends, or says nothing any more, it does so alone.
 
     Calls and answers go through its standard streams as pickles, one answer for each call. An answer is a pair: whether
     all went well, and the value or the error. What the unit itself prints is kept for the message if it crashes.
 
+    Parameters
+    ----------
+    path
+        Of the unit, for messages.
+    kind
+        The class of the object, as "module:name", which is imported there only; it has a method `close`.
+    arguments
+        Of the class.
+    error
+        What to raise if the process has ended.
+
     Raises
     ------
-    PlantError
-        As `FmuPlant`, or the process has ended.
+    GoughStewartError
+        As the class.
     """
 
     def __init__(
-        self,
-        path: Path | str,
-        platform: Platform,
-        start: State | None = None,
-        tolerance: float = DEFAULT_TOLERANCE,
-        fixed_step_size: float = 0.0,
+        self, path: Path, kind: str, arguments: tuple[Any, ...], error: type[GoughStewartError] = PlantError
     ) -> None:
-        self.path = Path(path)
+        self.path, self._error = path, error
         # everything that the unit leaves behind is in there
         self._folder = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
         self._printed = Path(self._folder.name, "printed")
@@ -61,49 +68,33 @@ class IsolatedFmu(Plant):
                     env={**os.environ, "TMPDIR": self._folder.name, "TEMP": self._folder.name},
                     **_own_group(),
                 )
-            self.fmi_version: str = self._answer_to("start", (self.path, platform, start, tolerance, fixed_step_size))
+            self.call("start", kind, arguments)
         except BaseException:
             self.close()
             raise
 
-    def set_inputs(self, inputs: FloatArray) -> None:
-        """Rule 2 of `Plant`."""
-        self._answer_to("set_inputs", (inputs,))
-
-    def set_parameters(self, values: Mapping[str, object]) -> None:
-        """Rule 3 of `Plant`."""
-        self._answer_to("set_parameters", (dict(values),))
-
-    def results(self) -> FloatArray:
-        """Rule 4 of `Plant`."""
-        found: FloatArray = self._answer_to("results", ())
-        return found
-
-    def do_step(self, time: float, step: float) -> None:
-        """Rules 5 and 6 of `Plant`."""
-        self._answer_to("do_step", (time, step))
+    def call(self, method: str, *arguments: Any) -> Any:
+        """What a method of the object gives."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        try:
+            _send(self._process.stdin, (method, arguments))
+            well, value = pickle.load(self._process.stdout)
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            where = f"do_step at time {arguments[0]:.9g} s" if method == "do_step" else method
+            raise self._error(f"{self.path}: the unit {self._how_it_ended()} in {where}{self._last_line()}") from error
+        if not well:
+            raise value
+        return value
 
     def close(self) -> None:
-        """Rule 8 of `Plant`."""
+        """End the process; a second time does nothing."""
         process = getattr(self, "_process", None)
         if process is not None and process.returncode is None:
             self._end(process)
         self._folder.cleanup()
 
     # --- inside ------------------------------------------------------------------------------------------------
-
-    def _answer_to(self, call: str, arguments: tuple[Any, ...]) -> Any:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        try:
-            _send(self._process.stdin, (call, arguments))
-            well, value = pickle.load(self._process.stdout)
-        except (EOFError, OSError, pickle.UnpicklingError) as error:
-            where = f"do_step at time {arguments[0]:.9g} s" if call == "do_step" else call
-            raise PlantError(f"{self.path}: the unit {self._how_it_ended()} in {where}{self._last_line()}") from error
-        if not well:
-            raise value
-        return value
 
     def _how_it_ended(self) -> str:
         self._end(self._process)
@@ -128,16 +119,58 @@ class IsolatedFmu(Plant):
             process.wait()
 
 
+class IsolatedFmu(Plant):
+    """`FmuPlant` in a process of its own.
+
+    Raises
+    ------
+    PlantError
+        As `FmuPlant`, or the process has ended.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        platform: Platform,
+        start: State | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+        fixed_step_size: float = 0.0,
+    ) -> None:
+        self.path = Path(path)
+        arguments = (self.path, platform, start, tolerance, fixed_step_size)
+        self._other = Isolated(self.path, "gough_stewart.harness.plants.fmu:FmuPlant", arguments)
+        self.fmi_version: str = self._other.call("__getattribute__", "fmi_version")
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        """Rule 2 of `Plant`."""
+        self._other.call("set_inputs", inputs)
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        """Rule 3 of `Plant`."""
+        self._other.call("set_parameters", dict(values))
+
+    def results(self) -> FloatArray:
+        """Rule 4 of `Plant`."""
+        found: FloatArray = self._other.call("results")
+        return found
+
+    def do_step(self, time: float, step: float) -> None:
+        """Rules 5 and 6 of `Plant`."""
+        self._other.call("do_step", time, step)
+
+    def close(self) -> None:
+        """Rule 8 of `Plant`."""
+        self._other.close()
+
+
 def serve() -> None:
-    """The other side: an `FmuPlant` that answers calls until there are no more, or nobody is left to hear them."""
+    """The other side: an object that answers calls until there are no more, or nobody is left to hear them."""
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # a unit that reads or prints does not get into the conversation
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
-    from gough_stewart.harness.plants.fmu import FmuPlant
-
-    plant: FmuPlant | None = None
+    served: Any = None
     answer: Any
     try:
         while True:
@@ -146,17 +179,18 @@ def serve() -> None:
             except EOFError:
                 return
             try:
-                if plant is None:
-                    plant = FmuPlant(*arguments)
-                    answer = True, plant.fmi_version
+                if served is None:
+                    (module, name), of_kind = arguments[0].split(":"), arguments[1]
+                    served = getattr(importlib.import_module(module), name)(*of_kind)
+                    answer = True, None
                 else:
-                    answer = True, getattr(plant, call)(*arguments)
+                    answer = True, getattr(served, call)(*arguments)
             except GoughStewartError as error:
                 answer = False, error
             _send(answers, answer)
     finally:
-        if plant is not None:
-            plant.close()
+        if served is not None:
+            served.close()
 
 
 def _end_with_parent(parent: int) -> None:

@@ -1,15 +1,16 @@
-"""A unit of this project in FMPy: its file unpacked, an instance with its messages, variables by name.
+"""A unit in FMPy: its file unpacked, an instance with its messages, values by reference.
 
-The one place that knows how FMPy runs a unit. The plant, the runs of the paper and the tests of the unit stand on it.
+The one place that knows how FMPy runs a unit. The plant, controllers that are units, the runs of the paper and the
+tests of the unit stand on it.
 """
 
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from ctypes import POINTER, Array, byref, c_bool, c_double, c_uint
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import fmpy
 import numpy as np
@@ -21,6 +22,7 @@ from gough_stewart.fmu_build.layout import BY_NAME
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.archive import check_archive
 from gough_stewart.model import interface
+from gough_stewart.model.errors import GoughStewartError
 
 FmiType = Literal["CoSimulation", "ModelExchange"]
 _CLASSES = {
@@ -29,11 +31,10 @@ _CLASSES = {
     ("3.0", "CoSimulation"): FMU3Slave,
     ("3.0", "ModelExchange"): FMU3Model,
 }
-_REMEDY = "make one by `gough-stewart build`"
 
 
-class UnitFile:
-    """The file of a unit, unpacked until it is closed.
+class FmuFile:
+    """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until it is closed.
 
     Parameters
     ----------
@@ -44,14 +45,18 @@ class UnitFile:
 
     Raises
     ------
-    PlantError
-        No such file, not an FMU, one that must not be unpacked, or an FMU of another model or version.
+    GoughStewartError
+        No such file, not an FMU, one that must not be unpacked, or one of another kind; each class has its own.
     """
+
+    error: ClassVar[type[GoughStewartError]] = PlantError
+    remedy: ClassVar[str] = "make one by `gough-stewart build`"
 
     def __init__(self, path: Path | str, folder: Path | None = None) -> None:
         self.path = Path(path)
-        self.description = _description_of(self.path)
+        self.description = self._read()
         self.version = str(self.description.fmiVersion)
+        self._check()
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         if folder is None:
             self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
@@ -61,12 +66,21 @@ class UnitFile:
             fmpy.extract(str(self.path), unzipdir=str(self.folder))
         except (OSError, zipfile.BadZipFile, zlib.error) as error:
             self.close()
-            raise PlantError(f"{self.path}: cannot be unpacked ({error}); {_REMEDY}") from error
+            raise self.refusal(f"cannot be unpacked ({error})") from error
+
+    @property
+    def is_fmi2(self) -> bool:
+        """Whether its variables are scalars."""
+        return self.version == "2.0"
 
     @property
     def token(self) -> str:
         """GUID or instantiation token."""
         return str(self.description.guid or self.description.instantiationToken)
+
+    def refusal(self, reason: str) -> GoughStewartError:
+        """The error that says why, and what to do."""
+        return self.error(f"{self.path}: {reason}; {self.remedy}")
 
     def close(self) -> None:
         """Remove the temporary folder; a second time does nothing."""
@@ -79,6 +93,37 @@ class UnitFile:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _read(self) -> Any:
+        if not self.path.is_file():
+            raise self.refusal("no such file; expected an FMU")
+        check_archive(self.path)
+        try:
+            description = fmpy.read_model_description(str(self.path))
+        except Exception as error:  # FMPy, zipfile and lxml each have their own
+            raise self.refusal(f"is not an FMU ({error})") from error
+        if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
+            kind = f"FMI {description.fmiVersion}, {description.modelName}"
+            raise self.refusal(f"{kind}; expected Co-Simulation of FMI 2.0 or 3.0")
+        return description
+
+    def _check(self) -> None:
+        """Refuse what its class cannot use."""
+
+
+class UnitFile(FmuFile):
+    """The file of a plant that this project has built; raises `PlantError`, also for another model or version."""
+
+    def _check(self) -> None:
+        found = {v.name: v.valueReference for v in self.description.modelVariables}
+        for variable in interface.VARIABLES:
+            names = variable.scalar_names if self.is_fmi2 else (variable.name,)
+            for name, reference in zip(names, references(variable.name, self.is_fmi2), strict=True):
+                if found.get(name) != reference:
+                    model = self.description.modelName
+                    raise self.refusal(
+                        f"is the FMU of another model or version, {model} (variable {name} not found where it belongs)"
+                    )
+
 
 class Message(NamedTuple):
     """What an instance tells its importer."""
@@ -90,16 +135,23 @@ class Message(NamedTuple):
 
 
 class Values:
-    """Whole variables with a buffer for their values, in the form that a unit gets and sets them."""
+    """Variables by their value references with a buffer for their values, in the form that a unit gets and sets them.
 
-    def __init__(self, names: Iterable[str], is_fmi2: bool) -> None:
-        rows = [BY_NAME[name] for name in names]
-        size = interface.size_of(row.variable for row in rows)
-        found = [reference for row in rows for reference in references(row.variable.name, is_fmi2)]
+    In FMI 2.0 there is a reference for each of the `size` scalars, in FMI 3.0 for each array.
+    """
+
+    def __init__(self, references: Sequence[int], size: int, is_fmi2: bool) -> None:
         self.array = np.zeros(size)
-        self._references: Array[c_uint] = (c_uint * len(found))(*found)
+        self._references: Array[c_uint] = (c_uint * len(references))(*references)
         pointer = self.array.ctypes.data_as(POINTER(c_double))
-        self.arguments = (self._references, len(found), pointer) + (() if is_fmi2 else (size,))
+        self.arguments = (self._references, len(references), pointer) + (() if is_fmi2 else (size,))
+
+
+def values_of(names: Iterable[str], is_fmi2: bool) -> Values:
+    """Whole variables of the plant, by name."""
+    variables = [BY_NAME[name].variable for name in names]
+    found = [reference for variable in variables for reference in references(variable.name, is_fmi2)]
+    return Values(found, interface.size_of(variables), is_fmi2)
 
 
 class Unit:
@@ -112,13 +164,13 @@ class Unit:
 
     Raises
     ------
-    PlantError
-        No binary for this machine, or one that cannot be loaded or instantiated.
+    GoughStewartError
+        That of the file: no binary for this machine, or one that cannot be loaded or instantiated.
     """
 
     def __init__(
         self,
-        file: UnitFile,
+        file: FmuFile,
         fmi_type: FmiType = "CoSimulation",
         *,
         name: str = "plant",
@@ -126,7 +178,7 @@ class Unit:
         logging: bool = True,
         **options: Any,
     ) -> None:
-        self.is_fmi2 = file.version == "2.0"
+        self.is_fmi2 = file.is_fmi2
         self.messages: list[Message] = []
         arguments = {
             "guid": file.token if token is None else token,
@@ -153,7 +205,7 @@ class Unit:
                 self.fmu.freeLibrary()
             text = self.take_messages()
             reason = f"gives no instance: {text}" if text else f"does not run on this machine ({error})"
-            raise PlantError(f"{file.path}: {reason}; build it here by `gough-stewart build`") from error
+            raise file.refusal(reason) from error
         if self.is_fmi2:
             self._get, self._set = self.fmu.fmi2GetReal, self.fmu.fmi2SetReal
         else:
@@ -175,7 +227,7 @@ class Unit:
 
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
         """Set whole variables, in one call."""
-        buffer = Values(values, self.is_fmi2)
+        buffer = values_of(values, self.is_fmi2)
         buffer.array[:] = np.concatenate([np.ravel(value) for value in values.values()])
         self.write(buffer)
 
@@ -225,33 +277,3 @@ def references(name: str, is_fmi2: bool) -> list[int]:
     """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
     row = BY_NAME[name]
     return list(range(row.first, row.first + row.variable.size)) if is_fmi2 else [row.reference]
-
-
-def _description_of(path: Path) -> Any:
-    if not path.is_file():
-        raise PlantError(f"{path}: no such file; expected an FMU; {_REMEDY}")
-    check_archive(path)
-    try:
-        description = fmpy.read_model_description(str(path))
-    except Exception as error:  # FMPy, zipfile and lxml each have their own
-        raise PlantError(f"{path}: is not an FMU ({error}); {_REMEDY}") from error
-    if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
-        kind = f"FMI {description.fmiVersion}"
-        raise PlantError(
-            f"{path}: {kind}, {description.modelName}; expected Co-Simulation of FMI 2.0 or 3.0; {_REMEDY}"
-        )
-    found = {v.name: v.valueReference for v in description.modelVariables}
-    for name, reference in _expected(is_fmi2=description.fmiVersion == "2.0"):
-        if found.get(name) != reference:
-            raise PlantError(
-                f"{path}: is the FMU of another model or version, {description.modelName} (variable {name} not found "
-                f"where it belongs); {_REMEDY}"
-            )
-    return description
-
-
-def _expected(is_fmi2: bool) -> Iterator[tuple[str, int]]:
-    """Names of the interface with the value references that units of this project give them."""
-    for variable in interface.VARIABLES:
-        names = variable.scalar_names if is_fmi2 else (variable.name,)
-        yield from zip(names, references(variable.name, is_fmi2), strict=True)

@@ -132,7 +132,7 @@ from pathlib import Path
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.model.platform_toml import load_preset
 plant = IsolatedFmu(Path({str(unit)!r}), load_preset("liu2000"), fixed_step_size={float(Failure.HANG)})
-print(plant._process.pid, flush=True)
+print(plant._other._process.pid, flush=True)
 for k in range(20):
     plant.do_step(k * 1e-3, 1e-3)
 """
