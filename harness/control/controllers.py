@@ -18,6 +18,7 @@ from gough_stewart.harness.control.laws import Controller, LinearController, Spa
 from gough_stewart.harness.control.pid import DerivativeOn, Gains, pid_matrices
 from gough_stewart.harness.control.python_file import controller_from_file
 from gough_stewart.harness.control.state_space import Method, discretised
+from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.quantities import (
     DerivativeGains,
@@ -58,6 +59,11 @@ class ControllerChoice(Kind):
     def is_closed(self) -> bool:
         """Whether anything is fed back."""
         return True
+
+    @property
+    def code(self) -> tuple[str, ...]:
+        """Files that it names and that a run executes."""
+        return ()
 
     def planned(self, feedforward: FloatArray) -> FloatArray:
         """Forces that are known beforehand (n, 6) [N], with the feedforward (n, 6)."""
@@ -226,6 +232,29 @@ class PythonController(ControllerChoice):
     file: str
     name: str = "controller"
 
+    @property
+    def code(self) -> tuple[str, ...]:
+        """The file."""
+        return (self.file,)
+
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:  # noqa: ARG002
         """The object of that name in the file, which is executed."""
         return controller_from_file(folder / self.file, self.name)
+
+
+class UnitChoice(ControllerChoice):
+    """An FMU, of this project or somebody else's; `names` says which variables are meant where names differ."""
+
+    type: Literal["fmu"] = "fmu"
+    file: str
+    names: dict[str, str] = Field(default_factory=dict)
+    parameters: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def code(self) -> tuple[str, ...]:
+        """The FMU."""
+        return (self.file,)
+
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> UnitController:  # noqa: ARG002
+        """The FMU, in a process of its own."""
+        return UnitController(folder / self.file, self.names, self.parameters)

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
+from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
@@ -109,7 +111,7 @@ class LinearController:
             )
 
 
-Controller = LinearController | ControlFunction
+Controller = LinearController | UnitController | ControlFunction
 
 
 class Law(Protocol):
@@ -123,6 +125,10 @@ class Law(Protocol):
     def state(self) -> FloatArray:
         """Its memory (n_states,)."""
 
+    @property
+    def limited(self) -> "NDArray[np.bool_] | None":
+        """Which forces (6,) it has limited itself; None where it leaves that to the actuators."""
+
     def force(self, k: int, time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N].
 
@@ -131,15 +137,19 @@ class Law(Protocol):
 
 
 def controller_of(given: Any) -> Controller:
-    """A controller from what a user has: itself, a function, or a python-control system fed with leg lengths.
+    """A controller from what a user has: itself, a function, the path of an FMU, or a python-control system.
+
+    Such a system is fed with leg lengths.
 
     Raises
     ------
     ControllerError
         As `LinearController`.
     """
-    if isinstance(given, LinearController):
+    if isinstance(given, LinearController | UnitController):
         return given
+    if isinstance(given, Path | str):
+        return UnitController(Path(given))
     # python-control's systems can be called, too: with a frequency
     if callable(given) and not is_control_system(given):
         return given  # type: ignore[no-any-return]
@@ -154,7 +164,7 @@ def signals_of(controller: Controller) -> tuple[str, ...]:
 def law_of(
     controller: Controller, sample_time: float, jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
 ) -> Law:
-    """A controller made ready for a run.
+    """A controller made ready for a run; one that is a unit is opened instead.
 
     Parameters
     ----------
@@ -171,6 +181,8 @@ def law_of(
     ControllerError
         The controller was made for another sample time.
     """
+    if isinstance(controller, UnitController):
+        raise ControllerError("a controller that is a unit has to be opened, and closed after the run")
     if not isinstance(controller, LinearController):
         return _FunctionLaw(controller)
     controller.check_sample_time(sample_time)
@@ -179,6 +191,8 @@ def law_of(
 
 class _LinearLaw:
     """x⁺ = A x + B u, w = C x + D u; both at once, as one product with (x, u)."""
+
+    limited = None
 
     def __init__(self, controller: LinearController) -> None:
         system = controller.system
@@ -250,6 +264,8 @@ class _TaskLaw(_LinearLaw):
 
 
 class _FunctionLaw:
+    limited = None
+
     def __init__(self, function: ControlFunction) -> None:
         self._function = function
         self.used = signals_of(function)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gough_stewart.harness.control.laws import ControlFunction, Controller, LinearController, Sample, controller_of
+from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 
 
@@ -35,7 +36,7 @@ def controller_from_file(file: Path, name: str) -> Controller:
     if not hasattr(module, name):
         raise ControllerError(f"{file}: defines no '{name}'; expected the controller under that name")
     found = controller_of(getattr(module, name))
-    return found if isinstance(found, LinearController) else _FromFile(found, file.absolute(), name)
+    return found if isinstance(found, LinearController | UnitController) else _FromFile(found, file.absolute(), name)
 
 
 class _FromFile:

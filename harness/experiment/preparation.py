@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.control.laws import Controller, Law, controller_of, law_of
+from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Limits, Loop
+from gough_stewart.harness.loop.loop import Change, LawFrom, Limits, Loop
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion
@@ -56,6 +57,17 @@ class Prepared:
             raise ControllerError("an open loop has no control law")
         return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, wanted, measured)
 
+    @contextmanager
+    def law_in_a_run(self) -> Iterator[LawFrom | None]:
+        """What makes the controller from its first sample; what it has open is closed in the end."""
+        if self.controller is None:
+            yield None
+        elif isinstance(self.controller, UnitController):
+            with self.controller.open(self.loop.timing.sample_time) as law:
+                yield lambda _wanted, _measured: law
+        else:
+            yield self.law
+
 
 def prepare(experiment: Experiment, controller: Any = None, injection: Injection | None = None) -> Prepared:
     """Check everything of an experiment that can be checked without running it.
@@ -64,7 +76,7 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     ----------
     controller
         Takes the place of the one that the experiment names: a discrete python-control system, a `LinearController`,
-        or a function of a `Sample`. Feedforward stays as it is.
+        or a function of a `Sample`, beside which feedforward stays as it is; or an FMU, whose feedforward is inside.
     injection
         Six forces [N] for the time of a sample [s], added to what the controller commands.
 
@@ -115,13 +127,20 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
         # forces are held: those of the middle of the time in which they will act
         ahead = timing.samples + (clocks.delay + 0.5) * timing.sample_time
         planned = feedforward(chosen.feedforward, platform, reference(np.minimum(ahead, timing.times[-1])))
-    if controller is None:
-        planned = chosen.planned(planned)
     start = _start(experiment.start, platform, motion)
     with section("controller"):
         made = (
             chosen.controller(platform, timing.sample_time, folder) if controller is None else controller_of(controller)
         )
+        if isinstance(made, UnitController) and not clocks.delay:
+            raise ControllerError(
+                f"{made.path} gives the forces of a sample when it has been stepped over it; expected a loop.delay of "
+                "at least 1, for instance by --set loop.delay=1"
+            )
+    if controller is None:
+        planned = chosen.planned(planned)
+    elif isinstance(made, UnitController):
+        planned = np.zeros_like(planned)  # its feedforward is inside
     force_limit = _force_limit(experiment.actuators, platform)
     # an open loop has its forces from the beginning; a closed one begins with the machine held still
     first = planned[0] if made is None else static_leg_forces(machine, start.position, start.orientation)

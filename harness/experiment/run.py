@@ -41,7 +41,8 @@ def run(
         an object that keeps the rules of `Plant`, in its start state. Whoever gives an object closes it.
     controller
         In the place of the experiment's: a discrete python-control system, a `LinearController`, or a function of a
-        `Sample` that gives six forces [N]. Feedforward stays as it is.
+        `Sample` that gives six forces [N], beside which feedforward stays as it is; or the path of an FMU, as
+        `gough-stewart export` makes them, which has its reference and feedforward inside.
     injection
         A function of the time of a sample [s] that gives six forces [N], added to the command to excite the loop.
     progress
@@ -94,8 +95,8 @@ def run_prepared(
     else:
         _check_plant(plant, fmu)
         name, opening = type(plant).__name__, nullcontext(plant)
-    with opening as opened:
-        done = simulate(opened, None if prepared.controller is None else prepared.law, prepared.loop, progress)
+    with opening as opened, prepared.law_in_a_run() as law_from:
+        done = simulate(opened, law_from, prepared.loop, progress)
     circumstances = {"title": experiment.title, "plant": name, "experiment": experiment.model_dump(mode="json")}
     return record_of(done, prepared, circumstances)
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from gough_stewart.harness.control.controllers import ControllerChoice, PythonController
+from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.motion.reach import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.kinds import PlantKind
@@ -193,9 +193,7 @@ class Experiment(Section):
     @property
     def code(self) -> tuple[str, ...]:
         """Files that it names and that a run executes, with the rights of whoever runs it."""
-        controller = (self.controller.file,) if isinstance(self.controller, PythonController) else ()
-        unit = () if self.plant.fmu is None else (self.plant.fmu,)
-        return (*controller, *unit)
+        return self.controller.code + (() if self.plant.fmu is None else (self.plant.fmu,))
 
     @property
     def where(self) -> str:

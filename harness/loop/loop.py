@@ -213,6 +213,8 @@ class _Sampler:
         if not all(abs(force) <= LARGEST_NUMBER for force in command.tolist()):
             return Outcome("diverged", time, f"the controller's forces are {command.tolist()} N")
         self.force_limited[j], self._excess = self._drives.command(command)
+        if self._law is not None and self._law.limited is not None:
+            self.force_limited[j] |= self._law.limited
         return None
 
 

@@ -1,0 +1,245 @@
+"""A controller that is an FMU: ours, exported, or somebody else's with the same or other names."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.isolated import Isolated
+from gough_stewart.model import interface
+from gough_stewart.model.interface import Variable
+from gough_stewart.model.vectors import FloatArray
+
+REFERENCE = "reference_"
+_ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
+# What can be fed to it: measurements and references as they lie in the loop's two vectors.
+INPUTS: tuple[tuple[str, Variable], ...] = (
+    *((v.name, v) for v in signals.VARIABLES),
+    *((REFERENCE + v.name, v) for v in (*signals.VARIABLES, *_ACCELERATIONS)),
+)
+_FORCE, _LIMITED = "actuator_force", "force_limited"
+
+
+@dataclass(frozen=True)
+class UnitController:
+    """An FMU for Co-Simulation, FMI 2.0 or 3.0, as controller; it holds its own reference and feedforward, or none.
+
+    At each sample it gets those of its inputs that have names of measured signals (`leg_length`, `leg_velocity`,
+    `position`, …) or of references (`reference_leg_length`, `reference_position`, …, `reference_acceleration`), is
+    stepped over a sample time, and gives `actuator_force` then, so that the loop has a delay of at least one sample.
+    Other inputs keep their start values.
+
+    Parameters
+    ----------
+    path
+        The FMU.
+    names
+        Its own names where they differ, as {"leg_length": "L", "actuator_force": "u_{}"}: an array, or scalars "L[1]"
+        to "L[6]"; with {} in the place of a number from 1 on.
+    parameters
+        Start values of parameters or other inputs, by its own names.
+    is_foreign
+        Whether it runs in a process of its own.
+    """
+
+    path: Path
+    names: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, ArrayLike] = field(default_factory=dict)
+    is_foreign: bool = True
+
+    def __post_init__(self) -> None:
+        known = [name for name, _ in INPUTS] + [_FORCE, _LIMITED]
+        for name in self.names:
+            if name not in known:
+                raise ControllerError(f"names: no signal '{name}'{interface.nearest(name, known)}")
+
+    def open(self, sample_time: float) -> "UnitLaw":
+        """The unit made ready for a run; to be closed.
+
+        Raises
+        ------
+        ControllerError
+            No such FMU, one whose variables do not fit, or one for another sample time.
+        """
+        arguments = (self.path, dict(self.names), dict(self.parameters), sample_time)
+        if self.is_foreign:
+            other = Isolated(self.path, f"{__name__}:ControllerUnit", arguments, ControllerError)
+            return UnitLaw(lambda *args: other.call("step", *args), other.close, sample_time)
+        unit = ControllerUnit(*arguments)
+        return UnitLaw(unit.step, unit.close, sample_time)
+
+
+class UnitLaw:
+    """The unit as control law; see `gough_stewart.harness.control.laws.Law`."""
+
+    used = signals.NAMES
+
+    def __init__(self, step: Callable[..., FloatArray], close: Callable[[], None], sample_time: float) -> None:
+        self._step, self.close, self._sample_time = step, close, sample_time
+        self.limited: NDArray[np.bool_] = np.zeros(6, dtype=bool)
+
+    @property
+    def state(self) -> FloatArray:
+        """None that can be seen."""
+        return np.zeros(0)
+
+    def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
+        """The forces that the unit has at the end of the sample."""
+        outputs = self._step(k * self._sample_time, self._sample_time, np.concatenate([measured, wanted]))
+        self.limited = outputs[6:] > 0.5
+        return outputs[:6]
+
+    def __enter__(self) -> "UnitLaw":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class ControllerUnit:
+    """The unit in FMPy."""
+
+    def __init__(self, path: Path, names: Mapping[str, str], parameters: Mapping[str, Any], sample_time: float) -> None:
+        from gough_stewart.harness.plants.unit import FmuFile, Unit, Values
+
+        class ControllerFile(FmuFile):
+            error = ControllerError
+            remedy = "expected a controller, such as `gough-stewart export` makes"
+
+        with ExitStack() as stack:
+            self._file = file = stack.enter_context(ControllerFile(path))
+            self._variables = {v.name: v for v in file.description.modelVariables}
+            self._check_sample_time(sample_time)
+            self._unit = stack.enter_context(Unit(file, name="controller"))
+            self._source, references = self._inputs(names)
+            self._inputs_of_unit = Values(references, len(self._source), file.is_fmi2)
+            force = self._references(_FORCE, names, interface.BY_NAME[_FORCE], "output")
+            if force is None:
+                raise file.refusal(f"has no output {names.get(_FORCE, _FORCE)} with six elements")
+            self._force = Values(force, 6, file.is_fmi2)
+            limited = self._references(_LIMITED, names, None, "output")
+            self._limited = None if limited is None else Values(limited, 6, file.is_fmi2)
+            self._set(parameters)
+            self._is_initialised = False
+            self._open = stack.pop_all()
+
+    def step(self, time: float, step: float, values: FloatArray) -> FloatArray:
+        """Forces (6,) [N] and which of them are limited (6,), after a step with these measurements and references."""
+        from fmpy.fmi1 import FMICallException
+
+        try:
+            self._inputs_of_unit.array[:] = values[self._source]
+            self._unit.write(self._inputs_of_unit)
+            if not self._is_initialised:
+                self._unit.initialise(time=time)
+                self._is_initialised = True
+            self._unit.do_step(time, step)
+            self._unit.read(self._force)
+            if self._limited is None:
+                return np.append(self._force.array, np.zeros(6))
+            self._unit.read(self._limited)
+            return np.append(self._force.array, self._limited.array)
+        except FMICallException as error:
+            reason = self._unit.take_messages() or str(error)
+            raise ControllerError(f"{self._file.path}: at time {time:.9g} s: {reason}") from error
+
+    def close(self) -> None:
+        """Free the unit."""
+        self._open.close()
+
+    # --- inside ------------------------------------------------------------------------------------------------
+
+    def _check_sample_time(self, sample_time: float) -> None:
+        own = getattr(self._variables.get("sample_time"), "start", None)
+        if own is not None and abs(float(own) - sample_time) > 1e-9 * sample_time:
+            raise ControllerError(
+                f"{self._file.path}: its sample_time is {float(own):g} s, the loop's {sample_time:g} s; export the "
+                "controller anew, or set the loop's sample_time"
+            )
+
+    def _inputs(self, names: Mapping[str, str]) -> tuple[NDArray[np.intp], list[int]]:
+        """Where its inputs come from in measurements and references, and their value references."""
+        source: list[NDArray[np.intp]] = []
+        references: list[int] = []
+        first, is_fed_back = 0, False
+        for name, variable in INPUTS:
+            found = self._references(name, names, variable, "input")
+            if found is not None:
+                source.append(np.arange(first, first + variable.size))
+                references += found
+                is_fed_back |= not name.startswith(REFERENCE)
+            first += variable.size
+        if not is_fed_back:
+            raise self._file.refusal(
+                f"has no input of a measured signal ({', '.join(signals.NAMES)}); if they have other names, give them "
+                "in [controller.names]"
+            )
+        return np.concatenate(source), references
+
+    def _references(
+        self, name: str, names: Mapping[str, str], variable: Variable | None, causality: str
+    ) -> list[int] | None:
+        """Value references of a signal, None if the unit has none of that name."""
+        theirs, size = names.get(name, name), 6 if variable is None else variable.size
+        whole = self._variables.get(theirs)
+        if whole is not None and _size_of(whole) == size:
+            found = [whole]
+        else:
+            pattern = theirs if "{}" in theirs else theirs + "[{}]"
+            scalars = [pattern.replace("{}", str(k + 1)) for k in range(size)]
+            found = [self._variables[scalar] for scalar in scalars if scalar in self._variables]
+            if not found and name not in names:
+                return None
+            if len(found) != size:
+                missing = [scalar for scalar in scalars if scalar not in self._variables]
+                raise self._file.refusal(f"has no variable {missing[0]}, for {name}")
+        for v in found:
+            if v.causality != causality:
+                raise self._file.refusal(f"{v.name} is of causality {v.causality}; expected an {causality}, for {name}")
+            if v.type not in ("Real", "Float64"):
+                raise self._file.refusal(f"{v.name} is of type {v.type}; expected floating-point numbers")
+            unit = v.unit or getattr(v.declaredType, "unit", None)
+            if variable is not None and unit not in (None, "", variable.unit):
+                raise self._file.refusal(f"{v.name} is in {unit}; expected {variable.unit}, for {name}")
+        return [v.valueReference for v in found]
+
+    def _set(self, parameters: Mapping[str, Any]) -> None:
+        from fmpy.fmi1 import FMICallException
+
+        from gough_stewart.harness.plants.unit import Values
+
+        for name, value in parameters.items():
+            numbers = np.ravel(np.asarray(value, dtype=float))
+            found = self._references_of_parameter(name, len(numbers))
+            buffer = Values(found, len(numbers), self._file.is_fmi2)
+            buffer.array[:] = numbers
+            try:
+                self._unit.write(buffer)
+            except FMICallException as error:
+                reason = self._unit.take_messages() or str(error)
+                raise ControllerError(f"{self._file.path}: {name} = {value} refused: {reason}") from error
+
+    def _references_of_parameter(self, name: str, size: int) -> Sequence[int]:
+        whole = self._variables.get(name)
+        if whole is not None and _size_of(whole) == size:
+            return [whole.valueReference]
+        scalars = [f"{name}[{k + 1}]" for k in range(size)]
+        if all(scalar in self._variables for scalar in scalars):
+            return [self._variables[scalar].valueReference for scalar in scalars]
+        raise ControllerError(
+            f"{self._file.path}: parameter {name} with {size} numbers{interface.nearest(name, list(self._variables))}"
+        )
+
+
+def _size_of(variable: Any) -> int:
+    """Number of elements of one of FMPy's variables."""
+    size = 1
+    for dimension in variable.dimensions or ():
+        size *= int(dimension.start or 0)
+    return size
