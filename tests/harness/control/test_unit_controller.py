@@ -1,0 +1,99 @@
+"""An FMU as controller: somebody else's, with other names, beside the same law as a Python function."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.errors import ControllerError, ExperimentError
+from tests.support.foreign_controller import FAILS_AT, NAMES, foreign_controller
+
+GAIN = 3e4
+# a moving reference, the plant stepped finer than the controller, damping by friction, so that P alone is stable
+LOOP = {"duration": 0.2, "sample_time": 2e-3, "plant_step": 5e-4, "delay": 1}
+SETTINGS = {
+    "title": "somebody else's controller",
+    "reference": {"type": "sine", "position_amplitude": [0.01, -0.02, 0.03], "frequency": 1.5, "fade_in": 0.1},
+    "platform": {"preset": "motion_base"},
+}
+
+
+@pytest.fixture(scope="module")
+def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return foreign_controller(tmp_path_factory.mktemp("theirs") / "theirs.fmu")
+
+
+def experiment(controller: Mapping[str, object], **loop: float) -> gs.Experiment:
+    return gs.Experiment.model_validate({**SETTINGS, "loop": LOOP | loop, "controller": controller})
+
+
+def law(sample: gs.Sample) -> object:
+    """The same, not by the unit."""
+    return GAIN * (sample.reference["leg_length"] - sample.measured["leg_length"])
+
+
+@pytest.mark.parametrize("is_foreign", [True, False])
+def test_a_unit_closes_the_loop_as_the_same_law_in_python(theirs: Path, is_foreign: bool) -> None:
+    """Expected: a Python function, one sample late through the loop's delay."""
+    chosen = experiment({"type": "open_loop", "feedforward": "none"})
+    unit = UnitController(theirs, NAMES, {"gain": GAIN}, is_foreign)
+    found, expected = gs.run(chosen, controller=unit), gs.run(chosen, controller=law)
+    assert found.metadata["outcome"]["status"] == "completed"
+    assert np.abs(expected["controller.force"]).max() > 100
+    assert np.array_equal(found["controller.force"], expected["controller.force"])
+    assert np.array_equal(found["position"], expected["position"])
+
+
+def test_an_experiment_names_a_unit_with_the_names_it_has(theirs: Path) -> None:
+    """Expected: the same given in Python."""
+    choice = {"type": "fmu", "file": str(theirs), "names": NAMES, "parameters": {"gain": GAIN}}
+    found, expected = gs.run(experiment(choice)), gs.run(experiment({"type": "open_loop"}), controller=law)
+    assert np.array_equal(found["controller.force"], expected["controller.force"])
+
+
+def test_a_unit_without_a_delay_is_refused_with_the_remedy(theirs: Path) -> None:
+    with pytest.raises(
+        ExperimentError, match=r"expected a loop.delay of at least 1, for instance by --set loop.delay=1"
+    ):
+        gs.run(experiment({"type": "fmu", "file": str(theirs), "names": NAMES}, delay=0))
+
+
+def test_a_unit_that_crashes_ends_the_run_and_leaves_the_record(theirs: Path) -> None:
+    choice = {"type": "fmu", "file": str(theirs), "names": NAMES, "parameters": {"gain": -1.0}}
+    record = gs.run(experiment(choice, duration=FAILS_AT + 0.1, plant_step=2e-3))
+    outcome = record.metadata["outcome"]
+    assert (outcome["status"], round(record["time"][-1], 6)) == ("stopped", FAILS_AT - 2e-3)
+    assert "the unit crashed (SIGABRT)" in outcome["cause"]
+
+
+@pytest.mark.parametrize(
+    ("names", "parameters", "message"),
+    [
+        ({}, {}, r"no input of a measured signal .*\[controller.names\]"),
+        ({"leg_lenght": "y_{}"}, {}, "no signal 'leg_lenght'; did you mean 'leg_length'"),
+        (NAMES | {"leg_length": "z"}, {}, r"no variable z\[1\], for leg_length"),
+        (NAMES | {"leg_length": "u"}, {}, r"u\[1\] is of causality output; expected an input, for leg_length"),
+        (NAMES | {"actuator_force": "v"}, {}, r"no variable v\[1\], for actuator_force"),
+        (NAMES | {"leg_velocity": "r"}, {}, r"r\[1\] is in m; expected m/s, for leg_velocity"),
+        (NAMES, {"gian": 1.0}, "parameter gian with 1 numbers; did you mean 'gain'"),
+    ],
+)
+def test_names_that_do_not_fit_are_refused(
+    theirs: Path, names: dict[str, str], parameters: dict[str, float], message: str
+) -> None:
+    with pytest.raises(ControllerError, match=message):
+        UnitController(theirs, names, parameters, is_foreign=False).open(1e-3)
+
+
+def test_wrong_units_and_missing_elements_are_refused(tmp_path: Path) -> None:
+    millimetres = foreign_controller(tmp_path / "mm.fmu", unit="mm")
+    with pytest.raises(ControllerError, match="y_1 is in mm; expected m, for leg_length"):
+        UnitController(millimetres, NAMES, is_foreign=False).open(1e-3)
+    five = foreign_controller(tmp_path / "five.fmu", outputs=5)
+    with pytest.raises(ControllerError, match=r"no variable u\[6\], for actuator_force"):
+        UnitController(five, NAMES, is_foreign=False).open(1e-3)
+    with pytest.raises(ControllerError, match=r"nowhere\.fmu: no such file"):
+        UnitController(tmp_path / "nowhere.fmu").open(1e-3)
