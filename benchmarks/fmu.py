@@ -15,6 +15,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import FLAGS
@@ -26,12 +27,23 @@ ROUNDS = 300
 
 def compiled_timer(folder: Path) -> Path:
     """`fmu_timer.c` with the whole unit."""
-    unit, target = sources(paper_case().platform, "2.0", "timer"), native()
+    unit, target = sources(plant_component(paper_case().platform), "2.0", "timer"), native()
     for name, text in {**unit.units, **unit.headers}.items():
         (folder / name).write_text(text)
     program = folder / "fmu_timer"
     flags = [flag for flag in FLAGS if flag != "-shared"]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *flags, *target.flags, "-I", "."]
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-target",
+        target.triple,
+        *flags,
+        *target.flags_of("unit"),
+        "-I",
+        ".",
+    ]
     command += [*unit.unit_names, str(Path(__file__).parent / "fmu_timer.c"), "-o", str(program), "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     return program

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 # The earliest that the format knows.
 _DATE = (1980, 1, 1, 0, 0, 0)
 _FIRST = "modelDescription.xml"
+PLANT_STEM = "gough_stewart"
 
 
-def file_name(fmi_version: str) -> str:
-    """`gough_stewart_fmi2.fmu` or `gough_stewart_fmi3.fmu`."""
-    return f"gough_stewart_fmi{fmi_version[0]}.fmu"
+def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:
+    """`STEM_fmi2.fmu` or `STEM_fmi3.fmu`."""
+    return f"{stem}_fmi{fmi_version[0]}.fmu"
 
 
 def to_zip(contents: Mapping[str, bytes]) -> bytes:

@@ -1,51 +1,52 @@
 """modelDescription.xml of FMI 2.0: scalar variables, one for every slot."""
 
+from collections.abc import Mapping
+
 from lxml import etree
 
-from gough_stewart.fmu_build import dependencies, layout
+from gough_stewart.fmu_build import dependencies
 from gough_stewart.fmu_build import model_description as shared
-from gough_stewart.fmu_build.dependencies import Kind
-from gough_stewart.fmu_build.layout import Role, Row
+from gough_stewart.fmu_build.component import Component, Kind
+from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.fmu_build.model_description import Identity
-from gough_stewart.model import interface
-from gough_stewart.model.platform import Platform
 
 _CAPABILITIES = {
-    "modelIdentifier": shared.MODEL_IDENTIFIER,
     "canNotUseMemoryManagementFunctions": "true",
     "canGetAndSetFMUstate": "true",
     "canSerializeFMUstate": "true",
-    "providesDirectionalDerivative": "true",
 }
-_CO_SIMULATION = {
-    "canHandleVariableCommunicationStepSize": "true",
-    "canInterpolateInputs": "true",
-    "maxOutputDerivativeOrder": "1",
-}
+_OF_STATES = {"providesDirectionalDerivative": "true"}
+_CO_SIMULATION = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"}
+_CO_SIMULATION_OF_STATES = {"maxOutputDerivativeOrder": "1"}
 
 
-def fmi2_description(platform: Platform, identity: Identity) -> bytes:
-    """The document, with the start values of a platform."""
-    root = shared.root("2.0", guid=identity.token, numberOfEventIndicators="0")
-    for name, own in (("ModelExchange", {}), ("CoSimulation", _CO_SIMULATION)):
-        interface = etree.SubElement(root, name, _CAPABILITIES | own)
-        files = etree.SubElement(interface, "SourceFiles")
-        for file in identity.source_files:
-            etree.SubElement(files, "File", name=file)
-    shared.add_units(root)
-    shared.add_log_categories(root)
-    shared.add_experiment(root)
+def fmi2_description(component: Component, identity: Identity) -> bytes:
+    """The document, with the component's start values."""
+    root = shared.root(component, "2.0", guid=identity.token, numberOfEventIndicators="0")
+    capabilities = {"modelIdentifier": component.identifier} | _CAPABILITIES
+    simulation = _CO_SIMULATION
+    if component.has_states:
+        capabilities |= _OF_STATES
+        simulation = simulation | _CO_SIMULATION_OF_STATES
+        _add_kind(root, "ModelExchange", capabilities, identity)
+    _add_kind(root, "CoSimulation", capabilities | simulation, identity)
+    shared.add_head(root, component)
     variables = etree.SubElement(root, "ModelVariables")
-    for row in layout.described("2.0"):
-        _add_scalars(variables, row, platform)
-    _add_structure(root)
+    for row in component.layout.described("2.0"):
+        _add_scalars(variables, row, component)
+    _add_structure(root, component)
     return shared.to_bytes(root)
 
 
-def _add_scalars(variables: etree._Element, row: Row, platform: Platform) -> None:
-    names, starts = layout.scalar_names(row), interface.start_value(row.variable, platform)
-    for k, name in enumerate(names):
-        slot = row.first + k
+def _add_kind(root: etree._Element, name: str, attributes: dict[str, str], identity: Identity) -> None:
+    files = etree.SubElement(etree.SubElement(root, name, attributes), "SourceFiles")
+    for file in identity.source_files:
+        etree.SubElement(files, "File", name=file)
+
+
+def _add_scalars(variables: etree._Element, row: Row, component: Component) -> None:
+    starts = component.starts.get(row.variable.name)
+    for k, (slot, name) in enumerate(zip(row.slots, row.scalar_names, strict=True)):
         scalar = etree.SubElement(variables, "ScalarVariable", name=name, valueReference=str(slot))
         scalar.set("description", row.variable.description)
         scalar.set("causality", row.variable.causality)
@@ -56,9 +57,9 @@ def _add_scalars(variables: etree._Element, row: Row, platform: Platform) -> Non
         if starts is not None:
             real.set("start", shared.number(starts.flat[k]))
         if row.role is Role.STATE:
-            real.set("nominal", shared.number(layout.NOMINAL))
+            real.set("nominal", shared.number(component.nominal))
         if row.derivative_of is not None:
-            real.set("derivative", str(_index(layout.BY_NAME[row.derivative_of].first + k)))
+            real.set("derivative", str(_index(component.layout.by_name[row.derivative_of].first + k)))
 
 
 def _index(slot: int) -> int:
@@ -66,24 +67,24 @@ def _index(slot: int) -> int:
     return slot + 1
 
 
-def _add_structure(root: etree._Element) -> None:
+def _add_structure(root: etree._Element, component: Component) -> None:
     structure = etree.SubElement(root, "ModelStructure")
-    outputs = [r for r in layout.of_role(Role.STATE, Role.RESULT) if r.variable.causality == "output"]
-    derivatives = layout.of_role(Role.DERIVATIVE)
-    start = (Role.INPUT, Role.STATE, Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
+    outputs, derivatives = component.layout.outputs(), component.layout.of_role(Role.DERIVATIVE)
     computed = [row for row in outputs if row.role is Role.RESULT]
+    running = (Role.INPUT, Role.STATE)
     for name, rows, knowns in (
-        ("Outputs", outputs, (Role.INPUT, Role.STATE)),
-        ("Derivatives", derivatives, (Role.INPUT, Role.STATE)),
-        ("InitialUnknowns", [*computed, *derivatives], start),
+        ("Outputs", outputs, running),
+        ("Derivatives", derivatives, running),
+        ("InitialUnknowns", [*computed, *derivatives], (*running, *PARAMETER_ROLES)),
     ):
-        element = etree.SubElement(structure, name)
-        for row in rows:
-            for slot in range(row.first, row.first + row.variable.size):
-                _add_unknown(element, slot, dependencies.of_slot(slot, knowns))
+        slots = [slot for row in rows for slot in row.slots]
+        if slots:
+            element = etree.SubElement(structure, name)
+            for slot in slots:
+                _add_unknown(element, slot, dependencies.of_slot(component, slot, knowns))
 
 
-def _add_unknown(parent: etree._Element, slot: int, knowns: dict[int, Kind]) -> None:
+def _add_unknown(parent: etree._Element, slot: int, knowns: Mapping[int, Kind]) -> None:
     unknown = etree.SubElement(parent, "Unknown", index=str(_index(slot)))
     unknown.set("dependencies", " ".join(str(_index(known)) for known in knowns))
     unknown.set("dependenciesKind", " ".join(knowns.values()))

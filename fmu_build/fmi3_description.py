@@ -4,45 +4,39 @@ from collections.abc import Iterable
 
 from lxml import etree
 
-from gough_stewart.fmu_build import dependencies, layout
+from gough_stewart.fmu_build import dependencies
 from gough_stewart.fmu_build import model_description as shared
-from gough_stewart.fmu_build.layout import ROWS, Role, Row
+from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.fmu_build.model_description import Identity
-from gough_stewart.model import interface
-from gough_stewart.model.platform import Platform
 
-_CAPABILITIES = {
-    "modelIdentifier": shared.MODEL_IDENTIFIER,
-    "canGetAndSetFMUState": "true",
-    "canSerializeFMUState": "true",
-    "providesDirectionalDerivatives": "true",
-    "providesAdjointDerivatives": "true",
-}
+_CAPABILITIES = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+_OF_STATES = {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
 _MODEL_EXCHANGE = {"needsCompletedIntegratorStep": "true", "providesEvaluateDiscreteStates": "true"}
-_CO_SIMULATION = {
-    "canHandleVariableCommunicationStepSize": "true",
-    "maxOutputDerivativeOrder": "1",
-    "providesIntermediateUpdate": "true",
-    "canReturnEarlyAfterIntermediateUpdate": "true",
-}
+_CO_SIMULATION = {"canHandleVariableCommunicationStepSize": "true"}
+_CO_SIMULATION_OF_STATES = {"maxOutputDerivativeOrder": "1"}
+_INTERMEDIATE_UPDATE = {"providesIntermediateUpdate": "true", "canReturnEarlyAfterIntermediateUpdate": "true"}
 
 
-def fmi3_description(platform: Platform, identity: Identity) -> bytes:
-    """The document, with the start values of a platform."""
-    root = shared.root("3.0", instantiationToken=identity.token)
-    etree.SubElement(root, "ModelExchange", _CAPABILITIES | _MODEL_EXCHANGE)
-    etree.SubElement(root, "CoSimulation", _CAPABILITIES | _CO_SIMULATION)
-    shared.add_units(root)
-    shared.add_log_categories(root)
-    shared.add_experiment(root)
+def fmi3_description(component: Component, identity: Identity) -> bytes:
+    """The document, with the component's start values."""
+    root = shared.root(component, "3.0", instantiationToken=identity.token)
+    capabilities = {"modelIdentifier": component.identifier} | _CAPABILITIES
+    simulation = _CO_SIMULATION
+    if component.has_states:
+        capabilities |= _OF_STATES
+        simulation = simulation | _CO_SIMULATION_OF_STATES
+        etree.SubElement(root, "ModelExchange", capabilities | _MODEL_EXCHANGE)
+    etree.SubElement(root, "CoSimulation", capabilities | simulation | _INTERMEDIATE_UPDATE)
+    shared.add_head(root, component)
     variables = etree.SubElement(root, "ModelVariables")
-    for row in ROWS:
-        _add_array(variables, row, platform)
-    _add_structure(root)
+    for row in component.layout.rows:
+        _add_array(variables, row, component)
+    _add_structure(root, component)
     return shared.to_bytes(root)
 
 
-def _add_array(variables: etree._Element, row: Row, platform: Platform) -> None:
+def _add_array(variables: etree._Element, row: Row, component: Component) -> None:
     v = row.variable
     array = etree.SubElement(variables, "Float64", name=v.name, valueReference=str(row.reference))
     array.set("description", v.description)
@@ -50,35 +44,33 @@ def _add_array(variables: etree._Element, row: Row, platform: Platform) -> None:
     array.set("variability", v.variability)
     if row.role is Role.STATE:
         array.set("initial", "exact")
-        array.set("nominal", shared.number(layout.NOMINAL))
+        array.set("nominal", shared.number(component.nominal))
     if v.causality in ("input", "output"):
         array.set("intermediateUpdate", "true")
     for name, value in (shared.unit_attributes(row) | shared.bound_attributes(row)).items():
         array.set(name, value)
-    starts = interface.start_value(row.variable, platform)
+    starts = component.starts.get(v.name)
     if starts is not None:
         array.set("start", " ".join(map(shared.number, starts.flat)))
     if row.derivative_of is not None:
-        array.set("derivative", str(layout.BY_NAME[row.derivative_of].reference))
+        array.set("derivative", str(component.layout.by_name[row.derivative_of].reference))
     for length in v.shape:
         etree.SubElement(array, "Dimension", start=str(length))
 
 
-def _add_structure(root: etree._Element) -> None:
+def _add_structure(root: etree._Element, component: Component) -> None:
     structure = etree.SubElement(root, "ModelStructure")
-    outputs = [r for r in layout.of_role(Role.STATE, Role.RESULT) if r.variable.causality == "output"]
-    derivatives = layout.of_role(Role.DERIVATIVE)
-    start = (Role.INPUT, Role.STATE, Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
-    _add_unknowns(structure, "Output", outputs, (Role.INPUT, Role.STATE))
-    _add_unknowns(structure, "ContinuousStateDerivative", derivatives, (Role.INPUT, Role.STATE))
+    outputs, derivatives = component.layout.outputs(), component.layout.of_role(Role.DERIVATIVE)
     computed = [row for row in outputs if row.role is Role.RESULT]
-    _add_unknowns(structure, "InitialUnknown", [*computed, *derivatives], start)
+    running = (Role.INPUT, Role.STATE)
 
+    def add(name: str, rows: Iterable[Row], roles: tuple[Role, ...]) -> None:
+        for row in rows:
+            knowns = dependencies.of_row(component, row, roles)
+            unknown = etree.SubElement(structure, name, valueReference=str(row.reference))
+            unknown.set("dependencies", " ".join(map(str, knowns)))
+            unknown.set("dependenciesKind", " ".join(knowns.values()))
 
-def _add_unknowns(structure: etree._Element, name: str, rows: Iterable[Row], roles: Iterable[Role]) -> None:
-    roles = tuple(roles)
-    for row in rows:
-        knowns = dependencies.of_row(row, roles)
-        unknown = etree.SubElement(structure, name, valueReference=str(row.reference))
-        unknown.set("dependencies", " ".join(map(str, knowns)))
-        unknown.set("dependenciesKind", " ".join(knowns.values()))
+    add("Output", outputs, running)
+    add("ContinuousStateDerivative", derivatives, running)
+    add("InitialUnknown", [*computed, *derivatives], (*running, *PARAMETER_ROLES))

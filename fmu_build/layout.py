@@ -1,21 +1,19 @@
-"""Variables of the unit in the order of their slots: the interface table, the state derivatives, time.
+"""Variables of a component in the order of their slots: inputs, results, parameters, state derivatives, time.
 
-A slot is one number. FMI 2.0 refers to slots, FMI 3.0 to rows; `c/plant/plant.c` works on slots.
+A slot is one number. FMI 2.0 refers to slots, FMI 3.0 to rows; the C core works on slots. Results begin with the
+states, and outputs stand before locals.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 
-from gough_stewart.model import interface
 from gough_stewart.model.interface import Variable
-
-# A millimetre, a milliradian. Integrators outside take it as the scale of absolute tolerances: CVode at tolerance
-# 1e-8 then keeps the pose after the paper's second to 1e-7.
-NOMINAL = 1e-3
 
 
 class Role(Enum):
-    """What a row is to the unit; the names are those of `variable_role` in c/variable.h."""
+    """What a row is to the unit; the names are those of `variable_role` in c/unit/variable.h."""
 
     INPUT = "INPUT"
     STATE = "STATE"
@@ -24,6 +22,9 @@ class Role(Enum):
     TUNABLE_PARAMETER = "TUNABLE_PARAMETER"
     DERIVATIVE = "DERIVATIVE"
     INDEPENDENT = "INDEPENDENT"
+
+
+PARAMETER_ROLES = (Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,70 @@ class Row:
     role: Role
     derivative_of: str | None = None  # name of the state
 
+    @property
+    def slots(self) -> range:
+        """All of its slots."""
+        return range(self.first, self.first + self.variable.size)
+
+    @property
+    def scalar_names(self) -> tuple[str, ...]:
+        """FMI 2.0 names of the slots; of a derivative the name of its state's element is inside: `der(x[1])`."""
+        if self.derivative_of is None:
+            return self.variable.scalar_names
+        return tuple(f"der({name})" for name in replace(self.variable, name=self.derivative_of).scalar_names)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """All rows of a component."""
+
+    rows: tuple[Row, ...]
+
+    @cached_property
+    def by_name(self) -> dict[str, Row]:
+        """Rows by the names of their variables."""
+        return {row.variable.name: row for row in self.rows}
+
+    @property
+    def n_slots(self) -> int:
+        """Number of slots."""
+        return self.rows[-1].slots.stop
+
+    @property
+    def time(self) -> Row:
+        """The row of the independent variable."""
+        return self.rows[-1]
+
+    def described(self, fmi_version: str) -> tuple[Row, ...]:
+        """The rows that a model description has: FMI 2.0 without time.
+
+        It may be left out there, and the FMI Library complains of a missing start value if it is not.
+        """
+        return self.rows if fmi_version == "3.0" else self.rows[:-1]
+
+    def of_role(self, *roles: Role) -> tuple[Row, ...]:
+        """The rows of some roles, in slot order."""
+        return tuple(row for row in self.rows if row.role in roles)
+
+    def outputs(self) -> tuple[Row, ...]:
+        """The rows of all outputs, states or not."""
+        return tuple(r for r in self.of_role(Role.STATE, Role.RESULT) if r.variable.causality == "output")
+
+
+def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str]) -> Layout:
+    """The layout of variables that stand in this order; units of the rates of the states by name."""
+    variables = tuple(variables)
+    described: list[tuple[Variable, Role, str | None]] = [(v, _role(v), None) for v in variables]
+    described += [(_derivative(v, rate_units[v.name]), Role.DERIVATIVE, v.name) for v in variables if v.is_state]
+    time = Variable("time", (), "s", "local", "continuous", "simulation time")
+    described.append((time, Role.INDEPENDENT, None))
+    rows: list[Row] = []
+    first = 0
+    for reference, (variable, role, derivative_of) in enumerate(described):
+        rows.append(Row(variable, reference, first, role, derivative_of))
+        first += variable.size
+    return Layout(tuple(rows))
+
 
 def _role(variable: Variable) -> Role:
     if variable.is_state:
@@ -47,48 +112,6 @@ def _role(variable: Variable) -> Role:
     return Role.RESULT
 
 
-def _rows() -> tuple[Row, ...]:
-    rows: list[Row] = []
-    described: list[tuple[Variable, Role, str | None]] = [(v, _role(v), None) for v in interface.VARIABLES]
-    described += [(_derivative(v), Role.DERIVATIVE, v.name) for v in interface.STATES]
-    time = Variable("time", (), "s", "local", "continuous", "simulation time")
-    described.append((time, Role.INDEPENDENT, None))
-    first = 0
-    for reference, (variable, role, derivative_of) in enumerate(described):
-        rows.append(Row(variable, reference, first, role, derivative_of))
-        first += variable.size
-    return tuple(rows)
-
-
-_RATES = {"position": "m/s", "orientation": "rad/s", "velocity": "m/s2", "angular_velocity": "rad/s2"}
-
-
-def _derivative(state: Variable) -> Variable:
+def _derivative(state: Variable, unit: str) -> Variable:
     description = f"time derivative of {state.name}"
-    return Variable(f"der({state.name})", state.shape, _RATES[state.name], "local", "continuous", description)
-
-
-ROWS = _rows()
-BY_NAME = {row.variable.name: row for row in ROWS}
-N_SLOTS = sum(row.variable.size for row in ROWS)
-TIME = BY_NAME["time"]
-
-
-def described(fmi_version: str) -> tuple[Row, ...]:
-    """The rows that a model description has: FMI 2.0 without time.
-
-    It may be left out there, and the FMI Library complains of a missing start value if it is not.
-    """
-    return ROWS if fmi_version == "3.0" else tuple(row for row in ROWS if row is not TIME)
-
-
-def of_role(*roles: Role) -> tuple[Row, ...]:
-    """The rows of some roles, in slot order."""
-    return tuple(row for row in ROWS if row.role in roles)
-
-
-def scalar_names(row: Row) -> tuple[str, ...]:
-    """FMI 2.0 names of the row's slots; of a derivative the name of its state's element is inside: `der(x[1])`."""
-    if row.derivative_of is None:
-        return row.variable.scalar_names
-    return tuple(f"der({name})" for name in interface.BY_NAME[row.derivative_of].scalar_names)
+    return Variable(f"der({state.name})", state.shape, unit, "local", "continuous", description)

@@ -1,23 +1,20 @@
-"""What the model descriptions of both FMI versions share: identity, experiment, units, log categories."""
+"""What the model descriptions of both FMI versions share: identity, units, log categories, experiment."""
 
 from dataclasses import dataclass
 
 from lxml import etree
 
+from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.layout import Row
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.units import BY_NAME, UNITS
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 
-MODEL_IDENTIFIER = "gough_stewart"
-MODEL_NAME = "GoughStewart"
 LOG_CATEGORIES = {
     "logStatusWarning": "what is not quite right; why Model Exchange has to end",
     "logStatusDiscard": "values refused and steps not completed, with quantity, value and time",
     "logStatusError": "calls that make no sense, with what was expected; always logged",
     "logAll": "all messages",
 }
-EXPERIMENT = {"startTime": "0", "stopTime": "1", "tolerance": repr(DEFAULT_TOLERANCE), "stepSize": "0.001"}
 
 
 @dataclass(frozen=True)
@@ -28,13 +25,13 @@ class Identity:
     source_files: tuple[str, ...]
 
 
-def root(fmi_version: str, **attributes: str) -> etree._Element:
+def root(component: Component, fmi_version: str, **attributes: str) -> etree._Element:
     """The `fmiModelDescription` element."""
     package = package_metadata()
     own = {
         "fmiVersion": fmi_version,
-        "modelName": MODEL_NAME,
-        "description": package["Summary"],
+        "modelName": component.name,
+        "description": component.description,
         "version": package["Version"],
         "copyright": "the gough-stewart authors",
         "license": package["License-Expression"],
@@ -44,27 +41,21 @@ def root(fmi_version: str, **attributes: str) -> etree._Element:
     return etree.Element("fmiModelDescription", own | attributes)
 
 
-def add_units(parent: etree._Element) -> None:
-    """`UnitDefinitions`."""
+def add_head(parent: etree._Element, component: Component) -> None:
+    """What stands before the variables: `UnitDefinitions` of the units in use, `LogCategories`, `DefaultExperiment`."""
+    used = {row.variable.unit for row in component.layout.rows}
     definitions = etree.SubElement(parent, "UnitDefinitions")
     for unit in UNITS:
-        element = etree.SubElement(definitions, "Unit", name=unit.name)
-        etree.SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents.items()})
-        if unit.display is not None:
-            name, factor = unit.display
-            etree.SubElement(element, "DisplayUnit", name=name, factor=repr(factor))
-
-
-def add_log_categories(parent: etree._Element) -> None:
-    """`LogCategories`."""
+        if unit.name in used:
+            element = etree.SubElement(definitions, "Unit", name=unit.name)
+            etree.SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents.items()})
+            if unit.display is not None:
+                name, factor = unit.display
+                etree.SubElement(element, "DisplayUnit", name=name, factor=repr(factor))
     categories = etree.SubElement(parent, "LogCategories")
     for name, description in LOG_CATEGORIES.items():
         etree.SubElement(categories, "Category", name=name, description=description)
-
-
-def add_experiment(parent: etree._Element) -> None:
-    """`DefaultExperiment`."""
-    etree.SubElement(parent, "DefaultExperiment", EXPERIMENT)
+    etree.SubElement(parent, "DefaultExperiment", dict(component.experiment))
 
 
 def unit_attributes(row: Row) -> dict[str, str]:

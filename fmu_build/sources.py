@@ -1,20 +1,17 @@
-"""The C sources of a unit: hand-written core, generated kernel and tables, headers of the standard."""
+"""The C sources of a unit: the FMI layers, a component's own code and tables, headers of the standard."""
 
 from dataclasses import dataclass
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
 import fmpy
 
-from gough_stewart.fmu_build.codegen import kernel_source
+from gough_stewart.fmu_build.component import Code, Component
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.tables import model_header, model_source, plant_header, token_source
-from gough_stewart.model.platform import Platform
+from gough_stewart.fmu_build.tables import model_header, model_source, token_source
 
-# The FMI layers with what they share, and the component behind them.
-_ROOMS = ("unit", "plant")
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
+_STATELESS = "stateless.c"
 _STANDARD = {
     "2.0": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     "3.0": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
@@ -34,21 +31,21 @@ class Sources:
         return tuple(sorted(self.units))
 
 
-def sources(platform: Platform, fmi_version: str, token: str) -> Sources:
-    """Everything that a compiler needs for one FMI version; `platform` gives the start values."""
-    units, headers = {}, {}
-    for room in _ROOMS:
-        for file in files("gough_stewart.fmu_build").joinpath("c", room).iterdir():
-            if file.name.endswith(".h"):
-                headers[file.name] = file.read_text()
-            elif file.name.endswith(".c") and file.name not in set(_LAYERS.values()) - {_LAYERS[fmi_version]}:
-                units[file.name] = file.read_text()
-    units["kernel.c"] = _kernel_source()
-    units["model.c"] = model_source(platform)
-    units["token.c"] = token_source(token)
-    headers |= {"model.h": model_header(), "plant_table.h": plant_header()}
-    headers |= standard_headers(fmi_version)
-    return Sources(units, headers)
+def sources(component: Component, fmi_version: str, token: str) -> Sources:
+    """Everything that a compiler needs for one FMI version."""
+    layers = room("unit")
+    unused = set(_LAYERS.values()) - {_LAYERS[fmi_version]} | ({_STATELESS} if component.has_states else set())
+    units = {name: text for name, text in layers.units.items() if name not in unused} | dict(component.code.units)
+    units |= {"model.c": model_source(component), "token.c": token_source(token)}
+    headers = {**layers.headers, **component.code.headers, "model.h": model_header(component)}
+    return Sources(units, headers | standard_headers(fmi_version))
+
+
+def room(name: str) -> Code:
+    """The C files of a folder below c/."""
+    texts = {f.name: f.read_text() for f in files("gough_stewart.fmu_build").joinpath("c", name).iterdir()}
+    units = {name: text for name, text in texts.items() if name.endswith(".c")}
+    return Code(units, {name: text for name, text in texts.items() if name.endswith(".h")})
 
 
 def standard_headers(fmi_version: str) -> dict[str, str]:
@@ -73,6 +70,3 @@ def standard_license(fmi_version: str) -> str:
     text = standard_headers(fmi_version)[_STANDARD[fmi_version][0]]
     start = text.index("Copyright")
     return text[start : text.index("*/", start)].rstrip(" -\n") + "\n"
-
-
-_kernel_source = cache(kernel_source)

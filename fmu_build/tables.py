@@ -1,49 +1,45 @@
-"""The tables of the C core: `model.h` and `model.c`, which any component has, and the plant's own `plant_table.h`."""
+"""The tables of the C core that any component has: `model.h`, `model.c`, `token.c`."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
 from textwrap import fill
 
-from gough_stewart.fmu_build import layout
-from gough_stewart.fmu_build.layout import BY_NAME, ROWS, Role, Row
-from gough_stewart.model import integrator, interface, kernel, platform, platform_checks, pose_limits
-from gough_stewart.model.interface import Variable
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
+from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
+from gough_stewart.model import interface, platform
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 
-# A second in steps of a microsecond: four seconds of computing.
-MOST_FIXED_STEPS = 1_000_000
+GENERATED = "/* Generated from the table of variables: do not edit. */"
 
 
-_GENERATED = "/* Generated from the interface table, gough_stewart.model.interface: do not edit. */"
-
-
-def layout_number() -> int:
+def layout_number(component: Component) -> int:
     """64 bits that change when a saved state would mean something else."""
-    text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in ROWS)
-    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")
+    text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in component.layout.rows)
+    return int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
 
 
-def model_header() -> str:
+def model_header(component: Component) -> str:
     """`model.h`."""
+    layout = component.layout
     sizes = {
-        "N_INPUTS": kernel.N_INPUTS,
-        "N_STATES": kernel.N_STATES,
-        "N_OUTPUTS": interface.size_of(interface.OUTPUTS),
-        "N_RESULTS": kernel.N_RESULTS,
-        "N_PARAMETERS": kernel.N_PARAMETERS,
-        "N_SLOTS": layout.N_SLOTS,
-        "N_VARIABLES": len(ROWS),
+        "N_INPUTS": _size(layout.of_role(Role.INPUT)),
+        "N_STATES": _size(layout.of_role(Role.STATE)),
+        "N_OUTPUTS": _size(layout.outputs()),
+        "N_RESULTS": _size(layout.of_role(Role.STATE, Role.RESULT)),
+        "N_PARAMETERS": _size(_parameters(component)),
+        "N_SLOTS": layout.n_slots,
+        "N_VARIABLES": len(layout.rows),
     }
+    first_result = sizes["N_INPUTS"]
     slots = {
-        "FIRST_INPUT": _first(interface.INPUTS),
-        "FIRST_STATE": _first(interface.STATES),
-        "FIRST_RESULT": _first(interface.RESULTS),
-        "FIRST_PARAMETER": _first(interface.PLATFORM_PARAMETERS),
-        "FIRST_DERIVATIVE": layout.of_role(Role.DERIVATIVE)[0].first,
-        "TIME": layout.TIME.first,
+        "FIRST_INPUT": 0,
+        "FIRST_STATE": first_result,
+        "FIRST_RESULT": first_result,
+        "FIRST_PARAMETER": first_result + sizes["N_RESULTS"],
+        "FIRST_DERIVATIVE": layout.time.first - sizes["N_STATES"],
+        "TIME": layout.time.first,
     }
-    return f"""{_GENERATED}
+    return f"""{GENERATED}
 #ifndef MODEL_H
 #define MODEL_H
 
@@ -52,10 +48,10 @@ def model_header() -> str:
 #include "internal.h"
 #include "variable.h"
 
-{_defines(sizes)}
+{defines(sizes)}
 
 /* slots: inputs, results (states first), parameters, others, derivatives, time */
-{_defines(slots)}
+{defines(slots)}
 
 /* of an experiment that names none; what a value may be at most */
 #define DEFAULT_TOLERANCE {DEFAULT_TOLERANCE!r}
@@ -64,51 +60,16 @@ def model_header() -> str:
 INTERNAL_BEGIN
 extern const variable VARIABLES[N_VARIABLES];
 extern const unsigned char VARIABLE_OF_SLOT[N_SLOTS];
-extern const double START_INPUTS[N_INPUTS];
-extern const double START_STATES[N_STATES];
-extern const double START_PARAMETERS[N_PARAMETERS];
-extern const double START_FIXED_STEP_SIZE;
-extern const double NOMINAL_STATES[N_STATES];
+/* one 0 where there are none */
+extern const double START_INPUTS[];
+extern const double START_STATES[];
+extern const double START_PARAMETERS[];
+extern const double NOMINAL_STATES[];
 /* what modelDescription.xml and binary have in common (token.c) */
 extern const char *const TOKEN;
 /* of the variables that a saved state holds */
 extern const uint64_t LAYOUT;
 INTERNAL_END
-
-#endif
-"""
-
-
-def plant_header() -> str:
-    """`plant_table.h`: where the plant's variables lie in the kernel's vectors, and what limits it."""
-    results, parameters = interface.RESULTS, interface.PLATFORM_PARAMETERS
-    places = {f"X_{v.name.upper()}": _place(v, interface.STATES) for v in interface.STATES}
-    places["X_PITCH"] = places["X_ORIENTATION"] + 1
-    places |= {f"R_{v.name.upper()}": _place(v, results) for v in results if not v.is_state}
-    places |= {f"P_{v.name.upper()}": _place(v, parameters) for v in parameters}
-    limits = {
-        "SMALLEST_TOLERANCE": TOLERANCES[0],
-        "LARGEST_TOLERANCE": TOLERANCES[1],
-        "MOST_INTERNAL_STEPS": integrator.MOST_INTERNAL_STEPS,
-        "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
-        "LARGEST_PITCH": pose_limits.LARGEST_PITCH,
-        "SHORTEST_LEG": pose_limits.SHORTEST_LEG,
-        "SINGULAR_CONDITION_NUMBER": pose_limits.SINGULAR_CONDITION_NUMBER,
-        "INERTIA_SLACK": platform_checks.INERTIA_SLACK,
-        "COINCIDENCE": platform_checks.COINCIDENCE,
-    }
-    return f"""{_GENERATED}
-#ifndef PLANT_TABLE_H
-#define PLANT_TABLE_H
-
-#define N_LEGS {interface.BY_NAME["leg_length"].size}
-#define FIXED_STEP_SIZE {BY_NAME["fixed_step_size"].first} /* its slot */
-
-/* places in the vectors of states, results and parameters */
-{_defines(places)}
-
-/* as in gough_stewart.model: lengths in m, angles in rad, the shortest leg relative to the size of the platform */
-{_defines(limits)}
 
 #endif
 """
@@ -123,14 +84,12 @@ const char *const TOKEN = "{token}";
 '''
 
 
-def model_source(chosen: Platform) -> str:
-    """`model.c` with the start values of a platform."""
-    rows = "\n".join(f"    {_row(row)}," for row in ROWS)
-
-    def starts(*variables: Variable) -> str:
-        return _numbers(interface.pack(variables, interface.start_values(variables, chosen)))
-
-    return f"""{_GENERATED}
+def model_source(component: Component) -> str:
+    """`model.c` with the component's start values."""
+    layout = component.layout
+    rows = "\n".join(f"    {_row(row)}," for row in layout.rows)
+    states = layout.of_role(Role.STATE)
+    return f"""{GENERATED}
 #include "model.h"
 
 const variable VARIABLES[N_VARIABLES] = {{
@@ -138,39 +97,50 @@ const variable VARIABLES[N_VARIABLES] = {{
 }};
 
 const unsigned char VARIABLE_OF_SLOT[N_SLOTS] = {{
-{_lines(str(row.reference) for row in ROWS for _ in range(row.variable.size))}
+{_lines(str(row.reference) for row in layout.rows for _ in row.slots)}
 }};
 
-const double START_INPUTS[N_INPUTS] = {{
-{starts(*interface.INPUTS)}
+const double START_INPUTS[] = {{
+{_starts(component, layout.of_role(Role.INPUT))}
 }};
 
-const double START_STATES[N_STATES] = {{
-{starts(*interface.STATES)}
+const double START_STATES[] = {{
+{_starts(component, states)}
 }};
 
-const double START_PARAMETERS[N_PARAMETERS] = {{
-{starts(*interface.PLATFORM_PARAMETERS)}
+const double START_PARAMETERS[] = {{
+{_starts(component, _parameters(component))}
 }};
 
-const double START_FIXED_STEP_SIZE = {starts(interface.BY_NAME["fixed_step_size"]).strip(" ,")};
-
-const double NOMINAL_STATES[N_STATES] = {{
-{_numbers([layout.NOMINAL] * kernel.N_STATES)}
+const double NOMINAL_STATES[] = {{
+{_numbers([component.nominal] * _size(states))}
 }};
 
-const uint64_t LAYOUT = UINT64_C({layout_number():#x});
+const uint64_t LAYOUT = UINT64_C({layout_number(component):#x});
 """
 
 
-def _first(variables: tuple[Variable, ...]) -> int:
-    """Slot of the first of them."""
-    return BY_NAME[variables[0].name].first
+def places(prefix: str, rows: Iterable[Row]) -> dict[str, int]:
+    """Where variables begin in a vector of their own: the names of macros and their values."""
+    found, at = {}, 0
+    for row in rows:
+        found[f"{prefix}_{row.variable.name.upper()}"] = at
+        at += row.variable.size
+    return found
 
 
-def _place(variable: Variable, variables: tuple[Variable, ...]) -> int:
-    """Where it begins in the vector of these variables."""
-    return BY_NAME[variable.name].first - _first(variables)
+def defines(values: Mapping[str, float]) -> str:
+    """Macros, a line each."""
+    return "\n".join(f"#define {name} {value!r}" for name, value in values.items())
+
+
+def _parameters(component: Component) -> tuple[Row, ...]:
+    """Those that are not of the unit itself."""
+    return tuple(r for r in component.layout.of_role(*PARAMETER_ROLES) if r.variable.name not in component.settings)
+
+
+def _size(rows: Iterable[Row]) -> int:
+    return interface.size_of(row.variable for row in rows)
 
 
 _RANGES = {None: "ANY", ">= 0": "NOT_NEGATIVE", "> 0": "POSITIVE"}
@@ -183,12 +153,13 @@ def _row(row: Row) -> str:
     return f'{{"{v.name}", "{v.unit}", {row.first}, {v.size}, {columns}, {row.role.value}, {bound}}}'
 
 
-def _defines(values: Mapping[str, float]) -> str:
-    return "\n".join(f"#define {name} {value!r}" for name, value in values.items())
+def _starts(component: Component, rows: Iterable[Row]) -> str:
+    return _numbers(number for row in rows for number in component.starts[row.variable.name].flat)
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return "\n".join(f"    {float(v)!r}," for v in values)
+    """C has no empty arrays."""
+    return "\n".join(f"    {float(v)!r}," for v in values) or "    0"
 
 
 def _lines(words: Iterable[str]) -> str:

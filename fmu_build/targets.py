@@ -15,16 +15,20 @@ class Target:
     triple: str  # for zig; with the oldest C library or system that the binary runs on
     fmi2_folder: str
     suffix: str
-    flags: tuple[str, ...] = ()
+
+    def flags_of(self, library: str) -> tuple[str, ...]:
+        """What the compiler needs to be told for a library of this name."""
+        if self.suffix == ".dylib":
+            return (f"-Wl,-install_name,@rpath/{library}.dylib",)
+        return ("-fPIC",) if self.suffix == ".so" else ()
 
 
-_INSTALL_NAME = "-Wl,-install_name,@rpath/gough_stewart.dylib"
 TARGETS = (
-    Target("x86_64-linux", "x86_64-linux-gnu.2.17", "linux64", ".so", ("-fPIC",)),
-    Target("aarch64-linux", "aarch64-linux-gnu.2.17", "aarch64-linux", ".so", ("-fPIC",)),
+    Target("x86_64-linux", "x86_64-linux-gnu.2.17", "linux64", ".so"),
+    Target("aarch64-linux", "aarch64-linux-gnu.2.17", "aarch64-linux", ".so"),
     Target("x86_64-windows", "x86_64-windows-gnu", "win64", ".dll"),
-    Target("x86_64-darwin", "x86_64-macos.10.15", "darwin64", ".dylib", (_INSTALL_NAME,)),
-    Target("aarch64-darwin", "aarch64-macos.11.0", "darwin64", ".dylib", (_INSTALL_NAME,)),
+    Target("x86_64-darwin", "x86_64-macos.10.15", "darwin64", ".dylib"),
+    Target("aarch64-darwin", "aarch64-macos.11.0", "darwin64", ".dylib"),
 )
 BY_NAME = {target.name: target for target in TARGETS}
 _PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}

@@ -32,15 +32,14 @@ FLAGS = (
     # nobody reads errno; without it sqrt is one instruction
     "-fno-math-errno",
 )
-LIBRARY = "gough_stewart"
 # For a library of a few hundred kilobytes and what is made on the way [bytes].
 _ROOM = 16_000_000
 
 
 def compile_library(
-    units: Mapping[str, str], headers: Mapping[str, str], target: Target, stop: Event | None = None
+    name: str, units: Mapping[str, str], headers: Mapping[str, str], target: Target, stop: Event | None = None
 ) -> bytes:
-    """The shared library of some C files, the same bytes for the same sources.
+    """The shared library `name` of some C files, the same bytes for the same sources.
 
     A damaged cache of the compiler is made anew. The compiler ends soon after `stop` is set, with all processes that it
     has started.
@@ -55,8 +54,8 @@ def compile_library(
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     check_objects()
     with tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
-        library = Path(scratch, LIBRARY + target.suffix)
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags]
+        library = Path(scratch, name + target.suffix)
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags_of(name)]
         command += ["-I", str(include), *files, "-o", str(library), "-lm"]
         stop = stop or Event()
         code, message = _run(command, scratch, stop)

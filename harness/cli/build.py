@@ -52,7 +52,8 @@ def build_command(
     """
     with clear_errors() as written:
         with preparing():
-            from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
+            from gough_stewart.fmu_build.build import build
+            from gough_stewart.fmu_build.builder import VERSIONS, number_of_steps
 
         chosen = chosen_platform(preset, platform)
         versions = [v.value for v in fmi] if fmi else VERSIONS

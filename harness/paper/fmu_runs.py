@@ -8,7 +8,7 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
@@ -31,7 +31,7 @@ def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.floa
     with UnitFile(fmu) as file, Unit(file, fmi_type) as unit:
         starts, columns = dict[str, Any](), list[str]()
         for name, value in {**case.start._asdict(), "actuator_force": case.actuator_force}.items():
-            elements = BY_NAME[name].variable.scalar_names
+            elements = PLANT.by_name[name].variable.scalar_names
             starts |= dict(zip(elements, value.tolist(), strict=True)) if unit.is_fmi2 else {name: value.tolist()}
         for variable in interface.STATES:
             columns += variable.scalar_names if unit.is_fmi2 else [variable.name]

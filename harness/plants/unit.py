@@ -18,7 +18,7 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, calloc, fmi2CallbackFunctions, fmi2C
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from numpy.typing import ArrayLike
 
-from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.archive import check_archive
 from gough_stewart.model import interface
@@ -149,7 +149,7 @@ class Values:
 
 def values_of(names: Iterable[str], is_fmi2: bool) -> Values:
     """Whole variables of the plant, by name."""
-    variables = [BY_NAME[name].variable for name in names]
+    variables = [PLANT.by_name[name].variable for name in names]
     found = [reference for variable in variables for reference in references(variable.name, is_fmi2)]
     return Values(found, interface.size_of(variables), is_fmi2)
 
@@ -275,5 +275,5 @@ class Unit:
 
 def references(name: str, is_fmi2: bool) -> list[int]:
     """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
-    row = BY_NAME[name]
+    row = PLANT.by_name[name]
     return list(range(row.first, row.first + row.variable.size)) if is_fmi2 else [row.reference]

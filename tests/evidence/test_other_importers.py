@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.fmu_build.build import build
-from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.model.formulations.cases import paper_case
 
@@ -26,11 +26,11 @@ def test_the_papers_case_in_libcosim(tmp_path: Path, capfd: pytest.CaptureFixtur
     index = execution.add_local_slave(CosimLocalSlave(fmu_path=str(path), instance_name="plant"))
     for name, value in {**case.start._asdict(), "actuator_force": case.actuator_force}.items():
         for k, number in enumerate(value):
-            assert execution.real_initial_value(index, BY_NAME[name].first + k, float(number))
+            assert execution.real_initial_value(index, PLANT.by_name[name].first + k, float(number))
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
     assert execution.simulate_until(int(case.duration * nanoseconds))
-    first = BY_NAME["position"].first
+    first = PLANT.by_name["position"].first
     pose = observer.last_real_values(index, list(range(first, first + 6)))
     error = np.abs(np.array(pose) - run_kernel(case).states[-1, :6]).max()
     log = capfd.readouterr()

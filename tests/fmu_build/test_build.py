@@ -4,7 +4,6 @@ import csv
 import os
 import signal
 import struct
-import sys
 import tempfile
 import zipfile
 from ctypes import c_double
@@ -15,16 +14,21 @@ import pytest
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import compiler_cache, reference_results, sources, targets, toolchain
+from gough_stewart.fmu_build import builder, compiler_cache, targets, toolchain
 from gough_stewart.fmu_build.archive import to_zip
-from gough_stewart.fmu_build.build import build, contents, number_of_steps, unit_of
+from gough_stewart.fmu_build.build import build
+from gough_stewart.fmu_build.builder import contents, number_of_steps, unit_of
+from gough_stewart.fmu_build.component import Code
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.reference_results import ReferenceCase, reference_cases
+from gough_stewart.fmu_build.plant import component, reference_results
+from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.reference_results import ReferenceCase, reference_cases
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets
 from gough_stewart.model import interface
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.state import State
 from tests.fmu_build.test_trajectories import reference
 from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu, Plant, plant
@@ -180,7 +184,7 @@ def test_the_reference_is_integrated_once_for_both_versions(tmp_path: Path, monk
         return np.zeros((len(case.time), interface.size_of(interface.RESULTS)))
 
     monkeypatch.setattr(reference_results, "reference_results", integrate)
-    monkeypatch.setattr(sys.modules[build.__module__], "compile_library", lambda *_: b"")
+    monkeypatch.setattr(builder, "compile_library", lambda *_: b"")
     assert len(build(tmp_path)) == 2
     assert cases == ["open_loop", "varying_inputs"]
 
@@ -191,6 +195,25 @@ def test_another_platform_gives_other_start_values(tmp_path: Path) -> None:
     with plant(Fmu(path)) as p:
         assert p.get("platform_mass") == other.platform_mass
         assert np.array_equal(p.get("position"), other.home_position)
+
+
+def test_another_start_is_in_the_unit_and_its_description(tmp_path: Path) -> None:
+    """Expected: the values given; parameters are the platform's, and there are no results of another start."""
+    home = State(UNEVEN.home_position, UNEVEN.home_orientation, np.zeros(3), np.zeros(3))
+    start = State(home.position + 0.01 * np.arange(-1, 2), home.orientation + 0.02, np.full(3, 0.1), np.full(3, -0.2))
+    force = np.arange(6.0) + 100
+    component = plant_component(UNEVEN, start=start, actuator_force=force, file_stem="lifted", with_references=False)
+    (path,) = builder.build_units(component, tmp_path, fmi=["2.0"])
+    assert path.name == "lifted_fmi2.fmu"
+    unit = Fmu(path)
+    with plant(unit) as p:
+        for name, expected in (start._asdict() | {"actuator_force": force}).items():
+            np.testing.assert_array_equal(p.get(name), expected)
+        assert p.get("platform_mass") == UNEVEN.platform_mass
+    starts = {v.name: v.start for v in unit.description.modelVariables}
+    assert float(starts["angular_velocity[3]"]) == -0.2
+    assert not (unit.folder / "extra").exists()
+    assert "stands still" not in (unit.folder / "documentation/index.html").read_text()
 
 
 def test_progress_is_told_step_by_step(tmp_path: Path) -> None:
@@ -217,7 +240,7 @@ def test_a_wrong_option_is_named(options: dict[str, list[str]], expected: str, t
 def test_a_compiler_error_is_shown_and_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = tmp_path / "gough_stewart_fmi2.fmu"
     kept.write_bytes(b"old")
-    monkeypatch.setattr(sources, "_kernel_source", lambda: "this is not C;")
+    monkeypatch.setattr(component, "_code", lambda: Code({"kernel.c": "this is not C;"}, {}))
     with pytest.raises(BuildError, match="error:"):
         build(tmp_path)
     assert kept.read_bytes() == b"old"
@@ -241,7 +264,7 @@ def fake_libraries(*names: str) -> dict[targets.Target, bytes]:
 
 
 def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
-    unit = unit_of(load_preset("liu2000"), "3.0", runs=())
+    unit = unit_of(plant_component(load_preset("liu2000")), "3.0")
     binaries = {n for n in contents(unit, fake_libraries(*BY_NAME)) if n.startswith("binaries/")}
     assert binaries == {
         "binaries/x86_64-linux/gough_stewart.so",
@@ -250,11 +273,11 @@ def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
         "binaries/x86_64-darwin/gough_stewart.dylib",
         "binaries/aarch64-darwin/gough_stewart.dylib",
     }
-    assert fmu3.token == unit_of(UNEVEN, "3.0", runs=()).sources.units["token.c"].split('"')[-2]
+    assert fmu3.token == unit_of(plant_component(UNEVEN), "3.0").sources.units["token.c"].split('"')[-2]
 
 
 def test_fmi2_has_a_folder_for_every_system_and_one_file_for_apples_processors() -> None:
-    unit = unit_of(load_preset("liu2000"), "2.0", runs=())
+    unit = unit_of(plant_component(load_preset("liu2000")), "2.0")
     everything = contents(unit, fake_libraries(*BY_NAME))
     assert {n for n in everything if n.startswith("binaries/")} == {
         "binaries/linux64/gough_stewart.so",

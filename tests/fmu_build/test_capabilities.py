@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
@@ -193,7 +193,7 @@ def test_directional_derivatives_are_the_kernels_jacobians(fmu: Fmu, co_simulati
 def test_directional_derivatives_by_parameters_are_difference_quotients(fmu: Fmu) -> None:
     """Expected: central differences of the unit's own results, in initialisation mode."""
     rng = np.random.default_rng(6)
-    for row in layout.of_role(Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER):
+    for row in PLANT.of_role(Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER):
         name = row.variable.name
         if name == "fixed_step_size":
             continue
@@ -227,7 +227,7 @@ def test_adjoint_and_directional_derivatives_are_transposes(fmu3: Fmu) -> None:
         p.start(start_of(uneven_case()))
         for unknown in ("acceleration", "der(orientation)", "leg_length", "joint_force", "potential_energy"):
             for known in ("actuator_force", "orientation", "velocity", "platform_mass", "platform_points"):
-                m, n = (layout.BY_NAME[name].variable.size for name in (unknown, known))
+                m, n = (PLANT.by_name[name].variable.size for name in (unknown, known))
                 v, w = rng.normal(size=n), rng.normal(size=m)
                 forward = p.directional(unknown, known, v)
                 reverse = p.fmu.getAdjointDerivative(
@@ -242,7 +242,7 @@ def test_adjoint_and_directional_derivatives_are_transposes(fmu3: Fmu) -> None:
 def test_what_is_no_unknown_or_known_is_an_error(fmu: Fmu, unknown: str, known: str) -> None:
     with plant(fmu) as p:
         p.start()
-        assert refused(p.directional, unknown, known, [1.0] * layout.BY_NAME[known].variable.size) == ERROR
+        assert refused(p.directional, unknown, known, [1.0] * PLANT.by_name[known].variable.size) == ERROR
         assert "expected" in p.messages[-1].text
 
 
@@ -497,7 +497,7 @@ def test_model_exchange_has_twelve_states_with_nominals_and_derivatives(fmu: Fmu
         assert list(x) == [float(v) for s in interface.STATES for v in p.get(s.name)]
         assert list(xdot) == [float(v) for s in interface.STATES for v in p.get(f"der({s.name})")]
         declared = {float(v.derivative.nominal) for v in derivatives}
-        assert set(nominals) == declared == {layout.NOMINAL}
+        assert set(nominals) == declared == {NOMINAL}
 
 
 def test_states_that_cannot_be_are_discarded(fmu: Fmu) -> None:

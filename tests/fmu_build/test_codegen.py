@@ -1,13 +1,16 @@
 """The kernel as C: complete, with plain signatures, and refused where it is not straight-line code."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import casadi
 import pytest
 
-from gough_stewart.fmu_build import codegen, layout, tables
-from gough_stewart.fmu_build.layout import ROWS
+from gough_stewart.fmu_build import codegen, tables
+from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
@@ -15,7 +18,7 @@ from gough_stewart.model.platform import Platform
 
 def test_every_function_that_the_header_declares_is_defined(paper: Platform) -> None:
     """Expected: the declarations of kernel.h, argument by argument."""
-    headers = sources(paper, "3.0", "token").headers
+    headers = sources(plant_component(paper), "3.0", "token").headers
     declared = dict(re.findall(r"void (kernel_\w+)\((.*?)\);", headers["kernel.h"], re.S))
     defined = dict(re.findall(r"^void (kernel_\w+)\((.*?)\)$", codegen.kernel_source(), re.M))
     assert len(defined) == 5
@@ -52,21 +55,21 @@ def test_code_that_branches_is_refused() -> None:
 
 def test_slots_follow_each_other_without_gaps() -> None:
     first = 0
-    for row in ROWS:
+    for row in PLANT.rows:
         assert row.first == first
         first += row.variable.size
-    assert first == layout.N_SLOTS
+    assert first == PLANT.n_slots
 
 
 def test_states_come_first_among_the_results() -> None:
     """Expected by the C core: results begin with the states, in the kernel's order."""
-    names = [row.variable.name for row in ROWS]
+    names = [row.variable.name for row in PLANT.rows]
     results = names[names.index(interface.RESULTS[0].name) :]
     assert results[: len(interface.RESULTS)] == [v.name for v in interface.RESULTS]
     assert results[: len(interface.STATES)] == [v.name for v in interface.STATES]
 
 
-def test_the_layout_number_changes_with_the_variables(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = tables.layout_number()
-    monkeypatch.setattr(tables, "ROWS", ROWS[:-1])
-    assert tables.layout_number() != before
+def test_the_layout_number_changes_with_the_variables_and_the_saved_form(paper: Platform) -> None:
+    component = plant_component(paper)
+    others = replace(component, layout=Layout(PLANT.rows[:-1])), replace(component, saved_form="another")
+    assert len({tables.layout_number(each) for each in (component, *others)}) == 3

@@ -58,7 +58,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def compiled(monkeypatch: pytest.MonkeyPatch, compiler: Compiler) -> bytes:
     monkeypatch.setattr(toolchain, "_run", compiler)
-    return compile_library({"kernel.c": "int x;"}, {"kernel.h": ""}, targets.native())
+    return compile_library("unit", {"kernel.c": "int x;"}, {"kernel.h": ""}, targets.native())
 
 
 def damage(cache: Path, content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,7 +110,7 @@ def test_a_cache_that_is_a_file_is_made_anew(cache: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(toolchain, "_run", stumble)
     with pytest.raises(BuildError, match="now it is a folder's turn"):
-        compile_library({"kernel.c": "int x;"}, {}, targets.native())
+        compile_library("unit", {"kernel.c": "int x;"}, {}, targets.native())
 
 
 def test_a_fault_of_the_sources_is_shown_and_leaves_the_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,11 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from gough_stewart.fmu_build import dependencies, layout
+from gough_stewart.fmu_build import dependencies
 from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.dependencies import slot_dependencies
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.units import BY_NAME, UNITS
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -46,9 +49,9 @@ def test_every_document_follows_the_schema_of_the_standard(fmu: Fmu) -> None:
 
 def test_every_variable_of_the_table_is_there_with_its_meaning(fmu: Fmu) -> None:
     found = {v.name: v for v in fmu.description.modelVariables}
-    for row in layout.described(fmu.version):
+    for row in PLANT.described(fmu.version):
         v = row.variable
-        names = layout.scalar_names(row) if fmu.version == "2.0" else (v.name,)
+        names = row.scalar_names if fmu.version == "2.0" else (v.name,)
         for k, name in enumerate(names):
             declared = found.pop(name)
             assert declared.description == v.description
@@ -161,20 +164,20 @@ def numeric_dependencies() -> dict[int, set[int]]:
 
 def test_dependencies_are_those_that_differences_show() -> None:
     """Expected: no more and no less than what changes when a state or an input does."""
-    declared = {
-        slot: set(dependencies.of_slot(slot, (Role.INPUT, Role.STATE))) for slot in dependencies.slot_dependencies()
-    }
+    component, knowns = plant_component(UNEVEN), (Role.INPUT, Role.STATE)
+    declared = {slot: set(dependencies.of_slot(component, slot, knowns)) for slot in slot_dependencies()}
     assert declared == numeric_dependencies()
 
 
 def test_the_descriptions_carry_these_dependencies(fmu: Fmu) -> None:
+    component, knowns = plant_component(UNEVEN), (Role.INPUT, Role.STATE)
     for unknowns in (fmu.description.outputs, fmu.description.derivatives):
         for unknown in unknowns:
             if fmu.version == "2.0":
-                expected = dependencies.of_slot(unknown.variable.valueReference, (Role.INPUT, Role.STATE))
+                expected = dependencies.of_slot(component, unknown.variable.valueReference, knowns)
             else:
-                row = layout.BY_NAME[unknown.variable.name]
-                expected = dependencies.of_row(row, (Role.INPUT, Role.STATE))
+                row = PLANT.by_name[unknown.variable.name]
+                expected = dependencies.of_row(component, row, knowns)
             assert [v.valueReference for v in unknown.dependencies] == list(expected)
             assert list(unknown.dependenciesKind) == list(expected.values())
 
@@ -190,7 +193,7 @@ def test_constant_dependencies_have_constant_factors() -> None:
         blocks.append(np.block([[j.B, j.A], [j.D, j.C]]))
     unknowns = [*range(125, 137), *range(12, 62)]
     constants = 0
-    for slot, kinds in dependencies.slot_dependencies().items():
+    for slot, kinds in slot_dependencies().items():
         for known, kind in kinds.items():
             if known < 24 and kind == "constant":
                 entries = {float(block[unknowns.index(slot), known]) for block in blocks}
@@ -240,10 +243,10 @@ def test_declared_capabilities(fmu: Fmu) -> None:
 
 
 def test_the_guid_tells_versions_and_platforms_apart(fmu2: Fmu, fmu3: Fmu) -> None:
-    from gough_stewart.fmu_build.build import unit_of
+    from gough_stewart.fmu_build.builder import unit_of
     from gough_stewart.model.platform_toml import load_preset
 
-    other = unit_of(load_preset("motion_base"), "3.0", runs=()).documents["modelDescription.xml"].decode()
+    other = unit_of(plant_component(load_preset("motion_base")), "3.0").documents["modelDescription.xml"].decode()
     assert fmu2.token != fmu3.token
     assert fmu3.token not in other
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import layout
-from gough_stewart.fmu_build.documentation import documentation_page
 from gough_stewart.fmu_build.formulas import mathml
+from gough_stewart.fmu_build.plant.documentation import documentation_page
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.platform import Platform
@@ -48,7 +48,7 @@ def example_of(page: bytes) -> str:
 def test_every_variable_has_its_line(preset_and_version: tuple[Platform, str]) -> None:
     """Expected: name, unit and description of the layout, in its order."""
     rows = table_of(documentation_page(*preset_and_version))
-    variables = [row.variable for row in layout.described(preset_and_version[1])]
+    variables = [row.variable for row in PLANT.described(preset_and_version[1])]
     assert [row[0].split()[0] for row in rows] == [v.name for v in variables]
     assert [row[3] for row in rows] == [v.unit for v in variables]
     assert [row[5] for row in rows] == [v.description for v in variables]
@@ -73,8 +73,8 @@ def test_start_values_are_those_of_the_platform(preset_and_version: tuple[Platfo
 def test_only_fmi_2_names_elements() -> None:
     """Expected: first and last scalar of each array, from the layout."""
     old, new = (table_of(documentation_page(load_preset("liu2000"), v)) for v in VERSIONS)
-    for row, two, three in zip(layout.described("2.0"), old, new, strict=False):
-        names = layout.scalar_names(row)
+    for row, two, three in zip(PLANT.described("2.0"), old, new, strict=False):
+        names = row.scalar_names
         assert three[0] == row.variable.name
         if row.variable.shape:
             assert names[0] in two[0]

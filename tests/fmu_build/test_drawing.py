@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from gough_stewart.fmu_build.drawing import DRAWING_SIZE, ICON_SIZE, drawing_svg, icon_png, icon_svg
+from gough_stewart.fmu_build.plant.drawing import DRAWING_SIZE, ICON_SIZE, drawing_svg, icon_png, icon_svg
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, preset_names
 from tests.support.random_platforms import random_platform

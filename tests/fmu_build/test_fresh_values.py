@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.plant.layout import PLANT
 from tests.fmu_build.test_trajectories import start_of
 from tests.support.fmu_plants import Fmu, Plant, plant
 from tests.support.uneven import uneven_case
 
-COMPUTED = [row.variable.name for row in layout.of_role(Role.RESULT, Role.DERIVATIVE)]
-SETTABLE = layout.of_role(Role.INPUT, Role.STATE, Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
+COMPUTED = [row.variable.name for row in PLANT.of_role(Role.RESULT, Role.DERIVATIVE)]
+SETTABLE = PLANT.of_role(Role.INPUT, Role.STATE, Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
 # What is computed first decides what is kept for the next.
 ORDERS: dict[str, list[str]] = {
     "as listed": COMPUTED,

@@ -11,7 +11,7 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import layout
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -52,14 +52,14 @@ def simulate(fmu: Fmu, case: OpenLoopCase, fmi_type: str, **options: Any) -> Any
     """FMPy's own simulation loop; parameters and start values by name."""
     starts, output = dict[str, Any](), list[str]()
     for name, value in start_of(case).items():
-        row, flat = layout.BY_NAME[name], np.ravel(value).tolist()
+        row, flat = PLANT.by_name[name], np.ravel(value).tolist()
         if fmu.version == "2.0":
-            starts |= dict(zip(layout.scalar_names(row), flat, strict=True))
+            starts |= dict(zip(row.scalar_names, flat, strict=True))
         else:
             starts[name] = flat if row.variable.shape else flat[0]
     for name in ("position", "orientation"):
-        row = layout.BY_NAME[name]
-        output += layout.scalar_names(row) if fmu.version == "2.0" else (name,)
+        row = PLANT.by_name[name]
+        output += row.scalar_names if fmu.version == "2.0" else (name,)
     return simulate_fmu(
         str(fmu.path),
         fmi_type=fmi_type,

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import layout
 from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, PlatformError
@@ -161,7 +161,7 @@ def test_payload_friction_and_gravity_change_during_the_run(fmu: Fmu) -> None:
         "leg_friction_velocity": 0.01,
         "gravity": [0.5, 0.0, -9.0],
     }
-    tunable = {r.variable.name for r in layout.of_role(Role.TUNABLE_PARAMETER)}
+    tunable = {r.variable.name for r in PLANT.of_role(Role.TUNABLE_PARAMETER)}
     assert set(changes) == tunable
     model = SteppingModel(UNEVEN, tolerance=1e-10)
     with plant(fmu) as p:

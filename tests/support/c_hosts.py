@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gough_stewart.fmu_build.compiler_cache import compiler_environment
+from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import place_of
 from gough_stewart.model.platform_toml import load_preset
@@ -31,7 +32,7 @@ def compile_host(host: Sequence[Path], program: Path, compiler: Sequence[str]) -
     """A host linked with the whole unit, both FMI versions in one; `compiler` is the command with its flags."""
     units, headers = dict[str, str](), dict[str, str]()
     for version in ("2.0", "3.0"):
-        unit = sources(load_preset("liu2000"), version, TOKEN)
+        unit = sources(plant_component(load_preset("liu2000")), version, TOKEN)
         units |= unit.units
         headers |= unit.headers
     # zig's cache knows a file by its place: what has not changed is not compiled again

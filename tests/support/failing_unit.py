@@ -8,9 +8,10 @@ from pathlib import Path
 
 import fmpy.fmi2
 
-from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.fmu_build.plant.component import IDENTIFIER
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.targets import chosen_targets
-from gough_stewart.fmu_build.toolchain import LIBRARY, compile_library
+from gough_stewart.fmu_build.toolchain import compile_library
 from tests.support.fmu_plants import Fmu
 
 # From this time on a step fails [s].
@@ -77,16 +78,16 @@ API void fmi2FreeInstance(void* c) { (void)c; }
 def failing_unit(fmu: Fmu, target: Path) -> Path:
     """The archive of an FMU, FMI 2.0, with the binary replaced."""
     (native,) = chosen_targets(["native"])
-    source = _SOURCE.replace("FIXED_STEP_SIZE", str(BY_NAME["fixed_step_size"].first))
+    source = _SOURCE.replace("FIXED_STEP_SIZE", str(PLANT.by_name["fixed_step_size"].first))
     source = source.replace("FAILS_AT", str(FAILS_AT))
     # what FMPy looks for and does not call here
     others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - set(
         re.findall(r"fmi2\w+", source)
     )
     source += "\n".join(f"API int {name}(void) {{ return 0; }}" for name in sorted(others))
-    library = compile_library({"unit.c": source}, {}, native)
+    library = compile_library(IDENTIFIER, {"unit.c": source}, {}, native)
     with zipfile.ZipFile(fmu.path) as old, zipfile.ZipFile(target, "w") as new:
         for name in old.namelist():
-            is_binary = name.startswith("binaries/") and Path(name).stem == LIBRARY
+            is_binary = name.startswith("binaries/") and Path(name).stem == IDENTIFIER
             new.writestr(name, library if is_binary else old.read(name))
     return target

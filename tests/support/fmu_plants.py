@@ -11,8 +11,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import fmi3Float64, fmi3Int32, fmi3ValueReference
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.fmu_build import layout
-from gough_stewart.fmu_build.layout import ROWS
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.plants.unit import Unit, UnitFile, references
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
@@ -48,7 +47,7 @@ class Plant(Unit):
 
     def get(self, name: str) -> NDArray[np.float64]:
         """Value of a whole variable."""
-        variable = layout.BY_NAME[name].variable
+        variable = PLANT.by_name[name].variable
         if self.is_fmi2:
             flat = self.fmu.getReal(self.references(name))
         else:
@@ -57,7 +56,7 @@ class Plant(Unit):
 
     def everything(self) -> dict[str, NDArray[np.float64]]:
         """Every variable."""
-        return {row.variable.name: self.get(row.variable.name) for row in ROWS}
+        return {row.variable.name: self.get(row.variable.name) for row in PLANT.rows}
 
     def set_platform(self, platform: Platform) -> None:
         """All parameters of a platform."""
@@ -111,7 +110,7 @@ class Plant(Unit):
     def directional(self, unknown: str, known: str, seed: ArrayLike) -> NDArray[np.float64]:
         """Change of a whole unknown along a change of a whole known."""
         flat = np.ravel(np.asarray(seed, dtype=float)).tolist()
-        size = layout.BY_NAME[unknown].variable.size
+        size = PLANT.by_name[unknown].variable.size
         arguments = (self.references(unknown), self.references(known), flat)
         if self.is_fmi2:
             return np.array(self.fmu.getDirectionalDerivative(*arguments))
@@ -119,7 +118,7 @@ class Plant(Unit):
 
     def output_rates(self, name: str) -> NDArray[np.float64]:
         """First time derivatives of an output."""
-        found, size = self.references(name), layout.BY_NAME[name].variable.size
+        found, size = self.references(name), PLANT.by_name[name].variable.size
         if self.is_fmi2:
             return np.array(self.fmu.getRealOutputDerivatives(found, [1] * size))
         values = (fmi3Float64 * size)()

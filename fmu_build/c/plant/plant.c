@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "communication.h"
 #include "kernel.h"
 #include "parameters.h"
 #include "plant_step.h"
@@ -84,14 +85,6 @@ void component_put_input_rate(component *c, int slot, double rate)
 }
 
 /* ---- results -------------------------------------------------------------------------------------------------- */
-
-static int all_finite(const double *values, int n)
-{
-    for (int i = 0; i < n; i++)
-        if (!isfinite(values[i]))
-            return 0;
-    return 1;
-}
 
 static outcome not_finite(component *c, const char *what)
 {
@@ -198,11 +191,9 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
                       SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE);
         return MISUSE;
     }
-    if (!isfinite(start_time) || !(stop_time >= start_time)) {
-        write_message(c->message, "start time %g s, stop time %g s refused; expected a finite start, and no earlier stop",
-                      start_time, stop_time);
-        return MISUSE;
-    }
+    outcome checked = check_experiment(start_time, stop_time, c->message);
+    if (checked != DONE)
+        return checked;
     c->s.tolerance = tolerance;
     c->s.time = start_time;
     c->s.stop_time = stop_time;

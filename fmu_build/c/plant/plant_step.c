@@ -1,9 +1,9 @@
 #include "plant_step.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
+#include "communication.h"
 #include "integrator.h"
 #include "kernel.h"
 #include "plant_table.h"
@@ -61,32 +61,6 @@ static int accept_internal_step(void *owner, double t, const double x[N_STATES],
     return 1;
 }
 
-static outcome check_step(component *c, double time, double step)
-{
-    if (!isfinite(step) || !(step > 0)) {
-        write_message(c->message, "communication step = %g s refused; expected a step > 0", step);
-        return MISUSE;
-    }
-    double now = c->s.time, resolution = DBL_EPSILON * fabs(now);
-    /* rounding of an importer's clock, but never a noticeable share of the step */
-    double rounding = fmax(fmin(1e-9 * fmax(1, fabs(now)), 1e-3 * step), 4 * resolution);
-    if (!(fabs(time - now) <= rounding)) {
-        write_message(c->message, "communication point %.17g s refused; expected the present time %.17g s, steps follow "
-                                  "each other", time, now);
-        return MISUSE;
-    }
-    if (!(time + step > now)) {
-        write_message(c->message, "communication step = %g s refused; too small to advance time %g s", step, now);
-        return MISUSE;
-    }
-    if (time + step > c->s.stop_time + rounding) {
-        write_message(c->message, "communication step to %.12g s refused; it passes the stop time, %.12g s", time + step,
-                      c->s.stop_time);
-        return MISUSE;
-    }
-    return DONE;
-}
-
 static void explain_failure(component *c, integration how, double time, double end)
 {
     const char *remedy = "forces too large, friction too sharp (leg_friction_velocity), or nearly singular";
@@ -108,7 +82,7 @@ static void explain_failure(component *c, integration how, double time, double e
 outcome step_plant(component *c, double time, double step, const step_observer *observer, double *reached)
 {
     *reached = c->s.time;
-    outcome checked = check_step(c, time, step);
+    outcome checked = check_step(c->s.time, c->s.stop_time, time, step, c->message);
     if (checked == DONE)
         checked = component_check_parameters(c);
     integration_point at = {.t = c->s.time, .step = c->s.internal_step};

@@ -1,5 +1,5 @@
 /* A component as a unit sees it: what is stepped from outside, with inputs, parameters, states and results. Nothing of
-   FMI, and nothing of what the component is: plant/ has the platform.
+   FMI, and nothing of what the component is: plant/ has the platform, controller/ a sampled controller.
 
    Values are reached by slot (model.h). A call that does not return DONE has changed nothing, and has left its reason
    in `component_message`. */
@@ -48,8 +48,10 @@ outcome component_begin(component *c);
 /* From `time`, which has to be the present time, over `step` seconds. `reached` is where it ended. */
 outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached);
 
-/* For an integrator outside; vectors of N_STATES: */
 double component_time(const component *c);
+
+/* For an integrator outside, and sensitivities. A component without continuous states has none of them: stateless.c.
+   Vectors of N_STATES: */
 outcome component_set_time(component *c, double time);
 void component_get_states(const component *c, double x[]);
 outcome component_set_states(component *c, const double x[]);

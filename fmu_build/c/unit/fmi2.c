@@ -53,8 +53,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
                             .logs = loggingOn != fmi2False,
                             .name = instanceName ? instanceName : ""};
     if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation) {
-        report(&request, STATUS_ERROR, "%s: no FMU type %d; expected Model Exchange or Co-Simulation", __func__,
-               (int)fmuType);
+        report(&request, STATUS_ERROR, "%s: no FMU type %d; expected %sCo-Simulation", __func__,
+               (int)fmuType, N_STATES > 0 ? "Model Exchange or " : "");
         return NULL;
     }
     return new_instance(&request, instanceName, fmuGUID);

@@ -107,7 +107,8 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     fmi_instance request = {.layer = &FMI_3,
                             .environment = instanceEnvironment,
                             .logger = (any_function)logMessage};
-    report(&request, STATUS_ERROR, "%s: not offered by this unit; it has Model Exchange and Co-Simulation", __func__);
+    report(&request, STATUS_ERROR, "%s: not offered by this unit; it has %sCo-Simulation", __func__,
+           N_STATES > 0 ? "Model Exchange and " : "");
     return NULL;
 }
 

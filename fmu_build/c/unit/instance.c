@@ -137,6 +137,10 @@ fmi_instance *new_instance(const fmi_instance *request, const char *name, const 
                token ? token : "(null)", TOKEN);
         return NULL;
     }
+    if (request->kind == MODEL_EXCHANGE && N_STATES == 0) {
+        report(request, STATUS_ERROR, "instantiation: Model Exchange is not offered by this unit; it has Co-Simulation");
+        return NULL;
+    }
     size_t length = strlen(name) + 1;
     fmi_instance *i = malloc(sizeof *i + COMPONENT_SIZE + length);
     if (!i) {

@@ -3,6 +3,8 @@
 #ifndef MODES_H
 #define MODES_H
 
+#include "model.h"
+
 typedef enum { MODEL_EXCHANGE = 1, CO_SIMULATION = 2 } fmi_kind;
 
 typedef enum {
@@ -20,6 +22,9 @@ typedef enum {
 #define BETWEEN_CALLS (BEFORE_START | RUNNING | TERMINATED)
 #define ANY_MODE (BETWEEN_CALLS | INTERMEDIATE)
 #define NEVER 0
+
+/* a component without continuous states has nothing to integrate, and jumps where others have a slope */
+#define IF_CONTINUOUS(modes) (N_STATES > 0 ? (modes) : NEVER)
 
 #define FOR_ME MODEL_EXCHANGE
 #define FOR_CS CO_SIMULATION
@@ -39,9 +44,9 @@ typedef enum {
     ROW(CALL_SET_INPUT,             BOTH,   BOTH,   BEFORE_START | RUNNING | INTERMEDIATE)                       \
     ROW(CALL_SET_START,             BOTH,   BOTH,   BEFORE_START)                                                \
     ROW(CALL_SET_TUNABLE,           BOTH,   BOTH,   BEFORE_START | EVENT | STEP)                                 \
-    ROW(CALL_SENSITIVITY,           BOTH,   NEVER,  INITIALIZATION | RUNNING | TERMINATED)                       \
+    ROW(CALL_SENSITIVITY,           BOTH,   NEVER,  IF_CONTINUOUS(INITIALIZATION | RUNNING | TERMINATED))        \
     ROW(CALL_SET_INPUT_RATES,       FOR_CS, NEVER,  BEFORE_START | STEP)                                         \
-    ROW(CALL_GET_OUTPUT_RATES,      FOR_CS, NEVER,  STEP | INTERMEDIATE | TERMINATED)                            \
+    ROW(CALL_GET_OUTPUT_RATES,      FOR_CS, NEVER,  IF_CONTINUOUS(STEP | INTERMEDIATE | TERMINATED))             \
     ROW(CALL_DO_STEP,               FOR_CS, FOR_CS, STEP)                                                        \
     ROW(CALL_STEP_STATUS,           FOR_CS, FOR_CS, STEP | TERMINATED)                                           \
     ROW(CALL_ENTER_EVENT,           FOR_ME, NEVER,  CONTINUOUS)                                                  \

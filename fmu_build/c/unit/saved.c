@@ -154,7 +154,8 @@ static int is_possible(const saved_state *s)
     int modes = s->kind == MODEL_EXCHANGE ? BEFORE_START | EVENT | CONTINUOUS | TERMINATED
                                           : BEFORE_START | STEP | TERMINATED;
     int mode = (int)s->mode;
-    if ((s->kind != MODEL_EXCHANGE && s->kind != CO_SIMULATION) || !(mode & modes) || (mode & (mode - 1)))
+    int is_offered = s->kind == CO_SIMULATION || (s->kind == MODEL_EXCHANGE && N_STATES > 0);
+    if (!is_offered || !(mode & modes) || (mode & (mode - 1)))
         return 0;
     return component_can_restore(s->numbers);
 }

@@ -11,7 +11,7 @@ import control
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.layout import BY_NAME
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.control.laws import LinearController, Sample
 from gough_stewart.harness.control.python_file import controller_from_file
 from gough_stewart.harness.errors import ControllerError
@@ -206,7 +206,7 @@ def test_the_record_holds_everything(fmus: dict[str, Fmu]) -> None:
         plant="fmu2",
         fmu=fmus["2.0"].path,
     )
-    for name, row in BY_NAME.items():
+    for name, row in PLANT.by_name.items():
         if row.variable.causality in ("input", "output") or name in ("joint_force", "kinetic_energy"):
             assert name in record
     for name in (

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build.layout import BY_NAME
-from gough_stewart.fmu_build.model_description import MODEL_IDENTIFIER
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -90,11 +88,11 @@ def reference_runs(platform: Platform) -> ReferenceRuns:
     return tuple((case, reference_results(case)) for case in reference_cases(platform))
 
 
-def reference_files(runs: ReferenceRuns, fmi_version: str) -> dict[str, bytes]:
-    """All reference files by their path in the archive."""
-    files = {f"{FOLDER}/README.txt": _README.encode()}
+def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> dict[str, bytes]:
+    """All reference files by their path in the archive, named after the unit."""
+    files = {f"{FOLDER}/README.txt": _README.format(identifier=identifier, tolerance=TOLERANCE).encode()}
     for case, values in runs:
-        stem = f"{FOLDER}/{case.name}/{MODEL_IDENTIFIER}"
+        stem = f"{FOLDER}/{case.name}/{identifier}"
         results = interface.unpack(interface.RESULTS, values)
         inputs = interface.unpack(interface.INPUTS, case.inputs)
         files[f"{stem}_in.csv"] = _csv(case.time, inputs, fmi_version)
@@ -112,7 +110,7 @@ def _csv(time: FloatArray, columns: dict[str, FloatArray], fmi_version: str) -> 
     for name, values in columns.items():
         flat = values.reshape(len(time), -1)
         if fmi_version == "2.0":
-            names += BY_NAME[name].variable.scalar_names
+            names += interface.BY_NAME[name].scalar_names
             texts += [[repr(float(v)) for v in column] for column in flat.T]
         else:
             names.append(name)
@@ -132,14 +130,14 @@ def _options(time: FloatArray) -> bytes:
     return "".join(f"{name}, {float(value)!r}\n" for name, value in options.items()).encode()
 
 
-_README = f"""Reference results of the unit, in the form of the FMI cross-check.
+_README = """Reference results of the unit, in the form of the FMI cross-check.
 
 open_loop        the simulation of Liu, Li & Li (2000), on another platform scaled to its size; needs the start
-                 values of {MODEL_IDENTIFIER}_start.csv
+                 values of {identifier}_start.csv
 varying_inputs   forces and a wrench that vary, from the start values of modelDescription.xml
 
 *_in.csv    inputs, linear between the rows
-*_ref.csv   results: the equations under SciPy's DOP853 at tolerance {TOLERANCE:g}
+*_ref.csv   results: the equations under SciPy's DOP853 at tolerance {tolerance:g}
 *_ref.opt   experiment
 *_start.csv start values of the states
 """

@@ -1,41 +1,35 @@
 """documentation/index.html of the FMU: one self-contained page, for the platform that gives the start values."""
 
+from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
 
-from gough_stewart.fmu_build import layout
-from gough_stewart.fmu_build.drawing import drawing_svg
-from gough_stewart.fmu_build.formulas import STYLE, to_html
-from gough_stewart.fmu_build.layout import Role, Row
-from gough_stewart.fmu_build.tables import MOST_FIXED_STEPS
+import numpy as np
+
+from gough_stewart.fmu_build.formulas import to_html
+from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.page import html_page, variables_table
+from gough_stewart.fmu_build.plant.drawing import drawing_svg
+from gough_stewart.fmu_build.plant.layout import PLANT
+from gough_stewart.fmu_build.plant.tables import MOST_FIXED_STEPS
 from gough_stewart.model import interface
 from gough_stewart.model.integrator import MOST_INTERNAL_STEPS
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
-
-_STYLE = """
-body { font-family: Helvetica, Arial, sans-serif; line-height: 1.45; color: #222222; background: #ffffff;
-       max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
-h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; border-bottom: 1px solid #c8d0d8; padding-bottom: 0.2rem; }
-svg { max-width: 100%; height: auto; }
-table { border-collapse: collapse; font-size: 0.9rem; } td, th { border: 1px solid #c8d0d8; padding: 0.25rem 0.5rem;
-       text-align: left; vertical-align: top; } th { background: #eef1f4; }
-code, pre { font-family: Consolas, Menlo, monospace; font-size: 0.9em; }
-pre { background: #f4f6f8; padding: 0.8rem; white-space: pre-wrap; }
-sub, sup { line-height: 0; }
-.numbers { white-space: nowrap; font-size: 0.85em; }
-"""
+from gough_stewart.model.vectors import Array
 
 
-def documentation_page(platform: Platform, fmi_version: str) -> bytes:
+def documentation_page(platform: Platform, fmi_version: str, starts: Mapping[str, Array] | None = None) -> bytes:
     """The page as well-formed HTML, with nothing that is fetched from elsewhere.
 
     Parameters
     ----------
     platform
-        Gives the drawing and the start values in the table.
+        Gives the drawing.
     fmi_version
         "2.0" or "3.0"; decides names, example and what is said of the interface.
+    starts
+        Start values in the table by name, if they are not all the platform's.
 
     Raises
     ------
@@ -44,23 +38,21 @@ def documentation_page(platform: Platform, fmi_version: str) -> bytes:
     """
     if fmi_version not in _EXAMPLES:
         raise ValueError(f"fmi_version is {fmi_version!r}; expected '2.0' or '3.0'")
+    home = interface.start_values(interface.VARIABLES, platform)
+    starts = home if starts is None else starts
+    stands_still = all(np.array_equal(starts[name], value) for name, value in home.items())
     sections = (
         _heading(platform, fmi_version),
         _MODEL,
         _frames(platform),
-        _variables(platform, fmi_version),
+        _variables(starts, fmi_version, stands_still),
         _equations(),
         _behaviour(fmi_version),
         _failures(fmi_version),
         _example(platform, fmi_version),
         _SOURCE,
     )
-    return (
-        '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n<meta charset="utf-8"/>\n'
-        f"<title>Gough–Stewart platform, FMI {fmi_version}</title>\n<style>{_STYLE}{STYLE}</style>\n</head>\n<body>\n"
-        + "\n".join(section.strip() for section in sections)
-        + "\n</body>\n</html>\n"
-    ).encode()
+    return html_page(f"Gough–Stewart platform, FMI {fmi_version}", sections)
 
 
 def _heading(platform: Platform, fmi_version: str) -> str:
@@ -107,59 +99,14 @@ R = R<sub>z</sub>(γ) R<sub>y</sub>(β) R<sub>x</sub>(α) maps platform to world
 """
 
 
-def _variables(platform: Platform, fmi_version: str) -> str:
-    rows = "\n".join(_variable(row, platform, fmi_version) for row in layout.described(fmi_version))
-    naming = (
-        "FMI 2.0 has scalars only: elements are named with indices from 1, row by row, as in the first column."
-        if fmi_version == "2.0"
-        else "Arrays are given row by row."
-    )
+def _variables(starts: Mapping[str, Array], fmi_version: str, stands_still: bool) -> str:
+    own_weight = """ The actuator forces start with what holds the platform
+at home: a unit that is told nothing stands still."""
     return f"""
-<h2>Variables</h2>
-<p>{naming} Matrices of joints have a row for every leg.</p>
-<table>
-<thead><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>start</th><th>description</th></tr></thead>
-<tbody>
-{rows}
-</tbody>
-</table>
+{variables_table(PLANT, starts, fmi_version, "Matrices of joints have a row for every leg.")}
 <p>Outputs with a start value are the continuous states: their start is exact and can be set. Fixed parameters can be
-set until initialization ends, tunable ones also during the run. The actuator forces start with what holds the platform
-at home: a unit that is told nothing stands still.</p>
+set until initialization ends, tunable ones also during the run.{own_weight if stands_still else ""}</p>
 """
-
-
-def _variable(row: Row, platform: Platform, fmi_version: str) -> str:
-    v = row.variable
-    name = f"<code>{escape(v.name)}</code>"
-    if fmi_version == "2.0" and v.shape:
-        scalars = layout.scalar_names(row)
-        name += f"<br/><code>{escape(scalars[0])}</code> … <code>{escape(scalars[-1])}</code>"
-    causality: str = "independent" if row.role is Role.INDEPENDENT else v.causality
-    if causality == "parameter":
-        causality = f"{v.variability} parameter"
-    shape = " × ".join(map(str, v.shape)) or "scalar"
-    return (
-        f'<tr><td>{name}</td><td class="numbers">{shape}</td><td>{causality}</td>'
-        f'<td class="numbers">{escape(v.unit)}</td><td class="numbers">{_start(row, platform)}</td>'
-        f"<td>{escape(v.description)}</td></tr>"
-    )
-
-
-def _start(row: Row, platform: Platform) -> str:
-    """Start values with six digits, a line for every row of a matrix; one number where all show the same."""
-    values = interface.start_value(row.variable, platform)
-    if values is None:
-        return ""
-    shown = {_number(value) for value in values.flat}
-    if len(shown) == 1:
-        return shown.pop()
-    lines = values if values.ndim == 2 else values[None]
-    return "<br/>".join(" ".join(map(_number, line)) for line in lines)
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.6g}".replace("-", "−")
 
 
 def _equations() -> str:
@@ -179,7 +126,7 @@ derivatives of outputs are available."""
 is called after every internal step: it may read outputs, set inputs and, if early return is allowed, end the step there
 or before its planned end. First derivatives of outputs are available."""
         step, event = "in step mode", "event mode"
-    tunable = ", ".join(f"<code>{row.variable.name}</code>" for row in layout.of_role(Role.TUNABLE_PARAMETER))
+    tunable = ", ".join(f"<code>{row.variable.name}</code>" for row in PLANT.of_role(Role.TUNABLE_PARAMETER))
     jacobians = "directional derivatives" if fmi_version == "2.0" else "directional and adjoint derivatives"
     return f"""
 <h2>Behaviour</h2>

@@ -1,0 +1,192 @@
+"""Build units of a component: sources and documents purely, then compile, then write the archives whole."""
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event
+
+from gough_stewart.fmu_build.archive import file_name, to_zip
+from gough_stewart.fmu_build.companions import build_description, terminals_and_icons
+from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.fmi2_description import fmi2_description
+from gough_stewart.fmu_build.fmi3_description import fmi3_description
+from gough_stewart.fmu_build.model_description import Identity
+from gough_stewart.fmu_build.package import package_license
+from gough_stewart.fmu_build.sources import Sources, sources, standard_headers, standard_license
+from gough_stewart.fmu_build.targets import Target, chosen_targets
+from gough_stewart.fmu_build.toolchain import compile_library, universal_binary
+from gough_stewart.model.files import check_output_folder, write_files
+from gough_stewart.model.progress import StepProgress
+
+VERSIONS = ("2.0", "3.0")
+_DESCRIPTIONS = {"2.0": fmi2_description, "3.0": fmi3_description}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One FMU before it is compiled."""
+
+    fmi_version: str
+    library: str  # its name without suffix
+    sources: Sources
+    documents: dict[str, bytes]  # by path in the archive
+
+
+def build_units(
+    component: Component,
+    out: Path | str,
+    *,
+    fmi: Iterable[str] = VERSIONS,
+    targets: Iterable[str] = ("native",),
+    progress: StepProgress | None = None,
+) -> list[Path]:
+    """Write the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; all that are asked for, or none on an error.
+
+    Parameters
+    ----------
+    component
+        What the units are made of.
+    out
+        Folder, made if needed.
+    fmi
+        "2.0", "3.0".
+    targets
+        Systems that the units shall run on: "native", "all", or names of `targets.TARGETS`.
+    progress
+        Called with what is being done.
+
+    Raises
+    ------
+    BuildError
+        An unknown version or target, or the compiler's complaint.
+    OutputError
+        The files cannot be written there.
+    """
+    folder = Path(out)
+    versions, systems = chosen_versions(fmi), chosen_targets(targets)
+    check_output_folder(folder, [file_name(version, component.file_stem) for version in versions])
+    archives = unit_archives(component, versions, systems, progress)
+    write_files(folder, archives)
+    return [folder / name for name in archives]
+
+
+def unit_archives(
+    component: Component, versions: Iterable[str], systems: Iterable[Target], progress: StepProgress | None = None
+) -> dict[str, bytes]:
+    """The units as archives, by file name."""
+    report, systems = progress or (lambda _text: None), tuple(systems)
+    archives = {}
+    for version in versions:
+        report(f"FMI {version}: sources and documents")
+        unit = unit_of(component, version)
+        archives[file_name(version, component.file_stem)] = to_zip(contents(unit, _compile(unit, systems, report)))
+    return archives
+
+
+def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
+    """How often `build_units` reports progress."""
+    return len(chosen_versions(fmi)) * (1 + len(chosen_targets(targets)))
+
+
+def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
+    """Versions, each once, in order.
+
+    Raises
+    ------
+    BuildError
+        Another than "2.0" and "3.0", or none.
+    """
+    wanted = [fmi] if isinstance(fmi, str) else list(fmi)
+    for version in wanted:
+        if version not in VERSIONS:
+            raise BuildError(f"no FMI version '{version}'; expected {' or '.join(VERSIONS)}")
+    if not wanted:
+        raise BuildError(f"no FMI version; expected {' or '.join(VERSIONS)}")
+    return tuple(version for version in VERSIONS if version in wanted)
+
+
+def unit_of(component: Component, fmi_version: str) -> Unit:
+    """Sources and documents of a unit; its token is a digest of sources and description."""
+    describe = _DESCRIPTIONS[fmi_version]
+    blank = sources(component, fmi_version, "")
+    token = _token(blank, describe(component, Identity("", blank.unit_names)), fmi_version)
+    own = sources(component, fmi_version, token)
+    documents = {
+        "modelDescription.xml": describe(component, Identity(token, own.unit_names)),
+        "documentation/licenses/license.txt": package_license().encode(),
+        "documentation/licenses/fmi-headers.txt": standard_license(fmi_version).encode(),
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(component, fmi_version),
+        "terminalsAndIcons/icon.png": component.icon.png,
+        "terminalsAndIcons/icon.svg": component.icon.svg,
+        "sources/buildDescription.xml": build_description(component, own.unit_names),
+        **{f"sources/{name}": text.encode() for name, text in {**own.units, **own.headers}.items()},
+        **component.documents(fmi_version),
+    }
+    if fmi_version == "2.0":
+        documents["model.png"] = component.icon.png
+    return Unit(fmi_version, component.identifier, own, documents)
+
+
+def contents(unit: Unit, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
+    """Everything in the archive by its path."""
+    binaries = _fmi2_binaries if unit.fmi_version == "2.0" else _fmi3_binaries
+    return unit.documents | binaries(unit.library, libraries)
+
+
+def _fmi3_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
+    return {f"binaries/{t.name}/{name}{t.suffix}": library for t, library in libraries.items()}
+
+
+def _fmi2_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
+    """FMI 2.0 knows operating systems only: Apple's two processors share a file, Linux's have a folder each.
+
+    Importers on aarch64 Linux look in `aarch64-linux` or, as FMPy does, in `linux64`: without a library for x86_64
+    it is there as well.
+    """
+    files, apple = {}, []
+    for target, library in libraries.items():
+        if target.fmi2_folder == "darwin64":
+            apple.append((target, library))
+        else:
+            files[f"binaries/{target.fmi2_folder}/{name}{target.suffix}"] = library
+    if apple:
+        whole = apple[0][1] if len(apple) == 1 else universal_binary(apple)
+        files[f"binaries/darwin64/{name}.dylib"] = whole
+    if f"binaries/aarch64-linux/{name}.so" in files:
+        files.setdefault(f"binaries/linux64/{name}.so", files[f"binaries/aarch64-linux/{name}.so"])
+    return files
+
+
+def _compile(unit: Unit, targets: Iterable[Target], report: StepProgress) -> dict[Target, bytes]:
+    # those of both versions, so that the kernel is the same compilation for both
+    headers = unit.sources.headers | standard_headers("2.0") | standard_headers("3.0")
+
+    stop = Event()
+
+    def library(target: Target) -> bytes:
+        compiled = compile_library(unit.library, unit.sources.units, headers, target, stop)
+        report(f"FMI {unit.fmi_version}: {target.name}")
+        return compiled
+
+    targets = tuple(targets)
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        compiled = pool.map(library, targets)
+        try:
+            return dict(zip(targets, compiled, strict=True))
+        except BaseException:  # an interrupt, or one that failed: nobody waits for the others
+            stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _token(own: Sources, description: bytes, fmi_version: str) -> str:
+    digest = hashlib.sha256(description)
+    for name, text in sorted({**own.units, **own.headers}.items()):
+        digest.update(f"{name}\0{text}\0".encode())
+    h = digest.hexdigest()
+    uuid = f"{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}"
+    return f"{{{uuid}}}" if fmi_version == "2.0" else uuid

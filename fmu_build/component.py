@@ -1,0 +1,71 @@
+"""What a unit is made of: the description of a component, from which XML, C tables and archives derive."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from gough_stewart.fmu_build.layout import Layout, Role
+from gough_stewart.model.vectors import Array
+
+Kind = Literal["dependent", "constant"]
+# By slot of an unknown: the slots of the knowns in it, in ascending order.
+SlotDependencies = Mapping[int, Mapping[int, Kind]]
+
+
+@dataclass(frozen=True)
+class Code:
+    """The C that implements c/unit/component.h: texts by file name."""
+
+    units: Mapping[str, str]  # .c
+    headers: Mapping[str, str]  # .h
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """Variables that are connected together; scalars in FMI 2.0, arrays in FMI 3.0."""
+
+    name: str
+    description: str
+    members: Mapping[str, str]  # names of variables by the names of the members
+
+
+@dataclass(frozen=True)
+class Icon:
+    """One picture in two formats."""
+
+    png: bytes
+    svg: bytes
+
+
+@dataclass(frozen=True)
+class Component:
+    """All that the builder knows of what it builds.
+
+    A component with continuous states offers Model Exchange beside Co-Simulation, with sensitivities and rates of its
+    outputs; one without is a sampled system, and offers Co-Simulation only. Both interpolate inputs.
+    """
+
+    identifier: str  # `modelIdentifier`, also the name of the library
+    name: str  # `modelName`
+    description: str
+    file_stem: str  # of the archives
+    layout: Layout
+    starts: Mapping[str, Array]  # of the variables that have a start value
+    dependencies: SlotDependencies  # of outputs and derivatives; a slot without an entry depends on nothing
+    experiment: Mapping[str, str]  # attributes of `DefaultExperiment`
+    code: Code
+    icon: Icon
+    # by FMI version:
+    terminals: Callable[[str], tuple[Terminal, ...]]
+    documents: Callable[[str], Mapping[str, bytes]]  # by path in the archive
+    # scale of the continuous states, all of them SI numbers of one machine
+    nominal: float = 1.0
+    # parameters of the unit itself, behind those that sensitivities know
+    settings: frozenset[str] = frozenset()
+    # saved states of components whose text differs here are strangers
+    saved_form: str = ""
+
+    @property
+    def has_states(self) -> bool:
+        """Whether it has continuous states."""
+        return bool(self.layout.of_role(Role.STATE))

@@ -1,0 +1,1 @@
+"""The platform as a component of a unit: its layout, tables, dependencies, documents."""

@@ -1,0 +1,109 @@
+"""The plant as a component: a platform gives its start values, its pictures and its documents."""
+
+from functools import cache
+
+from gough_stewart.fmu_build.archive import PLANT_STEM
+from gough_stewart.fmu_build.codegen import kernel_source
+from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal
+from gough_stewart.fmu_build.package import package_metadata
+from gough_stewart.fmu_build.plant.dependencies import slot_dependencies
+from gough_stewart.fmu_build.plant.documentation import documentation_page
+from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
+from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
+from gough_stewart.fmu_build.plant.reference_results import reference_files, reference_runs
+from gough_stewart.fmu_build.plant.tables import plant_header
+from gough_stewart.fmu_build.sources import room
+from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
+from gough_stewart.model.vectors import Array
+
+IDENTIFIER = "gough_stewart"
+_EXPERIMENT = {"startTime": "0", "stopTime": "1", "tolerance": repr(DEFAULT_TOLERANCE), "stepSize": "0.001"}
+_Group = tuple[str, ...]
+_ACTUATOR: _Group = ("actuator_force", "leg_length", "leg_velocity")
+_POSE: _Group = ("position", "orientation", "velocity", "angular_velocity")
+_WRENCH: _Group = ("external_force", "external_torque")
+
+
+def plant_component(
+    platform: Platform,
+    *,
+    start: State | None = None,
+    actuator_force: Array | None = None,
+    file_stem: str = PLANT_STEM,
+    with_references: bool = True,
+) -> Component:
+    """The plant with the start values of a platform.
+
+    Parameters
+    ----------
+    platform
+        Gives the parameters, and home as the start.
+    start
+        Another start.
+    actuator_force
+        Other forces at the start (6,) [N], positive extends the leg.
+    file_stem
+        How the names of the archives begin.
+    with_references
+        Whether reference results lie in the archives.
+    """
+    starts = interface.start_values(interface.VARIABLES, platform)
+    own: dict[str, Array] = {} if start is None else dict(start._asdict())
+    if actuator_force is not None:
+        own["actuator_force"] = actuator_force
+    starts |= {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in own.items()}
+    runs = cache(lambda: reference_runs(platform))
+
+    def documents(fmi_version: str) -> dict[str, bytes]:
+        page = {"documentation/index.html": documentation_page(platform, fmi_version, starts)}
+        return page | (reference_files(runs(), IDENTIFIER, fmi_version) if with_references else {})
+
+    return Component(
+        identifier=IDENTIFIER,
+        name="GoughStewart",
+        description=package_metadata()["Summary"],
+        file_stem=file_stem,
+        layout=PLANT,
+        starts=starts,
+        dependencies=slot_dependencies(),
+        experiment=_EXPERIMENT,
+        code=_code(),
+        icon=Icon(icon_png(platform), icon_svg(platform)),
+        terminals=_terminals,
+        documents=documents,
+        nominal=NOMINAL,
+        settings=frozenset({"fixed_step_size"}),
+    )
+
+
+@cache
+def _code() -> Code:
+    own = room("plant")
+    return Code({**own.units, "kernel.c": kernel_source()}, {**own.headers, "plant_table.h": plant_header()})
+
+
+def _terminals(fmi_version: str) -> tuple[Terminal, ...]:
+    """Six actuators, the pose, the external wrench.
+
+    FMI 2.0 has a terminal for every actuator, with scalars; in FMI 3.0 a terminal cannot name an element of an
+    array, so that one terminal holds the six of them.
+    """
+    pose, wrench = ("pose", "pose and its rates", _POSE), ("external_wrench", "load at Op", _WRENCH)
+    if fmi_version == "3.0":
+        groups = (("actuators", "the six actuators", _ACTUATOR), pose, wrench)
+        return tuple(Terminal(name, what, {v: v for v in group}) for name, what, group in groups)
+    actuators = tuple(
+        Terminal(
+            f"actuator_{leg + 1}",
+            f"actuator of leg {leg + 1}",
+            {name: interface.BY_NAME[name].scalar_names[leg] for name in _ACTUATOR},
+        )
+        for leg in range(6)
+    )
+    return actuators + tuple(
+        Terminal(name, what, {s: s for v in group for s in interface.BY_NAME[v].scalar_names})
+        for name, what, group in (pose, wrench)
+    )
