@@ -8,7 +8,7 @@ from pathlib import Path
 import fmpy.fmi2
 
 from gough_stewart.fmu_build.targets import chosen_targets
-from gough_stewart.fmu_build.toolchain import LIBRARY, compile_library
+from gough_stewart.fmu_build.toolchain import compile_library
 
 # How the unit calls what the loop calls leg_length, reference_leg_length and actuator_force.
 NAMES = {"leg_length": "y_{}", "reference_leg_length": "r", "actuator_force": "u"}
@@ -68,7 +68,7 @@ def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Pa
     unknowns = "".join(f'<Unknown index="{k}"/>' for k in range(13, 13 + outputs))
     description = f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Theirs" guid="0" variableNamingConvention="structured">
-<CoSimulation modelIdentifier="{LIBRARY}"/>
+<CoSimulation modelIdentifier="theirs"/>
 <UnitDefinitions><Unit name="{unit}"/><Unit name="N"/></UnitDefinitions>
 <ModelVariables>{variables}
 <ScalarVariable name="gain" valueReference="18" causality="parameter" variability="fixed">
@@ -76,8 +76,8 @@ def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Pa
 </ModelVariables>
 <ModelStructure><Outputs>{unknowns}</Outputs></ModelStructure>
 </fmiModelDescription>"""
-    library = compile_library({"unit.c": source}, {}, native)
+    library = compile_library("theirs", {"unit.c": source}, {}, native)
     with zipfile.ZipFile(target, "w") as archive:
         archive.writestr("modelDescription.xml", description)
-        archive.writestr(f"binaries/{native.fmi2_folder}/{LIBRARY}{native.suffix}", library)
+        archive.writestr(f"binaries/{native.fmi2_folder}/theirs{native.suffix}", library)
     return target
