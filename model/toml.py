@@ -5,6 +5,7 @@ import tomllib
 from typing import Any
 
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)")
+_TABLE_TWICE = re.compile(r"Cannot declare (\(.*?\)) twice")
 _KEY = re.compile(r"\s*([^=#]+?)\s*=")
 
 
@@ -35,5 +36,8 @@ def _explained(message: str, lines: list[str]) -> str:
     key = next(((number - k, match[1]) for k, line in before if (match := _KEY.match(line))), None)
     if message.startswith("Cannot overwrite a value") and key is not None:
         return f"the key '{key[1]}' in line {key[0]} is there already; expected every key once"
+    if declared := _TABLE_TWICE.match(message):
+        name = ".".join(re.findall(r"'([^']*)'", declared[1]))
+        return f"the table [{name}] in line {number} is there already; expected every table once"
     line = lines[number - 1].strip() if number <= len(lines) else ""
     return f"{message}: {line[:60]}" if line else message

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 _SPLINE_DEGREE = 5
-_SEPARATORS = {";": "semicolons", "\t": "tabulators"}
+_SEPARATORS = {b";": "semicolons", b"\t": "tabulators"}
 _FILTER_ORDER = 3
 
 
@@ -135,17 +135,18 @@ def read_reference(path: Path | str) -> FromTable:
         raise MotionError(f"{path}: cannot read this reference: {error.strerror or error}") from error
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise MotionError(f"{path}: is UTF-16, as some spreadsheets write it; expected CSV in UTF-8")
+    header = content.partition(b"\n")[0]
+    other = next((name for mark, name in _SEPARATORS.items() if mark in header), None)
+    if other is not None and b"," not in header:
+        raise MotionError(
+            f"{path}: its columns are separated by {other}, as some spreadsheets write them; expected commas between "
+            "them, and points in numbers"
+        )
     try:
         # as texts, so that true is no number
         table = polars.read_csv(content, infer_schema=False)
     except polars.exceptions.PolarsError as error:
         raise MotionError(f"{path}: is not CSV: {str(error).splitlines()[0]}") from error
-    other = next((name for mark, name in _SEPARATORS.items() if mark in table.columns[0]), None)
-    if len(table.columns) == 1 and other is not None:
-        raise MotionError(
-            f"{path}: its columns are separated by {other}, as some spreadsheets write them; expected commas between "
-            "them, and points in numbers"
-        )
     twice = [name for name in names if f"{name}_duplicated_0" in table.columns]
     if twice:
         raise MotionError(f"{path}: has the column {twice[0]} twice; expected every column once")

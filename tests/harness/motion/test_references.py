@@ -624,7 +624,7 @@ def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str
     ("content", "message"),
     [
         (csv().replace(",", ";"), "columns are separated by semicolons"),
-        ("\ufeff" + csv().replace(".", ",").replace(",", ";"), "columns are separated by semicolons"),
+        ("\ufeff" + csv().replace(",", ";").replace(".", ","), "columns are separated by semicolons"),
         (csv().replace(",", "\t"), "columns are separated by tabulators"),
         (csv(rows=with_cell(2, 3, '"0,5"')), r"position\[2\] in row 2 is '0,5'; .* with a point, not a comma"),
         (csv([*COLUMNS, "time"], [[*row, "1"] for row in ROWS]), "has the column time twice"),
