@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import dynamics, energy, interface, kinematics
+from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
@@ -45,6 +46,7 @@ def parameter_vector(parameters: Parameters) -> NDArray[np.float64]:
 
 
 @cache
+@interrupts_held_back()
 def derivatives_function() -> casadi.Function:
     """CasADi Function `derivatives`: (x, u, p) -> xdot."""
     x, u, p = _arguments()
@@ -53,6 +55,7 @@ def derivatives_function() -> casadi.Function:
 
 
 @cache
+@interrupts_held_back()
 def outputs_function() -> casadi.Function:
     """CasADi Function `outputs`: (x, u, p) -> y, all outputs and locals of the interface."""
     x, u, p = _arguments()
@@ -61,6 +64,7 @@ def outputs_function() -> casadi.Function:
 
 
 @cache
+@interrupts_held_back()
 def jacobians_function() -> casadi.Function:
     """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D, dense."""
     x, u, p = _arguments()
@@ -70,6 +74,7 @@ def jacobians_function() -> casadi.Function:
 
 
 @cache
+@interrupts_held_back()
 def forward_function() -> casadi.Function:
     """CasADi Function `forward`: (x, u, p, dx, du, dp) -> dxdot, dy; the derivative of (ẋ, y) in one direction.
 
@@ -82,6 +87,7 @@ def forward_function() -> casadi.Function:
 
 
 @cache
+@interrupts_held_back()
 def reverse_function() -> casadi.Function:
     """CasADi Function `reverse`: (x, u, p, wxdot, wy) -> gx, gu, gp; the gradient of wẋ·ẋ + wy·y, exact."""
     z = _arguments()
@@ -94,6 +100,7 @@ def reverse_function() -> casadi.Function:
 
 
 @cache
+@interrupts_held_back()
 def legs_function() -> casadi.Function:
     """CasADi Function `legs`: (x, p) -> length (6), length_rate (6), jacobian (36, row by row), rho.
 
