@@ -2,7 +2,8 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import casadi
 
@@ -10,6 +11,7 @@ from gough_stewart.model import kernel
 
 _NUMBER = r"[0-9]+"
 _BODY = re.compile(r"static int casadi_f(\d+)\([^{]*\{\n(.*?)\n  return 0;\n\}\n", re.S)
+_LITERAL = r"(?<![\w.\[])[0-9]+\.[0-9]*(?:e[+-]?[0-9]+)?"
 _ASSIGNMENT = re.compile(r"  (a\d+)=")
 _QUOTIENT = re.compile(r"(  a\d+)=\((a\d+)/(a\d+)\);")
 _HEAD = """/* Generated from the Python source of the physics, gough_stewart.model.kernel: do not edit. */
@@ -36,8 +38,38 @@ def kernel_source() -> str:
     return _HEAD + "".join(function_source(f) for f in functions)
 
 
-def function_source(function: casadi.Function) -> str:
+class Types(NamedTuple):
+    """The C types of a function: of its arithmetic, and of those inputs and outputs that have another."""
+
+    real: str = "double"
+    of: Mapping[str, str] = {}
+
+    def __call__(self, name: str) -> str:
+        """Of an input or output."""
+        return self.of.get(name, self.real)
+
+    def cast(self, name: str, *, to_real: bool) -> str:
+        """What stands before a value that is read or written."""
+        return "" if self(name) == self.real else f"({self.real if to_real else self(name)})"
+
+
+def function_source(
+    function: casadi.Function,
+    declarator: str = "void kernel_",
+    types: Types = Types(),  # noqa: B008 - a tuple
+    *,
+    conditions: bool = False,
+) -> str:
     """One CasADi SX Function as `void kernel_NAME(const double in0[], …, double out0[], …)`.
+
+    Parameters
+    ----------
+    declarator
+        What comes before the name.
+    types
+        Other than double; numbers are cast to the type of the arithmetic where that is not double.
+    conditions
+        Whether a value may be chosen by a condition, which costs the same either way.
 
     Raises
     ------
@@ -51,17 +83,30 @@ def function_source(function: casadi.Function) -> str:
         raise RuntimeError(f"{function.name()}: expected one straight-line function, found {len(bodies)}")
     inputs, outputs = function.name_in(), function.name_out()
     # a name may stand for an input of one function and an output of another, never for both
-    body = re.sub(rf"arg\[({_NUMBER})\]\? arg\[\1\]\[({_NUMBER})\] : 0", _element(inputs), bodies[0][1])
-    body = re.sub(rf"if \(res\[({_NUMBER})\]!=0\) res\[\1\]\[({_NUMBER})\]=", _element(outputs, "="), body)
-    body = with_reciprocals(body.replace("casadi_real", "double").replace("casadi_sq(", "sq("))
-    leftover = re.search(r"casadi|\barg\b|\bres\b|\biw\b|\bif\b|\?", body)
+    body = bodies[0][1]
+    if types.real != "double":
+        body = re.sub(_LITERAL, rf"(({types.real})\g<0>)", body)
+
+    def read(match: re.Match[str]) -> str:
+        return f"{types.cast(inputs[int(match[1])], to_real=True)}{inputs[int(match[1])]}[{match[2]}]"
+
+    def written(match: re.Match[str]) -> str:
+        return f"{outputs[int(match[1])]}[{match[2]}]={types.cast(outputs[int(match[1])], to_real=False)}"
+
+    body = re.sub(rf"arg\[({_NUMBER})\]\? arg\[\1\]\[({_NUMBER})\] : 0", read, body)
+    body = re.sub(rf"if \(res\[({_NUMBER})\]!=0\) res\[\1\]\[({_NUMBER})\]=", written, body)
+    body = body.replace("casadi_real", types.real)
+    for ours in ("sq", "fmin", "fmax", "sign"):
+        body = body.replace(f"casadi_{ours}(", f"{ours}(")
+    body = with_reciprocals(body, types.real)
+    leftover = re.search(r"casadi|\barg\b|\bres\b|\biw\b|\bif\b" + ("" if conditions else r"|\?"), body)
     if leftover:
         raise RuntimeError(f"{function.name()}: unknown construct '{leftover[0]}' in the generated code")
-    arguments = [f"const double {name}[]" for name in inputs] + [f"double {name}[]" for name in outputs]
-    return f"\nvoid kernel_{function.name()}({', '.join(arguments)})\n{{\n{body}\n}}\n"
+    arguments = [f"const {types(name)} {name}[]" for name in inputs] + [f"{types(name)} {name}[]" for name in outputs]
+    return f"\n{declarator}{function.name()}({', '.join(arguments) or 'void'})\n{{\n{body}\n}}\n"
 
 
-def with_reciprocals(body: str) -> str:
+def with_reciprocals(body: str, real: str = "double") -> str:
     """Straight-line code in which repeated division by one value is multiplication with its reciprocal.
 
     CasADi writes x·(1/L) as x/L, and a division costs four multiplications: the derivatives hold 88, by 15 values.
@@ -80,7 +125,7 @@ def with_reciprocals(body: str) -> str:
             reciprocals[divisor] = f"r{len(reciprocals)}"
             written.append(f"  {reciprocals[divisor]}=1/{divisor[0]};")
         written.append(_QUOTIENT.sub(rf"\1=(\2*{reciprocals[divisor]});", line))
-    names = f"  double {', '.join(reciprocals.values())};"
+    names = f"  {real} {', '.join(reciprocals.values())};"
     return "\n".join([names, *written] if reciprocals else written)
 
 
@@ -92,7 +137,3 @@ def _divisors(lines: list[str]) -> Iterator[tuple[str, int] | None]:
         yield (quotient[3], assigned[quotient[3]]) if quotient else None
         if assignment:
             assigned[assignment[1]] += 1
-
-
-def _element(names: Sequence[str], suffix: str = "") -> "re._ReplacementT":  # type: ignore[name-defined]
-    return lambda match: f"{names[int(match[1])]}[{match[2]}]{suffix}"

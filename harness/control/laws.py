@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.state_space import is_control_system, state_space_of
+from gough_stewart.harness.control.state_space import Solve, is_control_system, state_space_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
@@ -208,7 +208,8 @@ class _LinearLaw:
         """Memory at rest under constant inputs."""
         self._feed(wanted, measured, np.zeros(N_LEGS))
         n = len(self._x)
-        self._x[:] = _rest(self._matrix[:n, :n], self._matrix[:n, n:] @ self._u)
+        A = self._matrix[:n, :n]
+        self._x[:] = rest(A, integrating_modes(A), self._matrix[:n, n:] @ self._u)
 
     @property
     def state(self) -> FloatArray:
@@ -291,15 +292,20 @@ class _FunctionLaw:
         return force.astype(float)
 
 
-def _rest(A: FloatArray, forcing: FloatArray) -> FloatArray:
-    """State x = A x + forcing in the modes that have one; zero in integrators, whose eigenvalue is 1."""
+def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:
+    """State x = A x + forcing in the modes that have one; zero in integrators, on which `integrating` projects."""
+    P = integrating
+    return solve(np.eye(len(A)) - A + P, forcing - P @ forcing)
+
+
+def integrating_modes(A: FloatArray) -> FloatArray:
+    """Projection (n, n) on the modes whose eigenvalue is 1, along the others."""
     N = np.eye(len(A)) - A
-    # P projects on the null space of N² (N alone misses double integrators) along its range
+    # on the null space of N² (N alone misses double integrators) along its range
     U, sizes, Vt = np.linalg.svd(N @ N)
     null = sizes < _INTEGRATES
     R, L = Vt[null].T, U[:, null]
-    P = R @ np.linalg.solve(L.T @ R, L.T)
-    return np.asarray(np.linalg.solve(N + P, forcing - P @ forcing))
+    return np.asarray(R @ np.linalg.solve(L.T @ R, L.T))
 
 
 def _as_slice(positions: NDArray[np.intp]) -> slice | NDArray[np.intp]:

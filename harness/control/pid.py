@@ -10,15 +10,15 @@ error as e [m, rad] and a wrench [N, N m] in the place of F.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.state_space import Method, StateSpace, discretised
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import Array, FloatArray
 
 if TYPE_CHECKING:
     import control
@@ -85,6 +85,23 @@ class Gains:
         return np.where(kd > 0, np.sqrt(integral_time * kd / kp), integral_time)
 
 
+class Channels(NamedTuple):
+    """Of six channels, each (6,): numbers, or CasADi symbols."""
+
+    proportional: Array  # [N/m]
+    derivative: Array  # [N s/m]
+    integral: Array  # [N/(m s)]
+    filter_time: Array  # [s]
+    tracking_time: Array  # [s]
+
+
+class Actions(NamedTuple):
+    """Which of six channels differentiate and which integrate; each (6,)."""
+
+    differentiate: NDArray[np.bool_]
+    integrate: NDArray[np.bool_]
+
+
 def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSpace":
     """Six channels of PD, or of PID with anti-windup where a gain is integral; continuous.
 
@@ -132,32 +149,50 @@ def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSp
     """
     if derivative_on not in get_args(DerivativeOn):
         raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
-    with_integral = bool(np.any(np.asarray(gains.integral) > 0))
+    return channel_matrices(channels_of(gains), derivative_on, actions_of(gains))
+
+
+def channels_of(gains: Gains) -> Channels:
+    """What the gains are in every channel."""
+    kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
+    return Channels(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time)
+
+
+def actions_of(gains: Gains) -> Actions:
+    """Which channels differentiate and which integrate: those that have a gain for it."""
+    return Actions(np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0)
+
+
+def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: Actions) -> StateSpace:
+    """`pid_matrices` of numbers, or of CasADi symbols in object arrays."""
+    with_integral = bool(actions.integrate.any())
     n_kinds = 3 if with_integral else 2
     # inputs (r, y, excess) of a channel; the derivative acts on v = d · (r, y, excess)
     error = np.array([1.0, -1.0, 0.0])[:n_kinds]
     d = error if derivative_on == "error" else np.array([0.0, -1.0, 0.0])[:n_kinds]
     one = np.eye(N_CHANNELS)
-    poles, B, C, D = [], [], [], np.zeros((N_CHANNELS, n_kinds, N_CHANNELS))
+    kind = channels.proportional.dtype
+    poles, B, C, D = [], [], [], np.zeros((N_CHANNELS, n_kinds, N_CHANNELS), dtype=kind)
     for k in range(N_CHANNELS):
-        kp, kd, ki = (np.asarray(v)[k] for v in (gains.proportional, gains.derivative, gains.integral))
+        # (1,) each: a bare symbol would take an array for a matrix of its own
+        kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels)
         D[k, :, k] = kp * error
-        if kd > 0:
-            high, pole = kd / gains.filter_time, -1 / gains.filter_time
+        if actions.differentiate[k]:
+            high, pole = kd / filter_time, -1 / filter_time
             D[k, :, k] += high * d
             poles.append(pole)
             B.append(np.outer(d, one[k]))
             C.append(high * pole * one[k])
-        if ki > 0:
-            poles.append(0.0)
-            B.append(np.outer([ki, -ki, 1 / gains.tracking_time[k]], one[k]))
+        if actions.integrate[k]:
+            poles.append(0 * kp)
+            B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), one[k]))
             C.append(one[k])
     n, m = len(poles), n_kinds * N_CHANNELS
     return StateSpace(
-        np.diag(poles),
+        np.diag(np.concatenate([np.zeros(0, dtype=kind), *poles])),
         # all references, then all measurements, then all excesses
-        np.reshape(B, (n, m)),
-        np.reshape(C, (n, N_CHANNELS)).T,
+        np.reshape(np.array(B, dtype=kind), (n, m)),
+        np.reshape(np.array(C, dtype=kind), (n, N_CHANNELS)).T,
         D.reshape(N_CHANNELS, m),
     )
 

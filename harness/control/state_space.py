@@ -4,6 +4,7 @@ python-control makes and analyses systems; importing it takes as long as a run o
 """
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -14,6 +15,7 @@ from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["tustin", "backward_diff", "zoh"]
 METHODS: tuple[Method, ...] = get_args(Method)
+Solve = Callable[[Any, Any], Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,28 +99,46 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
             f"{sample_time:g} s; expected a derivative_filter of at least {sample_time / 2:.3g} s, a shorter "
             "sample_time, or discretisation = 'backward_diff'"
         )
+    return matrices_at(system, sample_time, method)
+
+
+def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Solve = np.linalg.solve) -> StateSpace:
+    """`discretised` without its checks, for numbers, and for CasADi symbols in arrays with a `solve` of their own."""
     if method == "zoh":
         return _held(system, sample_time)
-    return _by_differences(system, sample_time, 0.5 if method == "tustin" else 1.0)
+    return _by_differences(system, sample_time, 0.5 if method == "tustin" else 1.0, solve)
 
 
-def _by_differences(system: StateSpace, T: float, alpha: float) -> StateSpace:
+def _by_differences(system: StateSpace, T: Any, alpha: float, solve: Solve) -> StateSpace:
     """x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit."""
     one = np.eye(len(system.A))
     implicit = one - alpha * T * system.A
-    A: Any = np.linalg.solve(implicit, one + (1 - alpha) * T * system.A)
-    B: Any = np.linalg.solve(implicit, T * system.B)
-    C: Any = np.linalg.solve(implicit.T, system.C.T)
+    A: Any = solve(implicit, one + (1 - alpha) * T * system.A)
+    B: Any = solve(implicit, T * system.B)
+    C: Any = solve(implicit.T, system.C.T)
     return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
 
 
-def _held(system: StateSpace, T: float) -> StateSpace:
-    """[A_d B_d; 0 1] = exp([A B; 0 0] T)."""
+def _held(system: StateSpace, T: Any) -> StateSpace:
+    """[A_d B_d; 0 1] = exp([A B; 0 0] T); of a diagonal A element by element."""
+    poles = np.diag(system.A)
+    if _is_zero(system.A - np.diag(poles)):
+        # (e^(pT) − 1)/p, without the difference of two numbers near 1, and T for p = 0
+        half = poles * T / 2
+        grown = 2 * np.exp(half) * np.sinh(half)
+        each = zip(poles, grown, T + 0 * poles, strict=True)
+        phi = np.array([t if _is_zero(p) else g / p for p, g, t in each], dtype=poles.dtype)
+        return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
     from scipy.linalg import expm  # a rare method; its import takes longer than all else here
 
     n, m = system.B.shape
     both = expm(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T)
     return StateSpace(both[:n, :n], both[:n, n:], system.C, system.D, T)
+
+
+def _is_zero(values: Any) -> bool:
+    """Whether nothing but zeros is there; a symbol is none."""
+    return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))
 
 
 def _by_elements(matrix: Any) -> Any:

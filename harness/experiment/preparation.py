@@ -21,7 +21,7 @@ from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, LawFrom, Limits, Loop
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.motion import Motion, end_of
 from gough_stewart.harness.motion.reach import LegMotion, check_reach, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError
@@ -126,7 +126,7 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
         jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
         # forces are held: those of the middle of the time in which they will act
         ahead = timing.samples + (clocks.delay + 0.5) * timing.sample_time
-        planned = feedforward(chosen.feedforward, platform, reference(np.minimum(ahead, timing.times[-1])))
+        planned = feedforward(chosen.feedforward, platform, reference(np.minimum(ahead, end_of(reference))))
     start = _start(experiment.start, platform, motion)
     with section("controller"):
         made = (

@@ -1,12 +1,15 @@
 """A motion of the platform frame: poses with their exact first and second derivatives."""
 
+import math
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.model.rotations import (
     angular_acceleration_from_orientation_rates,
     angular_velocity_from_orientation_rate,
+    orientation_rate_from_angular_velocity,
 )
 from gough_stewart.model.vectors import FloatArray
 
@@ -32,6 +35,11 @@ class Reference(Protocol):
         """The motion at times (n,) [s]."""
 
 
+def end_of(reference: Reference) -> float:
+    """The last time that a motion knows [s], its `end`; infinite where it goes on for ever."""
+    return float(getattr(reference, "end", math.inf))
+
+
 def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
     """The motion that (n, 6) of x, y, z, roll, pitch, yaw and their first and second derivatives are."""
     angles, rates, accelerations = pose[:, 3:], rate[:, 3:], acceleration[:, 3:]
@@ -42,4 +50,22 @@ def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
         angular_velocity_from_orientation_rate(angles, rates),
         acceleration[:, :3],
         angular_acceleration_from_orientation_rates(angles, rates, accelerations),
+    )
+
+
+def extrapolated(motion: Motion, ahead: Any) -> Motion:
+    """The motion some time [s] later if accelerations and second derivatives of the angles stay: to second order.
+
+    x + v h + a h²/2 for the position, likewise for roll, pitch, yaw, and their exact derivatives.
+    """
+    angles, omega = motion.orientation, motion.angular_velocity
+    rates = orientation_rate_from_angular_velocity(angles, omega)
+    # ω̇ is linear in the second derivatives of the angles, by the map from rates to ω; the rest is what rates alone give
+    turning = angular_acceleration_from_orientation_rates(angles, rates, 0 * rates)
+    second = orientation_rate_from_angular_velocity(angles, motion.angular_acceleration - turning)
+    pose = np.concatenate([motion.position, angles], axis=1)
+    rate = np.concatenate([motion.velocity, rates], axis=1)
+    acceleration = np.concatenate([motion.acceleration, second], axis=1)
+    return motion_of(
+        pose + ahead * rate + (ahead * ahead / 2) * acceleration, rate + ahead * acceleration, acceleration
     )

@@ -1,23 +1,25 @@
 """Functions of time with their exact derivatives, of which motions are made.
 
 A motion is a base pose plus profiles in time times directions in (x, y, z, roll, pitch, yaw). Angular velocity and
-acceleration follow from the rates of roll, pitch and yaw.
+acceleration follow from the rates of roll, pitch and yaw. They are called with numbers, and with CasADi symbols in
+object arrays; so they never branch on a value.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.motion.branch_free import maximum, minimum, reached
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, motion_of
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import Array, FloatArray
 
 
 class Profile(NamedTuple):
     """A function of time with its first two derivatives; each (n,)."""
 
-    value: FloatArray
-    rate: FloatArray
-    acceleration: FloatArray
+    value: Array
+    rate: Array
+    acceleration: Array
 
     def times(self, other: "Profile") -> "Profile":
         """Product, by the product rule."""
@@ -27,25 +29,25 @@ class Profile(NamedTuple):
             self.acceleration * other.value + 2 * self.rate * other.rate + self.value * other.acceleration,
         )
 
-    def faded(self, time: FloatArray, fade_in: float) -> "Profile":
+    def faded(self, time: Array, fade_in: float) -> "Profile":
         """Times the quintic from 0 to 1 over the fade-in [s]; at 0 s there is none."""
         return self.times(quintic(time, fade_in)) if fade_in > 0 else self
 
 
-def step(time: FloatArray) -> Profile:
+def step(time: Array) -> Profile:
     """From 0 to 1 at time 0, where it has happened; rates are zero on both sides."""
-    value = (time >= -ROUNDING).astype(float)
-    return Profile(value, np.zeros_like(value), np.zeros_like(value))
+    value = reached(time, -ROUNDING)
+    return Profile(value, 0 * value, 0 * value)
 
 
-def quintic(time: FloatArray, duration: float) -> Profile:
+def quintic(time: Array, duration: float) -> Profile:
     """From 0 to 1 over the duration, at rest at both ends: 10 s³ − 15 s⁴ + 6 s⁵, s = t/duration."""
-    s = np.clip(time / duration, 0.0, 1.0)
+    s = minimum(maximum(time / duration, 0.0), 1.0)
     value = s**3 * (10 - 15 * s + 6 * s**2)
     return Profile(value, 30 * s**2 * (1 - s) ** 2 / duration, 60 * s * (1 - s) * (1 - 2 * s) / duration**2)
 
 
-def sine(phase: FloatArray, rate: FloatArray | float, change: FloatArray | float = 0.0) -> Profile:
+def sine(phase: Array, rate: Array | float, change: Array | float = 0.0) -> Profile:
     """Sine of a phase whose first and second derivatives are `rate` and `change`."""
     sine, cosine = np.sin(phase), np.cos(phase)
     return Profile(sine, cosine * rate, cosine * change - sine * rate**2)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.branch_free import maximum, minimum, numbers_or_symbols, reached
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
 from gough_stewart.harness.motion.profiles import motion_about, quintic, sine, step
 from gough_stewart.harness.motion.table import FromTable, read_reference
@@ -29,7 +30,7 @@ from gough_stewart.harness.quantities import (
 )
 from gough_stewart.harness.section import Kind
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import Array, FloatArray
 
 
 class ReferenceChoice(Kind):
@@ -83,10 +84,10 @@ class _AboutPose(ReferenceChoice):
         MotionError
             Neither a pose nor a platform is known.
         """
-        return self._at(np.asarray(time, dtype=float))
+        return self._at(numbers_or_symbols(time))
 
     @abstractmethod
-    def _at(self, time: FloatArray) -> Motion:
+    def _at(self, time: Array) -> Motion:
         """The same for an array."""
 
     @property
@@ -105,7 +106,7 @@ class Hold(_AboutPose):
 
     type: Literal["hold"] = "hold"
 
-    def _at(self, time: FloatArray) -> Motion:
+    def _at(self, time: Array) -> Motion:
         rest = np.zeros((len(time), 6))
         return motion_of(rest + self._pose, rest, rest)
 
@@ -131,7 +132,7 @@ class Step(_Change):
     type: Literal["step"] = "step"
     at: PositiveTime  # at 0 there would be nothing to step from
 
-    def _at(self, time: FloatArray) -> Motion:
+    def _at(self, time: Array) -> Motion:
         # at the jump itself, after it
         return motion_about(self._pose, (step(time - self.at), self._direction))
 
@@ -147,7 +148,7 @@ class PointToPoint(_Change):
     at: Time = 0.0
     duration: PositiveTime
 
-    def _at(self, time: FloatArray) -> Motion:
+    def _at(self, time: Array) -> Motion:
         return motion_about(self._pose, (quintic(time - self.at, self.duration), self._direction))
 
 
@@ -180,7 +181,7 @@ class Sine(_Swing):
     frequency: Frequency
     phase: Angle = 0.0
 
-    def _at(self, time: FloatArray) -> Motion:
+    def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
         swing = sine(omega * time + self.phase, omega)
         return motion_about(self._pose, (swing.faded(time, self.fade_in), self._direction))
@@ -204,12 +205,12 @@ class Chirp(_Swing):
     to_frequency: Frequency  # f1
     duration: PositiveTime  # T
 
-    def _at(self, time: FloatArray) -> Motion:
+    def _at(self, time: Array) -> Motion:
         f0, f1, T = self.from_frequency, self.to_frequency, self.duration
-        sweeping, after = np.minimum(time, T), np.maximum(time - T, 0.0)
+        sweeping, after = minimum(time, T), maximum(time - T, 0.0)
         cycles = f0 * sweeping + (f1 - f0) * sweeping**2 / (2 * T) + f1 * after
         frequency = f0 + (f1 - f0) * sweeping / T
-        change = np.where(time < T, (f1 - f0) / T, 0.0)
+        change = (f1 - f0) / T * (1 - reached(time, T))
         swing = sine(*(2 * math.pi * each for each in (cycles, frequency, change)))
         return motion_about(self._pose, (swing.faded(time, self.fade_in), self._direction))
 
@@ -232,7 +233,7 @@ class Circle(_AboutPose):
     plane: Literal["xy", "xz", "yz"] = "xy"
     fade_in: Time = 0.0
 
-    def _at(self, time: FloatArray) -> Motion:
+    def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
         axes = (self.radius * np.eye(6)["xyz".index(axis)] for axis in self.plane)
         profiles = (sine(omega * time + phase, omega).faded(time, self.fade_in) for phase in (math.pi / 2, 0.0))

@@ -14,7 +14,7 @@ from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
+    from scipy.interpolate import BSpline, PPoly
 
 _SPLINE_DEGREE = 5
 _SEPARATORS = {b";": "semicolons", b"\t": "tabulators"}
@@ -76,6 +76,20 @@ class FromTable:
             )
         inside = np.clip(time, first, last)
         return motion_of(*(self._spline(inside, k) for k in range(3)))
+
+    @property
+    def end(self) -> float:
+        """The time of the last row [s]."""
+        return float(self.time[-1])
+
+    @property
+    def pieces(self) -> "PPoly":
+        """The splines as n polynomials (6, n, 6) of the time since a piece began, highest power first."""
+        from scipy.interpolate import PPoly
+
+        pieces = PPoly.from_spline(self._spline)  # type: ignore[arg-type] # the stubs know the older form only
+        real = np.diff(pieces.x) > 0  # knots at the ends are there six times
+        return PPoly(pieces.c[:, real], pieces.x[np.append(real, True)], extrapolate=False)
 
     def from_time(self, start: float) -> "FromTable":
         """The same motion with its time [s] counted from `start`."""

@@ -1,0 +1,34 @@
+/* How @p@.h is used: five samples, of a platform that stands where it should be at the beginning. On a machine a timer
+   calls @p@_step each sample_time, with what the sensors say. */
+#include "@p@.h"
+
+#include <stdio.h>
+
+int main(void)
+{
+    @p@_parameters parameters = @P@_DEFAULTS;
+    @p@_coefficients coefficients;
+    @p@_memory memory;
+    const double measured[] = {@FIRST_MEASURED@};
+@if inputs
+    const double reference[] = {@FIRST_REFERENCE@};
+@end
+    @p@_real force[6];
+    unsigned char limited[6];
+    int k, leg, wrong;
+
+    wrong = @p@_prepare(&parameters, &coefficients);
+    if (wrong != 0) {
+        printf("parameter %d has a value that cannot be\n", wrong);
+        return 1;
+    }
+    @p@_start(&parameters, &memory);
+    for (k = 0; k < 5; ++k) {
+        @p@_step(&parameters, &coefficients, &memory, measured, @REFERENCE@force, limited);
+        printf("%g s:", k * parameters.sample_time);
+        for (leg = 0; leg < 6; ++leg)
+            printf(" %.6g N%s", (double)force[leg], limited[leg] ? " (limited)" : "");
+        printf("\n");
+    }
+    return 0;
+}

@@ -1,0 +1,213 @@
+"""The C of a controller: NAME.c, NAME.h, and a program that shows their use."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+
+import casadi
+
+from gough_stewart.fmu_build.codegen import Types, function_source
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.export import table_source
+from gough_stewart.harness.export.designed import Designed
+from gough_stewart.harness.export.operations import operations_of, words_of
+from gough_stewart.harness.export.settings import Setting
+from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, filled, number, numbers
+from gough_stewart.harness.export.trace import Traced, traced
+from gough_stewart.harness.motion.table import FromTable
+from gough_stewart.model import interface
+
+_IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
+
+
+@dataclass(frozen=True)
+class ControllerSources:
+    """A controller as C11."""
+
+    units: dict[str, str]  # what is compiled: text by name of the file
+    headers: dict[str, str]
+    example: str  # a program that runs it
+    operations: int  # floating-point operations of a step, at most
+    n_states: int  # of the law
+
+
+def controller_sources(designed: Designed, prefix: str = "controller") -> ControllerSources:
+    """The sources of a designed controller; a pure function.
+
+    Parameters
+    ----------
+    prefix
+        Of everything that is visible, and the name of the files: small letters, digits and underscores.
+
+    Raises
+    ------
+    ExportError
+        A prefix that C cannot have.
+    """
+    if not _IDENTIFIER.fullmatch(prefix):
+        raise ExportError(
+            f"prefix is {prefix!r}; expected a letter and then letters, digits or underscores, all small, at most 41"
+        )
+    functions = traced(designed)
+    counts = operations_of(functions)
+    facts = _facts(designed, functions, prefix) | {"WORK": words_of(counts)}
+    return ControllerSources(
+        {f"{prefix}.c": filled(SOURCE, facts)},
+        {f"{prefix}.h": filled(HEADER, facts)},
+        filled(EXAMPLE, facts),
+        sum(counts.values()),
+        _n_states(functions),
+    )
+
+
+def _n_states(functions: Traced) -> int:
+    law = functions.law
+    return 0 if law is None or "next" not in law.name_out() else int(law.numel_out("next"))
+
+
+def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str | bool]:
+    """What the texts leave open: words for their names, and whether their parts are there."""
+    law, n_states = functions.law, _n_states(functions)
+    n_coefficients = 0 if functions.coefficients is None else int(functions.coefficients.numel_out(0))
+    settings = designed.settings
+    call = partial(_call, settings=settings)
+    at_time, uses_excess = _uses(law, "motion") or _uses(functions.start, "motion"), _uses(law, "excess")
+    is_table = isinstance(designed.reference, FromTable)
+    forward = functions.feedforward is not None
+    is_moving = forward or at_time
+    inside = designed.reference is not None
+    # a motion that stands still takes no time
+    is_timed = functions.motion is not None and functions.motion.n_in() > 0
+    facts: dict[str, str | bool] = {
+        "P": prefix.upper(),
+        "REFERENCE": "reference, " if designed.reference_inputs else "",
+        "p": prefix,
+        "TITLE": " ".join(designed.title.replace("*/", "").replace("/*", "").split()),
+        "LAW": "no feedback" if designed.law is None else designed.law.name,
+        "FEEDFORWARD": designed.feedforward.replace("_", " "),
+        "N_MEASURED": str(interface.size_of(designed.measured)),
+        "N_REFERENCE": "18" if designed.reference_inputs else "0",
+        "N_STATES": str(n_states),
+        "N_COEFFICIENTS": str(n_coefficients),
+        "MEASURED": ", ".join(f"{v.name}[{v.size}] [{v.unit}]" for v in designed.measured) or "nothing",
+        "FIELDS": "\n".join(map(partial(_field, prefix=prefix), settings)),
+        "DEFAULTS": "\n".join(map(partial(_default, prefix=prefix), settings)),
+        "CHECKS": "\n".join(map(partial(_check, prefix=prefix), settings, range(1, len(settings) + 1))),
+        "SAMPLE_TIME": number(designed.sample_time),
+        "FUNCTIONS": "".join(_functions(designed, functions, prefix)),
+        "TABLE": table_source.table_of(designed.reference) if is_table and is_moving else "",  # type: ignore[arg-type]
+        "CALL_COEFFICIENTS": call(functions.coefficients, {"law": "coefficients->law"}),
+        "CALL_MOTION": _call_motion(functions.motion, "time", "now", is_table=is_table),
+        "CALL_AHEAD": _call_motion(functions.motion, "later", "ahead", is_table=is_table),
+        "CALL_EXTRAPOLATED": "extrapolated(reference, &coefficients->ahead, ahead);",
+        "CALL_START": call(functions.start, {"states_at_rest": "states"}),
+        "CALL_LAW": call(law, {"force": "command", "next": "next"}),
+        "CALL_FEEDFORWARD": call(functions.feedforward, {"force": "known", "motion": "ahead"}),
+        "FIRST_MEASURED": numbers(designed.first_measured),
+        "FIRST_REFERENCE": numbers(designed.first_reference),
+    }
+    conditions = {
+        "law": law is not None,
+        "measures": bool(designed.measured),
+        "uses_measured": _uses(law, "measured"),
+        "uses_time": _uses(law, "time") or (is_timed and is_moving),
+        "states": n_states > 0,
+        "start": functions.start is not None,
+        "coefficients": n_coefficients > 0,
+        "inputs": designed.reference_inputs,
+        "inside_now": inside and at_time,
+        "inputs_now": designed.reference_inputs and at_time,
+        "feedforward": forward,
+        "timed_ahead": is_timed and forward,
+        "known_ahead": inside and forward and not is_timed,
+        "inputs_ahead": designed.reference_inputs and forward,
+        "constant": any(s.variable.name == "constant_force" for s in settings),
+        "excess": uses_excess,
+        "table": is_table and is_moving,
+        "fixed_sample_time": any("DEFAULT_SAMPLE_TIME" in c for s in settings for c in s.conditions),
+        "sees": bool(designed.measured) or designed.reference_inputs,
+        "sign": any(" sign(" in part or "=sign(" in part for part in _functions(designed, functions, prefix)),
+    }
+    return facts | conditions
+
+
+def _uses(function: casadi.Function | None, name: str) -> bool:
+    return function is not None and name in function.name_in()
+
+
+def _functions(designed: Designed, functions: Traced, prefix: str) -> list[str]:
+    """Those that CasADi wrote, in the order of their use."""
+    real = f"{prefix}_real"
+    of_settings = {s.variable.name: real for s in designed.settings if s.is_real}
+    doubles = Types("double", of_settings)
+    of_platform = dict.fromkeys(("motion", *(v.name for v in interface.PLATFORM_PARAMETERS)), "double")
+    parts = [
+        (functions.coefficients, doubles),
+        (functions.motion, doubles),
+        (functions.extrapolated, doubles),
+        (functions.feedforward, Types(real, of_platform)),
+        (functions.start, doubles),
+        (functions.law, doubles),
+    ]
+    if not (functions.feedforward is not None or _uses(functions.law, "motion") or _uses(functions.start, "motion")):
+        parts[1] = (None, doubles)
+    return [function_source(f, "static void ", types, conditions=True) for f, types in parts if f is not None]
+
+
+_PLACES = {
+    "time": "&time",
+    "motion": "now",
+    "measured": "measured",
+    "excess": "memory->excess",
+    "states": "states",
+    "coefficients": "coefficients->law",
+}
+
+
+def _call(function: casadi.Function | None, places: dict[str, str], settings: Iterable[Setting]) -> str:
+    """A call with its arguments where the step has them."""
+    if function is None:
+        return ""
+    known = _PLACES | {
+        s.variable.name: f"{'' if s.variable.shape else '&'}parameters->{s.variable.name}" for s in settings
+    }
+    known |= places
+    arguments = [known[name] for name in (*function.name_in(), *function.name_out())]
+    return f"{function.name()}({', '.join(arguments)});"
+
+
+def _call_motion(function: casadi.Function | None, time: str, motion: str, *, is_table: bool) -> str:
+    if function is None:
+        return ""
+    if is_table:  # motion() in step.c, around the traced function
+        return f"motion({time}, {motion});"
+    return f"motion({f'&{time}, ' if function.n_in() else ''}{motion});"
+
+
+def _field(each: Setting, prefix: str) -> str:
+    v = each.variable
+    kind = f"{prefix}_real" if each.is_real else "double"
+    size = f"[{v.size}]" if v.shape else ""
+    unit = f"[{v.unit}] " if v.unit else ""
+    return f"    {kind} {v.name}{size}; /* {unit}{v.description} */"
+
+
+def _default(each: Setting, prefix: str) -> str:
+    """With a cast, since a number in C is a double."""
+    cast = f"({prefix}_real)" if each.is_real else ""
+    values = [cast + number(value) for value in each.value.reshape(-1).tolist()]
+    return f"    .{each.variable.name} = {'{' + ', '.join(values) + '}' if each.variable.shape else values[0]},"
+
+
+def _check(each: Setting, place: int, prefix: str) -> str:
+    """Conditions on a parameter, the number of which is returned where one does not hold."""
+    v = each.variable
+    infinity = f"({prefix}_real)HUGE_VAL" if each.is_real else "HUGE_VAL"
+    above = {"> 0": "{0} > 0", ">= 0": "{0} >= 0", None: f"{{0}} > -{infinity}"}[v.lower_bound]
+    below = "" if each.may_be_infinite else f" && {{0}} < {infinity}"
+    element = f"parameters->{v.name}" + ("[k]" if v.shape else "")
+    test = f"if (!({(above + below).format(element)})) return {place};"
+    lines = [f"    for (k = 0; k < {v.size}; ++k) {test}" if v.shape else f"    {test}"]
+    lines += [f"    if (!({condition})) return {place};" for condition in each.conditions]
+    return "\n".join(lines)

@@ -1,0 +1,192 @@
+"""What leaves: a designed controller, frozen, with all that it is made of."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import casadi
+import numpy as np
+
+from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
+from gough_stewart.harness.control.feedforward import Feedforward
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
+from gough_stewart.harness.export.settings import Setting, setting
+from gough_stewart.harness.motion.motion import Reference
+from gough_stewart.harness.plants import signals
+from gough_stewart.model import interface
+from gough_stewart.model.interface import Variable
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+ReferenceFrom = Literal["inside", "inputs"]
+REFERENCE = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
+
+
+@dataclass(frozen=True, eq=False)
+class Designed:
+    """A controller as it was designed in an experiment."""
+
+    title: str
+    platform: Platform  # that the designer believes in
+    sample_time: float  # [s]
+    delay: int  # of the forces [samples]
+    law: Law | None  # None for forces known beforehand alone
+    feedforward: Feedforward
+    constant_force: FloatArray  # (6,) [N], added to the feedforward
+    reference: Reference | None  # None where it comes in, or where there is none
+    reference_inputs: bool
+    force_limit: float  # [N], infinite without one
+    rate_limit: float  # [N/s], likewise
+    start_force: FloatArray  # (6,) [N]
+    first_measured: FloatArray  # on the reference at time 0, in the order of `measured`
+    first_reference: FloatArray  # likewise (18,)
+
+    @property
+    def measured(self) -> tuple[Variable, ...]:
+        """The signals it looks at, in the interface's order."""
+        used = () if self.law is None else self.law.signals
+        return tuple(v for v in signals.VARIABLES if v.name in used)
+
+    @property
+    def reference_variables(self) -> tuple[Variable, ...]:
+        """What comes in of the reference, under the interface's names; none where it is inside."""
+        return tuple(interface.BY_NAME[name] for name in REFERENCE) if self.reference_inputs else ()
+
+    @cached_property
+    def settings(self) -> tuple[Setting, ...]:
+        """Its parameters: in C the fields of its struct, in this order."""
+        sampled: tuple[str, ...] = ()
+        if isinstance(self.law, MatrixLaw) and self.law.controller.sample_time is not None:
+            # matrices are those of one sample time
+            sampled = ("fabs(parameters->sample_time / DEFAULT_SAMPLE_TIME - 1) <= 1e-9",)
+        found = [
+            setting(
+                *("sample_time", "s", "> 0", "time from sample to sample", self.sample_time),
+                variability="fixed",
+                conditions=sampled,
+            ),
+            setting(
+                *("delay", "", ">= 0", "samples after which a force acts; the feedforward is of half a sample later"),
+                self.delay,
+                variability="fixed",
+            ),
+            setting(
+                *("force_limit", "N", "> 0", "largest force of an actuator", self.force_limit),
+                is_real=True,
+                may_be_infinite=True,
+            ),
+            setting(
+                *("force_rate_limit", "N/s", "> 0", "by which the drives follow at most, for the anti-windup"),
+                self.rate_limit,
+                is_real=True,
+                may_be_infinite=True,
+            ),
+            setting(
+                *("start_force", "N", None, "forces before the first sample, and after one of zeros only"),
+                self.start_force,
+            ),
+        ]
+        if self.law is not None:
+            found += self.law.settings
+        if self.law is None and self.constant_force.any():
+            found.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
+        if self.needs_platform:
+            for v in interface.PLATFORM_PARAMETERS:
+                value = np.asarray(getattr(self.platform, v.name), dtype=float).reshape(v.shape)
+                found.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
+        return tuple(found)
+
+    @property
+    def needs_platform(self) -> bool:
+        """Whether anything is computed from what the designer believes of the platform."""
+        legs = self.law is not None and (
+            self.law.space == "task"
+            or any(name.startswith("leg_") for name in self.law.signals)
+            or (isinstance(self.law, FunctionLaw) and any("_leg_" in name for name in self.law.function.name_in()))
+        )
+        return self.feedforward != "none" or legs
+
+
+def designed(experiment: Experiment, controller: Any = None, reference: ReferenceFrom = "inside") -> Designed:
+    """The controller of an experiment.
+
+    Parameters
+    ----------
+    controller
+        In the place of the experiment's: a discrete python-control system, a `LinearController`, or a CasADi function
+        with the inputs and outputs of `FunctionLaw`. Feedforward stays as it is.
+    reference
+        "inside": the experiment's motion is a part of it; "inputs": it comes in at every sample.
+
+    Raises
+    ------
+    ExportError
+        A function in Python, a controller that is unstable on its own, or nothing to compute.
+    ExperimentError, ReachError
+        The experiment cannot be run as it is written.
+    """
+    if reference not in ("inside", "inputs"):
+        raise ExportError(f"reference is {reference!r}; expected 'inside' or 'inputs'")
+    prepared = prepare(experiment, controller)
+    chosen = experiment.controller
+    law = _law_of(chosen if controller is None else None, prepared)
+    constant = np.zeros(6) if prepared.controller is not None else chosen.planned(np.zeros((1, 6)))[0]
+    has_reference = experiment.reference is not None
+    if law is None and (not has_reference or chosen.feedforward == "none"):
+        raise ExportError(
+            f"controller is type = '{chosen.type}' without feedforward: constant forces, nothing to compute; "
+            "expected a controller with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
+        )
+    loop = prepared.loop
+    motion = None
+    if reference == "inside" and experiment.reference is not None:
+        motion = experiment.reference.about(prepared.platform, experiment.folder)
+    actuators, wanted = loop.actuators, loop.wanted
+    if wanted is None:
+        raise ExportError("a controller without a reference; expected the signals that it is to follow")
+    used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
+    return Designed(
+        title=experiment.title,
+        platform=prepared.platform,
+        sample_time=loop.timing.sample_time,
+        delay=actuators.delay,
+        law=law,
+        feedforward=chosen.feedforward,
+        constant_force=np.asarray(constant),
+        reference=motion,
+        reference_inputs=reference == "inputs",
+        force_limit=math.inf if actuators.force_limit is None else actuators.force_limit,
+        rate_limit=math.inf if actuators.rate_limit is None else actuators.rate_limit,
+        start_force=loop.start_force.copy(),
+        first_measured=wanted[0, signals.positions(used)] if used else np.zeros(0),
+        first_reference=np.delete(wanted[0], np.s_[12:24]),
+    )
+
+
+def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
+    controller = prepared.controller
+    if controller is None:
+        return None
+    if isinstance(chosen, PD | PID):
+        gains = chosen.gains(prepared.platform)
+        return PidLaw(
+            gains, chosen.derivative_on, chosen.discretisation, chosen.space, prepared.loop.timing.sample_time
+        )
+    if isinstance(controller, LinearController):
+        controller.check_sample_time(prepared.loop.timing.sample_time)
+        return MatrixLaw(controller)
+    if isinstance(controller, casadi.Function):
+        return FunctionLaw(controller)
+    if isinstance(controller, UnitController):
+        raise ExportError(f"controller is {controller.path}, which is a unit already; expected the controller in it")
+    raise ExportError(
+        "controller is a Python function, which cannot leave Python; trace it with CasADi: call it with symbols, make "
+        "a casadi.Function with the inputs it takes (leg_length, reference_leg_length, …) and the output "
+        "actuator_force, and export that"
+    )

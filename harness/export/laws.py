@@ -1,0 +1,286 @@
+"""Laws of feedback that can leave: PD and PID, discrete systems, CasADi functions; each as equations of symbols."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, NamedTuple
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.control.laws import N_LEGS, LinearController, Space, integrating_modes, rest
+from gough_stewart.harness.control.pid import (
+    Actions,
+    Channels,
+    DerivativeOn,
+    Gains,
+    actions_of,
+    channel_matrices,
+    channels_of,
+)
+from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.export import symbols
+from gough_stewart.harness.export.settings import Setting, setting
+from gough_stewart.harness.plants import signals
+from gough_stewart.model.vectors import Array
+
+# By which an eigenvalue may lie outside of the unit circle: those of integrators in a row do, by rounding.
+_ROUNDING = 1e-6
+
+
+class Linear(NamedTuple):
+    """x⁺ = A x + B u, w = C x + D u, in numbers and in symbols of coefficients."""
+
+    system: StateSpace
+    start: Array  # (n, inputs): the state at rest under constant inputs u is start @ u
+    symbols: casadi.SX  # the coefficients (k,)
+    coefficients: casadi.Function | None  # settings -> coefficients
+
+
+@dataclass(frozen=True)
+class PidLaw:
+    """PD or PID: its gains can be tuned where it runs; which channels differentiate and integrate is fixed."""
+
+    gains: Gains
+    derivative_on: DerivativeOn
+    discretisation: Method
+    space: Space
+    sample_time: float
+
+    signals = ("leg_length",)
+
+    @property
+    def _actions(self) -> Actions:
+        return actions_of(self.gains)
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        return f"{'PID' if self._actions.integrate.any() else 'PD'} in {self.space} space"
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """Gains, and the times that go with them."""
+        channels, (differentiate, integrate) = channels_of(self.gains), self._actions
+        units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
+        of = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
+        found = [
+            setting(
+                "proportional_gain", units[0], "> 0", f"proportional gain {of}", channels.proportional, is_real=True
+            )
+        ]
+        if differentiate.any():
+            sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
+            found += [
+                setting(
+                    *("derivative_gain", units[1], ">= 0", f"derivative gain {of}", channels.derivative),
+                    is_real=True,
+                    conditions=_zero_but_where("derivative_gain", differentiate),
+                ),
+                setting(
+                    *("derivative_filter", "s", "> 0", "time constant of the derivative's filter"),
+                    channels.filter_time[0],
+                    conditions=sampled if self.discretisation == "tustin" else (),
+                ),
+            ]
+        if integrate.any():
+            late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrate)]
+            found += [
+                setting(
+                    *("integral_gain", units[2], ">= 0", f"integral gain {of}", channels.integral),
+                    is_real=True,
+                    conditions=_zero_but_where("integral_gain", integrate),
+                ),
+                setting(
+                    *("anti_windup_time", "s", "> 0", "in which an integral gives way to a limit"),
+                    channels.tracking_time,
+                    conditions=late,
+                ),
+            ]
+        return tuple(found)
+
+    @cached_property
+    def linear(self) -> Linear:
+        """Its matrices, sampled by the very function that samples the controller in Python."""
+        inputs = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in self.settings}
+        inputs["sample_time"] = casadi.SX.sym("sample_time")
+        zeros = np.array([casadi.SX(0)] * N_LEGS, dtype=object)
+
+        def channel(name: str) -> Array:
+            if name not in inputs:
+                return zeros
+            return np.asarray(symbols.elements(inputs[name]) + zeros)  # one for all, or each its own
+
+        names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
+        continuous = channel_matrices(Channels(*map(channel, names)), self.derivative_on, self._actions)
+        traced = matrices_at(continuous, symbols.elements(inputs["sample_time"]), self.discretisation, symbols.solve)
+        numeric = matrices_at(
+            channel_matrices(channels_of(self.gains), self.derivative_on, self._actions),
+            self.sample_time,
+            self.discretisation,
+        )
+        values, c, system = _coefficients(traced)
+        # modes that integrate do so whatever the gains are
+        integrating = np.round(integrating_modes(numeric.A))
+        start = rest(system.A, integrating, system.B, symbols.solve) if numeric.nstates else system.B
+        function = symbols.function("coefficients_of_law", inputs, {"law": values})
+        return Linear(system, start, c, function)
+
+
+@dataclass(frozen=True)
+class MatrixLaw:
+    """A discrete linear system, its matrices as constants.
+
+    Raises
+    ------
+    ExportError
+        It is unstable on its own.
+    """
+
+    controller: LinearController
+
+    def __post_init__(self) -> None:
+        poles = np.linalg.eigvals(np.asarray(self.controller.system.A, dtype=float))
+        worst = complex(poles[np.abs(poles).argmax()]) if len(poles) else 0j
+        if abs(worst) > 1 + _ROUNDING:
+            raise ExportError(
+                f"controller is unstable on its own: it has an eigenvalue z = {worst:.6g} with |z| = {abs(worst):.6g}; "
+                "expected none outside of the unit circle, since its state would grow whatever is measured; design it "
+                "anew with more damping or less gain"
+            )
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        return f"a discrete linear system in {self.space} space"
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """What it looks at."""
+        return self.controller.signals
+
+    @property
+    def space(self) -> Space:
+        """Of the forces it gives."""
+        return self.controller.space
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """None: what was designed is fixed."""
+        return ()
+
+    @cached_property
+    def linear(self) -> Linear:
+        """Its matrices."""
+        given = self.controller.system
+        A, B, C, D = (np.asarray(each, dtype=float) for each in (given.A, given.B, given.C, given.D))
+        start = rest(A, integrating_modes(A), B) if len(A) else B
+        return Linear(StateSpace(A, B, C, D, 1.0), start, casadi.SX.sym("coefficients", 0), None)
+
+
+MEMORY, MEMORY_NEXT, FORCE = "memory", "memory_next", "actuator_force"
+ACCELERATIONS = ("acceleration", "angular_acceleration")
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionLaw:
+    """A CasADi function of named inputs that gives `actuator_force` (6,) [N].
+
+    Inputs are any of time; position, orientation, velocity, angular_velocity, leg_length, leg_velocity as measured;
+    the same with `reference_` before them, and reference_acceleration, reference_angular_acceleration. What it keeps is
+    an input `memory` with an output `memory_next` of the same length; it begins at zero.
+
+    Raises
+    ------
+    ExportError
+        Other inputs or outputs, or of other sizes; or a function that CasADi cannot expand to plain operations.
+    """
+
+    function: casadi.Function
+
+    name = "a CasADi function"
+    space: ClassVar[Space] = "leg"
+    settings: ClassVar[tuple[Setting, ...]] = ()
+
+    def __post_init__(self) -> None:
+        f = self.function
+        known = sizes_of_inputs()
+        inputs = {name: f.numel_in(k) for k, name in enumerate(f.name_in())}
+        outputs = {name: f.numel_out(k) for k, name in enumerate(f.name_out())}
+        for name, size in inputs.items():
+            if name != MEMORY and name not in known:
+                raise ExportError(
+                    f"the CasADi function has the input '{name}'; expected some of {', '.join(known)}, {MEMORY}"
+                )
+            if name != MEMORY and size != known[name]:
+                raise ExportError(f"the CasADi function's input '{name}' has {size} elements; expected {known[name]}")
+        expected = {FORCE: N_LEGS} | ({MEMORY_NEXT: inputs[MEMORY]} if MEMORY in inputs else {})
+        if outputs != expected:
+            raise ExportError(
+                f"the CasADi function has the outputs {outputs}; expected {expected}, names and sizes"
+                + ("" if MEMORY in inputs else f"; {MEMORY_NEXT} goes with an input {MEMORY}")
+            )
+        try:
+            f.expand()
+        except RuntimeError as error:
+            reason = str(error).strip().splitlines()[-1]
+            raise ExportError(
+                f"the CasADi function cannot be expanded to plain operations ({reason}); expected one without "
+                "solvers, tables or callbacks"
+            ) from None
+
+    @property
+    def n_states(self) -> int:
+        """Of its memory."""
+        names = self.function.name_in()
+        return int(self.function.numel_in(names.index(MEMORY))) if MEMORY in names else 0
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """What it looks at."""
+        return tuple(name for name in signals.NAMES if name in self.function.name_in())
+
+    def __call__(self, values: Mapping[str, casadi.SX]) -> dict[str, casadi.SX]:
+        """Its outputs by name, of symbols by name."""
+        f = self.function.expand()
+        given = {name: casadi.reshape(values[name], f.size_in(k)) for k, name in enumerate(f.name_in())}
+        return {name: casadi.vec(value) for name, value in f.call(given).items()}
+
+
+Law = PidLaw | MatrixLaw | FunctionLaw
+
+
+def sizes_of_inputs() -> dict[str, int]:
+    """Of what a CasADi function may have as input."""
+    sizes = {v.name: v.size for v in signals.VARIABLES}
+    wanted = {f"reference_{name}": size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
+    return {"time": 1, **sizes, **wanted}
+
+
+def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]:
+    """Different values in matrices of symbols, a symbol for each of them, and the matrices of these and of numbers."""
+    blocks = [np.asarray(each) for each in (system.A, system.B, system.C, system.D)]
+    entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in blocks]))))
+    place = dict[int, int]()
+    values: list[casadi.SX] = []
+    places = list[int | None]()
+    for entry in entries:
+        if entry.is_constant():
+            places.append(None)
+            continue
+        key = entry.element_hash()
+        if key not in place:
+            place[key] = len(values)
+            values.append(entry)
+        places.append(place[key])
+    c = casadi.SX.sym("coefficients", len(values))
+    flat = np.array([float(e) if k is None else c[k] for e, k in zip(entries, places, strict=True)], dtype=object)
+    ends = np.cumsum([b.size for b in blocks])
+    A, B, C, D = (part.reshape(b.shape) for part, b in zip(np.split(flat, ends[:-1]), blocks, strict=True))
+    return casadi.vertcat(*values), c, StateSpace(A, B, C, D, 1.0)
+
+
+def _zero_but_where(name: str, there: NDArray[np.bool_]) -> list[str]:
+    return [f"!(parameters->{name}[{k}] > 0)" for k in np.flatnonzero(~there)]

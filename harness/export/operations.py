@@ -1,0 +1,67 @@
+"""How much a step has to do."""
+
+import casadi
+
+from gough_stewart.harness.export.trace import Traced
+
+# Not counted: what CasADi reads, writes and copies.
+_FREE = {casadi.OP_CONST, casadi.OP_INPUT, casadi.OP_OUTPUT, casadi.OP_ASSIGN, casadi.OP_PARAMETER}
+_SIMPLE = {
+    *(casadi.OP_ADD, casadi.OP_SUB, casadi.OP_MUL, casadi.OP_NEG, casadi.OP_SQ, casadi.OP_TWICE),
+    *(casadi.OP_LT, casadi.OP_LE, casadi.OP_EQ, casadi.OP_NE, casadi.OP_NOT, casadi.OP_AND, casadi.OP_OR),
+    *(casadi.OP_FMIN, casadi.OP_FMAX, casadi.OP_IF_ELSE_ZERO, casadi.OP_FABS),
+}
+SIMPLE, DIVISIONS, OTHERS = (
+    "additions, multiplications and comparisons",
+    "divisions and square roots",
+    "other functions",
+)
+# Of the hand-written part for the six forces: limits, excess, what is finite; and the search in a table.
+_A_FORCE, _A_SEARCH, _A_PIECE = 12, 40, 6 * (5 + 4 + 3) * 2
+
+
+def operations_of(functions: Traced) -> dict[str, int]:
+    """Floating-point operations of a step, at most, by kind."""
+    total = {SIMPLE: 6 * _A_FORCE + 10, DIVISIONS: 0, OTHERS: 0}
+    motions = 0
+    if functions.motion is not None:
+        motions = (functions.feedforward is not None) + (functions.law is not None)
+        if functions.motion.name() == "motion_of_table":
+            total[SIMPLE] += motions * (_A_SEARCH + _A_PIECE)
+    used = [
+        functions.extrapolated,
+        functions.feedforward,
+        functions.start,
+        functions.law,
+        *[functions.motion] * motions,
+    ]
+    for function in used:
+        for kind, n in _counts(function).items():
+            total[kind] += n
+    return total
+
+
+def words_of(counts: dict[str, int]) -> str:
+    """For the head of the source."""
+    return f"at most {sum(counts.values())} floating-point operations, of them " + ", ".join(
+        f"{n} {kind}" for kind, n in counts.items() if kind != SIMPLE
+    )
+
+
+def _counts(function: casadi.Function | None) -> dict[str, int]:
+    found = {SIMPLE: 0, DIVISIONS: 0, OTHERS: 0}
+    if function is None:
+        return found
+    for k in range(function.n_instructions()):
+        kind = function.instruction_id(k)
+        if kind in _FREE:
+            continue
+        name = (
+            SIMPLE
+            if kind in _SIMPLE
+            else DIVISIONS
+            if kind in {casadi.OP_DIV, casadi.OP_SQRT, casadi.OP_INV}
+            else OTHERS
+        )
+        found[name] += 1
+    return found

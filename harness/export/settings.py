@@ -1,0 +1,40 @@
+"""Parameters of an exported controller: in C the fields of a struct, of an FMU its parameters."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gough_stewart.model.interface import Variability, Variable
+from gough_stewart.model.parameters import Bound
+from gough_stewart.model.vectors import FloatArray
+
+
+class Setting(NamedTuple):
+    """A parameter of the exported controller, and its value as designed."""
+
+    variable: Variable
+    value: FloatArray  # in the variable's shape
+    is_real: bool = False  # whether C holds it in its real type, float or double; else as double
+    # conditions in C on the struct `parameters` beside finite values and the variable's bound
+    conditions: tuple[str, ...] = ()
+    may_be_infinite: bool = False
+
+
+def setting(
+    name: str,
+    unit: str,
+    bound: Bound,
+    description: str,
+    value: ArrayLike,
+    *,
+    variability: Variability = "tunable",
+    is_real: bool = False,
+    conditions: Iterable[str] = (),
+    may_be_infinite: bool = False,
+) -> Setting:
+    """With the shape of its value."""
+    value = np.asarray(value, dtype=float)
+    variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
+    return Setting(variable, value, is_real, tuple(conditions), may_be_infinite)

@@ -1,0 +1,61 @@
+"""CasADi symbols in the shapes that the equations take, and Functions of those that an expression needs."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi
+import numpy as np
+
+from gough_stewart.model import interface
+from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.vectors import Array
+
+Symbols = Mapping[str, casadi.SX]
+
+
+def elements(vector: casadi.SX) -> Array:
+    """(n,) object array of a vector's elements."""
+    return np.array([vector[i] for i in range(vector.numel())], dtype=object)
+
+
+def row(vector: casadi.SX) -> Array:
+    """(1, n), as the equations want it: NumPy turns object arrays without axes into bare scalars."""
+    return elements(vector)[None, :]
+
+
+def column(array: Any) -> casadi.SX:
+    """casadi.SX (n, 1) of an array's elements, row by row."""
+    return casadi.SX(casadi.vertcat(*np.asarray(array).reshape(-1)))
+
+
+def sparse(matrix: Array) -> casadi.SX:
+    """casadi.SX of an array (m, n), without its zeros."""
+    m, n = matrix.shape
+    return casadi.sparsify(casadi.reshape(column(matrix.T), m, n)) if matrix.size else casadi.SX(m, n)
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """As `numpy.linalg.solve`, of arrays (n, n) and (n,) or (n, m) that hold symbols."""
+    columns = right.reshape(len(right), -1)
+    if not columns.size:
+        return right
+    found = casadi.densify(casadi.solve(sparse(matrix), sparse(columns)))
+    return elements(casadi.vec(found.T)).reshape(right.shape)
+
+
+def platform_symbols() -> dict[str, casadi.SX]:
+    """The platform's physical parameters by name, flat, row by row."""
+    return {v.name: casadi.SX.sym(v.name, v.size) for v in interface.PLATFORM_PARAMETERS}
+
+
+def parameters_of(symbols: Symbols) -> Parameters:
+    """The same as the equations take them."""
+    return Parameters(**{v.name: elements(symbols[v.name]).reshape(1, *v.shape) for v in interface.PLATFORM_PARAMETERS})
+
+
+def function(name: str, inputs: Symbols, outputs: Mapping[str, casadi.SX]) -> casadi.Function:
+    """Of those inputs that the outputs depend on."""
+    results = casadi.cse([casadi.densify(v) for v in outputs.values()])
+    everything = casadi.vertcat(*results)
+    used = {key: v for key, v in inputs.items() if v.numel() and casadi.depends_on(everything, v)}
+    return casadi.Function(name, list(used.values()), results, list(used), list(outputs))

@@ -1,0 +1,61 @@
+"""A motion from a table as C: the splines' polynomials, and their evaluation in fixed work."""
+
+from gough_stewart.harness.export.texts import number, numbers
+from gough_stewart.harness.motion.motion import ROUNDING
+from gough_stewart.harness.motion.table import FromTable
+
+_TEXT = """/* Polynomials between the rows of a table: of each piece six quantities, of each the highest power first. */
+#define TABLE_END @END@
+#define TABLE_ROUNDING @ROUNDING@
+enum { N_PIECES = @N@ };
+static const double BEGINS[N_PIECES] = {@BEGINS@};
+static const double PIECES[N_PIECES][6][6] = {
+@PIECES@
+};
+
+/* x, y, z, roll, pitch, yaw and their first and second derivatives. */
+static void table_at(double time, double pose[6], double rate[6], double acceleration[6])
+{
+    int piece = 0, step, k, j;
+    double s;
+    const double moves = time <= TABLE_END + TABLE_ROUNDING ? 1 : 0;
+    if (time > TABLE_END) time = TABLE_END;
+    if (time < BEGINS[0]) time = BEGINS[0];
+    for (step = @STEP@; step > 0; step /= 2)
+        if (piece + step < N_PIECES && BEGINS[piece + step] <= time) piece += step;
+    s = time - BEGINS[piece];
+    for (k = 0; k < 6; ++k) {
+        double value = 0, slope = 0, half = 0;
+        for (j = 0; j < 6; ++j) {
+            half = half * s + slope;
+            slope = slope * s + value;
+            value = value * s + PIECES[piece][k][j];
+        }
+        pose[k] = value;
+        rate[k] = moves * slope;
+        acceleration[k] = moves * 2 * half;
+    }
+}
+"""
+
+
+def table_of(reference: FromTable) -> str:
+    """The table and its evaluation."""
+    pieces = reference.pieces
+    n = pieces.c.shape[1]
+    rows = ["    {" + ", ".join("{" + numbers(pieces.c[:, i, k]) + "}" for k in range(6)) + "}," for i in range(n)]
+    step = 1
+    while 2 * step < n:
+        step *= 2
+    words = {
+        "END": number(reference.end),
+        "ROUNDING": number(ROUNDING),
+        "N": str(n),
+        "BEGINS": numbers(pieces.x[:-1]),
+        "PIECES": "\n".join(rows),
+        "STEP": str(step),
+    }
+    text = _TEXT
+    for name, value in words.items():
+        text = text.replace(f"@{name}@", value)
+    return text

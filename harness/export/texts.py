@@ -1,0 +1,42 @@
+"""The hand-written C around the traced functions: texts with words to fill in, and with parts that may be left out."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+_ROOM = Path(__file__).parent / "c"
+SOURCE, HEADER, EXAMPLE = (
+    (_ROOM / name).read_text(encoding="utf-8") for name in ("step.c", "step.h", "example_main.c")
+)
+_CONDITION = re.compile(r"^@(if|else|end)\b ?(\w*)\n", re.M)
+
+
+def filled(text: str, facts: Mapping[str, str | bool]) -> str:
+    """A text with `@NAME@` replaced, and lines between `@if name`, `@else` and `@end` only where the name is true."""
+    lines: list[str] = []
+    written = [True]
+    for line in text.splitlines(keepends=True):
+        mark = _CONDITION.fullmatch(line)
+        if mark is None:
+            if all(written):
+                lines.append(re.sub(r"@(\w+)@", lambda match: str(facts[match[1]]), line))
+        elif mark[1] == "if":
+            written.append(bool(facts[mark[2]]))
+        elif mark[1] == "else":
+            written[-1] = not written[-1]
+        else:
+            written.pop()
+    return "".join(lines)
+
+
+def number(value: float) -> str:
+    """A number in C, exactly."""
+    if math.isinf(value):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    return repr(float(value))
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Separated by commas; a zero where there are none."""
+    return ", ".join(number(float(value)) for value in values) or "0.0"

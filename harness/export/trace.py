@@ -1,0 +1,210 @@
+"""The functions of a sample as CasADi Functions, traced from the Python that runs in the harness.
+
+Each takes what it needs of these vectors, by name:
+
+    time; motion (18) at it; coefficients; states x; measured; excess (6); the platform's parameters
+"""
+
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+
+from gough_stewart.harness.control.laws import N_LEGS
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.export import symbols
+from gough_stewart.harness.export.designed import REFERENCE, Designed
+from gough_stewart.harness.export.laws import FORCE, MEMORY, MEMORY_NEXT, FunctionLaw, Law
+from gough_stewart.harness.motion.motion import Motion, Reference, extrapolated, motion_of
+from gough_stewart.harness.motion.reach import legs_of
+from gough_stewart.harness.motion.table import FromTable
+from gough_stewart.model import interface
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
+from gough_stewart.model.interrupts import interrupts_held_back
+from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import Array
+
+N_MOTION = 18
+
+
+class Traced(NamedTuple):
+    """The functions of a controller; None where it does without."""
+
+    coefficients: casadi.Function | None  # settings -> law
+    motion: casadi.Function | None  # time, or pose, rate, acceleration of a table -> motion
+    extrapolated: casadi.Function | None  # motion, ahead -> later
+    feedforward: casadi.Function | None  # motion, platform -> force
+    start: casadi.Function | None  # -> states before the first sample
+    law: casadi.Function | None  # -> force, next
+
+
+@interrupts_held_back()
+def traced(designed: Designed) -> Traced:
+    """All functions of a designed controller."""
+    law = designed.law
+    linear = None if law is None or isinstance(law, FunctionLaw) else law.linear
+    ahead = designed.feedforward != "none" and designed.reference_inputs
+    start, step = (None, None) if law is None else _law(designed, law)
+    return Traced(
+        None if linear is None else linear.coefficients,
+        None if designed.reference is None else motion_function(designed.reference),
+        _extrapolation() if ahead else None,
+        _feedforward(designed),
+        start,
+        step,
+    )
+
+
+def motion_function(reference: Reference) -> casadi.Function:
+    """CasADi Function `motion`: time -> motion; of a table (pose, rate, acceleration) -> motion."""
+    if isinstance(reference, FromTable):
+        parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
+        at = motion_of(*(symbols.row(part) for part in parts.values()))
+        return symbols.function("motion_of_table", parts, {"motion": _vector(at)})
+    time = casadi.SX.sym("time")
+    try:
+        motion = _vector(reference(symbols.elements(time)))
+    except Exception as error:  # somebody's own motion may do anything with a symbol
+        raise ExportError(
+            f"the reference cannot be traced with CasADi ({type(error).__name__}: {error}); expected arithmetic "
+            "without branches, or export with reference = 'inputs'"
+        ) from error
+    return symbols.function("motion", {"time": time}, {"motion": motion})
+
+
+def solve_by_orthogonal(matrix: Array, vector: Array) -> Array:
+    """Solution of Jᵀ x = w, of arrays (1, 6, 6) and (1, 6), from J = Q R: x = Q R⁻ᵀ w, in fixed work.
+
+    Orthogonalising the columns of J by Gram and Schmidt needs no pivots, and the scale of a column, which is that of
+    lengths against angles, changes nothing.
+    """
+    return _Orthogonal(np.swapaxes(matrix, -1, -2)).transposed(vector)
+
+
+class _Orthogonal:
+    """J = Q R of an array (1, 6, 6)."""
+
+    def __init__(self, J: Array) -> None:
+        self._Q, self._R = casadi.qr(symbols.sparse(J[0]))
+
+    def solve(self, vector: Array) -> Array:
+        """J⁻¹ b (1, 6)."""
+        return symbols.row(casadi.solve(self._R, self._Q.T @ symbols.column(vector)))
+
+    def transposed(self, vector: Array) -> Array:
+        """J⁻ᵀ w (1, 6)."""
+        return symbols.row(self._Q @ casadi.solve(self._R.T, symbols.column(vector)))
+
+
+def _vector(motion: Motion) -> casadi.SX:
+    return symbols.column(np.concatenate([np.asarray(part) for part in motion], axis=-1))
+
+
+def _motion(vector: casadi.SX) -> Motion:
+    return Motion(*np.split(symbols.row(vector), 6, axis=-1))
+
+
+def _extrapolation() -> casadi.Function:
+    motion, ahead = casadi.SX.sym("motion", N_MOTION), casadi.SX.sym("ahead")
+    later = extrapolated(_motion(motion), symbols.row(ahead))
+    return symbols.function("extrapolated", {"motion": motion, "ahead": ahead}, {"later": _vector(later)})
+
+
+def _feedforward(designed: Designed) -> casadi.Function | None:
+    if designed.feedforward == "none":
+        return None
+    platform, vector = symbols.platform_symbols(), casadi.SX.sym("motion", N_MOTION)
+    believed, at = symbols.parameters_of(platform), _motion(vector)
+    if designed.feedforward == "gravity":
+        force = static_leg_forces(believed, at.position, at.orientation, solve=solve_by_orthogonal)
+    else:
+        state, acceleration = State(*at[:4]), Acceleration(*at[4:])
+        force = inverse_dynamics(believed, state, acceleration, solve=solve_by_orthogonal)
+    return symbols.function("feedforward", {"motion": vector, **platform}, {"force": symbols.column(force)})
+
+
+def _law(designed: Designed, law: Law) -> tuple[casadi.Function | None, casadi.Function]:
+    measured = casadi.SX.sym("measured", interface.size_of(designed.measured))
+    given = {
+        "time": casadi.SX.sym("time"),
+        "motion": casadi.SX.sym("motion", N_MOTION),
+        "measured": measured,
+        "excess": casadi.SX.sym("excess", N_LEGS),
+        **symbols.platform_symbols(),
+    }
+    by_name = dict(zip((v.name for v in designed.measured), _split(measured, designed.measured), strict=True))
+    if isinstance(law, FunctionLaw):
+        given["states"] = casadi.SX.sym("states", law.n_states)
+        wanted = _wanted(given, law.function.name_in())
+        found = law({"time": given["time"], MEMORY: given["states"], **by_name, **wanted})
+        outputs = {"force": found[FORCE], **({"next": found[MEMORY_NEXT]} if law.n_states else {})}
+        return None, symbols.function("law", given, outputs)
+    wanted = _wanted(given, [f"reference_{name}" for name in law.signals])
+    r, y = (
+        casadi.vertcat(*(values[prefix + name] for name in law.signals))
+        for values, prefix in ((wanted, "reference_"), (by_name, ""))
+    )
+    return (_task if law.space == "task" else _leg)(law, given, r, y)
+
+
+def _leg(
+    law: Any, given: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX
+) -> tuple[casadi.Function | None, casadi.Function]:
+    linear = law.linear
+    n = linear.system.nstates
+    given |= {"states": casadi.SX.sym("states", n), "coefficients": linear.symbols}
+    following, force = _advance(linear.system, given["states"], _inputs(linear.system, r, y, given["excess"]))
+    step = symbols.function("law", given, {"force": force, **({"next": following} if n else {})})
+    if not n:
+        return None, step
+    at_rest = symbols.sparse(linear.start) @ _inputs(linear.system, r, y, casadi.SX.zeros(N_LEGS))
+    return symbols.function("start", given, {"states_at_rest": at_rest}), step
+
+
+def _task(
+    law: Any, given: dict[str, casadi.SX], r: casadi.SX, lengths: casadi.SX
+) -> tuple[casadi.Function | None, casadi.Function]:
+    """As in leg space, of displacements Σ J⁻¹ ΔL; these and the lengths before are among the states."""
+    linear = law.linear
+    n = linear.system.nstates
+    states = casadi.SX.sym("states", n + 2 * N_LEGS)
+    given |= {"states": states, "coefficients": linear.symbols}
+    x, before, lengths_before = casadi.vertsplit(states, [0, n, n + N_LEGS, n + 2 * N_LEGS])
+    at = _motion(given["motion"])
+    J = leg_jacobian(symbols.parameters_of(given), at.position, at.orientation)
+    solver, zeros = _Orthogonal(J), casadi.SX.zeros(N_LEGS)
+    error = symbols.column(solver.solve(symbols.row(r - lengths)))
+    pose = before + symbols.column(solver.solve(symbols.row(lengths - lengths_before)))
+    excess = symbols.sparse(J[0]).T @ given["excess"]
+    following, wrench = _advance(linear.system, x, _inputs(linear.system, pose + error, pose, excess))
+    force = symbols.column(solver.transposed(symbols.row(wrench)))
+    step = symbols.function("law", given, {"force": force, "next": casadi.vertcat(following, pose, lengths)})
+    at_rest = symbols.sparse(linear.start) @ _inputs(linear.system, error, zeros, zeros) if n else casadi.SX(0, 1)
+    return symbols.function("start", given, {"states_at_rest": casadi.vertcat(at_rest, zeros, lengths)}), step
+
+
+def _inputs(system: Any, r: casadi.SX, y: casadi.SX, excess: casadi.SX) -> casadi.SX:
+    """Errors, or references and measurements, or these and the excess: as many as the system has inputs."""
+    if system.ninputs == r.numel():
+        return r - y
+    return casadi.vertcat(r, y, excess)[: system.ninputs]
+
+
+def _advance(system: Any, x: casadi.SX, u: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+    A, B, C, D = (symbols.sparse(np.asarray(each)) for each in (system.A, system.B, system.C, system.D))
+    return A @ x + B @ u, C @ x + D @ u
+
+
+def _wanted(given: dict[str, casadi.SX], names: Any) -> dict[str, casadi.SX]:
+    """What is wanted of some signals and accelerations, by names with `reference_` before them."""
+    at = _motion(given["motion"])
+    values = dict(zip(REFERENCE, at, strict=True))
+    if any("_leg_" in name for name in names if name.startswith("reference_")):
+        values |= legs_of(symbols.parameters_of(given), at)._asdict()  # type: ignore[arg-type]
+    return {f"reference_{name}": symbols.column(value) for name, value in values.items()}
+
+
+def _split(vector: casadi.SX, variables: Any) -> list[casadi.SX]:
+    ends = np.cumsum([0, *(v.size for v in variables)]).tolist()
+    return list(casadi.vertsplit(vector, ends)) if variables else []

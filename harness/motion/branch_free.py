@@ -1,0 +1,34 @@
+"""What motions need instead of branches: the same for numbers and for CasADi symbols in object arrays."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gough_stewart.model.vectors import Array, Scalars
+
+
+def numbers_or_symbols(values: ArrayLike) -> Array:
+    """Floats, or an object array as it is."""
+    array = np.asarray(values)
+    return array if array.dtype == object else array.astype(float, copy=False)
+
+
+def minimum(a: Array, b: Scalars) -> Array:
+    """The smaller of two, element by element."""
+    return _elementwise("fmin", a, b) if a.dtype == object else np.asarray(np.minimum(a, b))
+
+
+def maximum(a: Array, b: Scalars) -> Array:
+    """The larger of two, element by element."""
+    return _elementwise("fmax", a, b) if a.dtype == object else np.asarray(np.maximum(a, b))
+
+
+def reached(a: Array, b: Scalars) -> Array:
+    """1 where a >= b, else 0."""
+    return _elementwise("ge", a, b) if a.dtype == object else np.asarray((a >= b).astype(float))
+
+
+def _elementwise(name: str, a: Array, b: Scalars) -> Array:
+    import casadi  # of those who trace
+
+    flat = [getattr(casadi, name)(x, y) for x, y in np.broadcast(a, b)]
+    return np.array(flat, dtype=object).reshape(np.broadcast_shapes(a.shape, np.shape(b)))
