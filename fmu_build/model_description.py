@@ -59,8 +59,10 @@ def add_head(parent: etree._Element, component: Component) -> None:
 
 
 def unit_attributes(row: Row) -> dict[str, str]:
-    """`unit`, and `displayUnit` where people read another."""
+    """`unit` if there is one, and `displayUnit` where people read another."""
     unit = row.variable.unit
+    if not unit:
+        return {}
     display = BY_NAME[unit].display
     return {"unit": unit} | ({} if display is None else {"displayUnit": display[0]})
 

@@ -30,5 +30,8 @@ UNITS = (
     Unit("kg.m2", {"kg": 1, "m": 2}),
     Unit("N.s/m", {"kg": 1, "s": -1}),
     Unit("s", {"s": 1}),
+    Unit("N/m", {"kg": 1, "s": -2}),
+    Unit("N/(m.s)", {"kg": 1, "s": -3}),
+    Unit("N/s", {"kg": 1, "m": 1, "s": -3}),
 )
 BY_NAME = {unit.name: unit for unit in UNITS}

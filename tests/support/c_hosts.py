@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gough_stewart.fmu_build.compiler_cache import compiler_environment
+from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import place_of
@@ -27,12 +28,30 @@ NEVER_OK = {
     *("fmi3InstantiateScheduledExecution", "fmi3GetNumberOfVariableDependencies", "fmi3GetVariableDependencies"),
 }
 
+# What only units with continuous states have.
+OF_STATES = {
+    *("fmi2EnterEventMode", "fmi2NewDiscreteStates", "fmi2EnterContinuousTimeMode", "fmi2CompletedIntegratorStep"),
+    *("fmi2SetTime", "fmi2SetContinuousStates", "fmi2GetDerivatives", "fmi2GetEventIndicators"),
+    *("fmi2GetContinuousStates", "fmi2GetNominalsOfContinuousStates", "fmi2GetDirectionalDerivative"),
+    *("fmi2GetRealOutputDerivatives", "fmi3GetOutputDerivatives", "fmi3GetDirectionalDerivative"),
+    *("fmi3GetAdjointDerivative", "fmi3InstantiateModelExchange", "fmi3EnterEventMode", "fmi3UpdateDiscreteStates"),
+    *("fmi3EnterContinuousTimeMode", "fmi3CompletedIntegratorStep", "fmi3SetTime", "fmi3SetContinuousStates"),
+    *("fmi3GetContinuousStateDerivatives", "fmi3GetEventIndicators", "fmi3GetContinuousStates"),
+    *("fmi3GetNominalsOfContinuousStates", "fmi3GetNumberOfEventIndicators", "fmi3GetNumberOfContinuousStates"),
+}
 
-def compile_host(host: Sequence[Path], program: Path, compiler: Sequence[str]) -> Path:
-    """A host linked with the whole unit, both FMI versions in one; `compiler` is the command with its flags."""
+
+def compile_host(
+    host: Sequence[Path], program: Path, compiler: Sequence[str], component: Component | None = None
+) -> Path:
+    """A host linked with the whole unit, both FMI versions in one; `compiler` is the command with its flags.
+
+    The component is the paper's plant, if no other is given.
+    """
+    linked = plant_component(load_preset("liu2000")) if component is None else component
     units, headers = dict[str, str](), dict[str, str]()
     for version in ("2.0", "3.0"):
-        unit = sources(plant_component(load_preset("liu2000")), version, TOKEN)
+        unit = sources(linked, version, TOKEN)
         units |= unit.units
         headers |= unit.headers
     # zig's cache knows a file by its place: what has not changed is not compiled again

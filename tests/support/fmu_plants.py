@@ -11,8 +11,9 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import fmi3Float64, fmi3Int32, fmi3ValueReference
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.harness.plants.unit import Unit, UnitFile, references
+from gough_stewart.harness.plants.unit import FmuFile, Unit, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
@@ -28,17 +29,18 @@ class Fmu(UnitFile):
 
 
 class Plant(Unit):
-    """An instance with more of what FMPy can do."""
+    """An instance with more of what FMPy can do; of the plant, unless it has another layout."""
 
-    def __init__(self, fmu: Fmu, co_simulation: bool = True, **options: Any) -> None:
+    def __init__(self, fmu: FmuFile, co_simulation: bool = True, layout: Layout = PLANT, **options: Any) -> None:
         super().__init__(fmu, "CoSimulation" if co_simulation else "ModelExchange", **options)
-        self.of = fmu
+        self.of, self.layout = fmu, layout
 
     # --- values ------------------------------------------------------------------------------------------------
 
     def references(self, name: str) -> list[int]:
         """Value references of a whole variable."""
-        return references(name, self.is_fmi2)
+        row = self.layout.by_name[name]
+        return list(row.slots) if self.is_fmi2 else [row.reference]
 
     def set(self, name: str, value: ArrayLike) -> None:
         """Set a whole variable."""
@@ -47,7 +49,7 @@ class Plant(Unit):
 
     def get(self, name: str) -> NDArray[np.float64]:
         """Value of a whole variable."""
-        variable = PLANT.by_name[name].variable
+        variable = self.layout.by_name[name].variable
         if self.is_fmi2:
             flat = self.fmu.getReal(self.references(name))
         else:
@@ -56,7 +58,7 @@ class Plant(Unit):
 
     def everything(self) -> dict[str, NDArray[np.float64]]:
         """Every variable."""
-        return {row.variable.name: self.get(row.variable.name) for row in PLANT.rows}
+        return {row.variable.name: self.get(row.variable.name) for row in self.layout.rows}
 
     def set_platform(self, platform: Platform) -> None:
         """All parameters of a platform."""
@@ -105,12 +107,17 @@ class Plant(Unit):
         self.fmu.setFMUState(state)
         self.fmu.freeFMUState(state)
 
+    def set_input_rates(self, name: str, rates: ArrayLike) -> None:
+        """First time derivatives of an input, FMI 2.0."""
+        found, flat = self.references(name), np.ravel(np.asarray(rates, dtype=float)).tolist()
+        self.fmu.setRealInputDerivatives(found, [1] * len(found), flat)
+
     # --- sensitivities and rates -------------------------------------------------------------------------------
 
     def directional(self, unknown: str, known: str, seed: ArrayLike) -> NDArray[np.float64]:
         """Change of a whole unknown along a change of a whole known."""
         flat = np.ravel(np.asarray(seed, dtype=float)).tolist()
-        size = PLANT.by_name[unknown].variable.size
+        size = self.layout.by_name[unknown].variable.size
         arguments = (self.references(unknown), self.references(known), flat)
         if self.is_fmi2:
             return np.array(self.fmu.getDirectionalDerivative(*arguments))
@@ -118,7 +125,7 @@ class Plant(Unit):
 
     def output_rates(self, name: str) -> NDArray[np.float64]:
         """First time derivatives of an output."""
-        found, size = self.references(name), PLANT.by_name[name].variable.size
+        found, size = self.references(name), self.layout.by_name[name].variable.size
         if self.is_fmi2:
             return np.array(self.fmu.getRealOutputDerivatives(found, [1] * size))
         values = (fmi3Float64 * size)()
@@ -129,7 +136,7 @@ class Plant(Unit):
 
 
 @contextmanager
-def plant(fmu: Fmu, co_simulation: bool = True, **options: Any) -> Iterator[Plant]:
+def plant(fmu: FmuFile, co_simulation: bool = True, **options: Any) -> Iterator[Plant]:
     """An instance that is freed."""
     with Plant(fmu, co_simulation, **options) as made:
         yield made

@@ -49,7 +49,8 @@ void act_in_callback(host *h)
 
 static void begin(host *h)
 {
-    *h = (host){.version = chance(0.5) ? 2 : 3, .kind = chance(0.3) ? MODEL_EXCHANGE : CO_SIMULATION, .name = ""};
+    *h = (host){.version = chance(0.5) ? 2 : 3,
+                .kind = chance(N_STATES > 0 ? 0.3 : 0.02) ? MODEL_EXCHANGE : CO_SIMULATION, .name = ""};
     h->mode = INSTANTIATED;
 }
 

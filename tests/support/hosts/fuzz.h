@@ -13,8 +13,10 @@
 #include "modes.h"
 
 #define RIGHT_TOKEN "host"
+#define FIRST_PARAMETER_ROW VARIABLE_OF_SLOT[FIRST_PARAMETER]
 
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
+enum { MOST_BYTES = 4000 }; /* of a serialised state */
 
 /* An importer of one instance. */
 typedef struct {

@@ -1,8 +1,8 @@
 /* Arguments: right ones mostly, wrong ones of every kind now and then. */
 #include <stdlib.h>
+#include <string.h>
 
 #include "fuzz.h"
-#include "plant_table.h"
 
 /* ---- memory --------------------------------------------------------------------------------------------------- */
 
@@ -34,15 +34,21 @@ void *due(void *pointer)
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
+/* A time that decides how much a communication step has to compute. */
+static int is_pace(int slot)
+{
+    return strcmp(variable_of(slot)->name, "fixed_step_size") == 0 || strcmp(variable_of(slot)->name, "sample_time") == 0;
+}
+
 static double mild_value_for(int slot)
 {
     if (slot < FIRST_INPUT + N_INPUTS)
         return slot < 6 ? between(-50, 150) : between(-10, 10);
-    if (slot < FIRST_RESULT + N_STATES)
+    if (slot >= FIRST_RESULT && slot < FIRST_RESULT + N_STATES)
         return START_STATES[slot - FIRST_RESULT] + between(-0.2, 0.2);
     if (slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS)
         return START_PARAMETERS[slot - FIRST_PARAMETER] * (chance(0.1) ? between(0.9, 1.1) : 1);
-    if (slot == FIXED_STEP_SIZE)
+    if (is_pace(slot))
         return (const double[]){0, 0, 1e-3, 0.01}[below(4)];
     return between(-1, 1);
 }
@@ -55,7 +61,7 @@ double value_for(int slot)
         return mild_value_for(slot);
     double any = number_of_any_size();
     /* a step of a microsecond is slow, not wrong */
-    return slot == FIXED_STEP_SIZE && fabs(any) < 1e-4 ? 1e-4 : any;
+    return is_pace(slot) && fabs(any) < 1e-4 ? 1e-4 : any;
 }
 
 double step_size(void)

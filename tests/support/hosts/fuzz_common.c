@@ -58,10 +58,10 @@ static void set_time(host *h)
 /* A length that is rarely wrong, and a vector of that length. */
 static double *states(size_t *n)
 {
-    *n = chance(0.05) ? below(2 * N_STATES) : N_STATES;
+    *n = chance(0.05) ? below(2 * N_STATES + 1) : N_STATES;
     double *x = exactly(*n * sizeof *x);
     for (size_t k = 0; k < *n; k++)
-        x[k] = value_for(FIRST_RESULT + (int)(k % N_STATES));
+        x[k] = value_for(FIRST_RESULT + (int)(k % (N_STATES + 1)));
     return due(x);
 }
 

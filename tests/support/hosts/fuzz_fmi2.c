@@ -39,6 +39,7 @@ void *instantiate_fmi2(host *h)
     const char *name = any_name(&is_right), *token = any_token(&is_right);
     h->name = name ? name : "";
     int type = h->kind == MODEL_EXCHANGE ? fmi2ModelExchange : fmi2CoSimulation;
+    is_right = is_right && (h->kind == CO_SIMULATION || N_STATES > 0);
     if (chance(0.01)) {
         type = 7;
         is_right = 0;

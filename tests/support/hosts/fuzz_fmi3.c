@@ -57,6 +57,7 @@ void *instantiate_fmi3(host *h)
         refuse_scheduled_execution(h);
     void *made;
     if (h->kind == MODEL_EXCHANGE) {
+        is_right = is_right && N_STATES > 0;
         made = fmi3InstantiateModelExchange(name, token, NULL, chance(0.5), loggingOn, h, logger);
         count_call("fmi3InstantiateModelExchange", made ? OK : ERROR);
     } else {
@@ -64,9 +65,9 @@ void *instantiate_fmi3(host *h)
         size_t n = below(4);
         fmi3ValueReference *references = exactly(n * sizeof *references);
         for (size_t k = 0; k < n; k++) {
-            references[k] = (fmi3ValueReference)below(14); /* inputs and results come first */
+            references[k] = (fmi3ValueReference)below((size_t)FIRST_PARAMETER_ROW); /* inputs and results come first */
             if (chance(0.02)) {
-                references[k] = (const fmi3ValueReference[]){20, N_VARIABLES - 1, N_VARIABLES, UINT32_MAX}[below(4)];
+                references[k] = (const fmi3ValueReference[]){FIRST_PARAMETER_ROW, N_VARIABLES - 1, N_VARIABLES, UINT32_MAX}[below(4)];
                 is_right = 0;
             }
         }

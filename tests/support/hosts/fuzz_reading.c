@@ -9,7 +9,7 @@ typedef struct {
     double phase;
 } twin;
 
-/* A force that is a function of time, so that both twins set the same. */
+/* The first input as a function of time, so that both twins set the same. */
 static void update(fmi3InstanceEnvironment environment, fmi3Float64 time, fmi3Boolean sets_requested,
                    fmi3Boolean gets_allowed, fmi3Boolean step_finished, fmi3Boolean can_return_early,
                    fmi3Boolean *early_return_requested, fmi3Float64 *early_return_time)
@@ -17,11 +17,11 @@ static void update(fmi3InstanceEnvironment environment, fmi3Float64 time, fmi3Bo
     (void)sets_requested, (void)gets_allowed, (void)step_finished, (void)can_return_early;
     (void)early_return_requested, (void)early_return_time;
     twin *t = environment;
-    double force[6], value[18];
-    for (int k = 0; k < 6; k++)
-        force[k] = 50 + 20 * sin(300 * time + t->phase * k);
-    uint32_t forces = 0;
-    fmi3SetFloat64(t->unit, &forces, 1, force, 6);
+    double input[18], value[18];
+    for (int k = 0; k < VARIABLES[0].size; k++)
+        input[k] = 50 + 20 * sin(300 * time + t->phase * k);
+    uint32_t first = 0;
+    fmi3SetFloat64(t->unit, &first, 1, input, (size_t)VARIABLES[0].size);
     if (t->reads) {
         uint32_t row = (uint32_t)below(N_VARIABLES);
         fmi3GetFloat64(t->unit, &row, 1, value, (size_t)VARIABLES[row].size);
@@ -56,7 +56,7 @@ void reading_changes_nothing(host *h)
     double phase = fraction();
     twin silent = {.phase = phase}, read = {.reads = 1, .phase = phase};
     if (restored(&silent, state) && restored(&read, state)) {
-        unsigned char one[2000] = {0}, other[2000] = {0};
+        unsigned char one[MOST_BYTES] = {0}, other[MOST_BYTES] = {0};
         fmi3Boolean flags[3];
         double reached, time = h->time;
         for (int k = 0; k < 3; k++) {

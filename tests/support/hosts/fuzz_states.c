@@ -4,7 +4,7 @@
 
 #include "fuzz.h"
 
-enum { N_SAVED = 4, MOST_BYTES = 2000 };
+enum { N_SAVED = 4 };
 
 /* Of all instances of the sequence: a state knows no owner. */
 static struct {

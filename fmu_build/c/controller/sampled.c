@@ -1,0 +1,169 @@
+#include "sampled.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "communication.h"
+
+const size_t COMPONENT_SIZE = sizeof(component);
+const size_t N_SAVED = sizeof(controller_state) / sizeof(double);
+
+/* ---- variables ------------------------------------------------------------------------------------------------ */
+
+static int is_parameter(int slot)
+{
+    return slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS;
+}
+
+/* The struct is a vector of doubles, in the order of the slots. */
+static double get_parameter(const component *c, int slot)
+{
+    double value;
+    memcpy(&value, (const char *)&c->s.p + sizeof value * (size_t)(slot - FIRST_PARAMETER), sizeof value);
+    return IS_NONE_AT_ZERO(slot) && value == INFINITY ? 0 : value;
+}
+
+static void put_parameter(component *c, int slot, double value)
+{
+    if (IS_NONE_AT_ZERO(slot) && value == 0)
+        value = INFINITY;
+    memcpy((char *)&c->s.p + sizeof value * (size_t)(slot - FIRST_PARAMETER), &value, sizeof value);
+    c->is_prepared = 0;
+}
+
+void component_reset(component *c)
+{
+    memset(c, 0, sizeof *c);
+    c->s.stop_time = INFINITY;
+    for (int k = 0; k < N_INPUTS; k++)
+        c->s.inputs[k] = START_INPUTS[k];
+    for (int k = 0; k < N_PARAMETERS; k++)
+        put_parameter(c, FIRST_PARAMETER + k, START_PARAMETERS[k]);
+}
+
+const char *component_message(const component *c)
+{
+    return c->message;
+}
+
+outcome component_check(component *c, int slot, double value)
+{
+    char name[NAME_SIZE];
+    const char *expected = expected_of_slot(slot, value);
+    if (!expected)
+        return DONE;
+    write_slot_name(slot, name);
+    write_message(c->message, "%s = %g %s refused; expected %s", name, value, variable_of(slot)->unit, expected);
+    return NOT_POSSIBLE;
+}
+
+void component_put(component *c, int slot, double value)
+{
+    if (!is_parameter(slot))
+        c->s.inputs[slot - FIRST_INPUT] = value;
+    else if (get_parameter(c, slot) != value)
+        put_parameter(c, slot, value);
+}
+
+void component_put_input_rate(component *c, int slot, double rate)
+{
+    c->s.input_rates[slot - FIRST_INPUT] = rate;
+}
+
+outcome component_get(component *c, int slot, double *value)
+{
+    if (slot == TIME)
+        *value = c->s.time;
+    else if (is_parameter(slot))
+        *value = get_parameter(c, slot);
+    else if (slot < FIRST_RESULT)
+        *value = c->s.inputs[slot - FIRST_INPUT];
+    else if (c->s.memory.samples > 0)
+        *value = c->s.acting[slot - FIRST_RESULT];
+    else
+        *value = slot < FORCE_LIMITED ? c->s.p.start_force[slot - ACTUATOR_FORCE] : 0;
+    return DONE;
+}
+
+/* ---- parameters ----------------------------------------------------------------------------------------------- */
+
+/* The parameter that cannot be, its values and what is expected; `place` counts variables. */
+static void explain_parameter(component *c, int place)
+{
+    static const char *const expectations[] = EXPECTATIONS;
+    const variable *v = variable_of(FIRST_PARAMETER) + place;
+    char values[120] = "";
+    for (int k = 0; k < v->size && k < 6; k++) {
+        size_t length = strlen(values);
+        snprintf(values + length, sizeof values - length, " %g", get_parameter(c, v->first + k));
+    }
+    write_message(c->message, "%s =%s%s %s refused; expected %s", v->name, values, v->size > 6 ? " ..." : "", v->unit,
+                  expectations[place]);
+}
+
+outcome component_check_parameters(component *c)
+{
+    if (c->is_prepared)
+        return DONE;
+    int wrong = controller_prepare(&c->s.p, &c->coefficients);
+    if (wrong) {
+        explain_parameter(c, wrong - 1);
+        return NOT_POSSIBLE;
+    }
+    c->is_prepared = 1;
+    return DONE;
+}
+
+/* ---- time ----------------------------------------------------------------------------------------------------- */
+
+outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time)
+{
+    (void)tolerance; /* nothing is integrated */
+    outcome checked = check_experiment(start_time, stop_time, c->message);
+    if (checked != DONE)
+        return checked;
+    c->s.time = c->s.start_time = start_time;
+    c->s.stop_time = stop_time;
+    return DONE;
+}
+
+outcome component_begin(component *c)
+{
+    return component_check_parameters(c);
+}
+
+double component_time(const component *c)
+{
+    return c->s.time;
+}
+
+/* ---- saved states --------------------------------------------------------------------------------------------- */
+
+void component_save(const component *c, double saved[])
+{
+    memcpy(saved, &c->s, sizeof c->s);
+}
+
+int component_can_restore(const double saved[])
+{
+    component c;
+    memcpy(&c.s, saved, sizeof c.s);
+    const size_t stop_time = offsetof(controller_state, stop_time) / sizeof(double);
+    const size_t parameters = offsetof(controller_state, p) / sizeof(double);
+    for (size_t k = 0; k < N_SAVED; k++) {
+        int is_there = k < parameters && k != stop_time ? isfinite(saved[k]) : !isnan(saved[k]);
+        if (!is_there)
+            return 0;
+    }
+    for (int slot = FIRST_PARAMETER; slot < FIRST_PARAMETER + N_PARAMETERS; slot++)
+        if (expected_of_slot(slot, get_parameter(&c, slot)))
+            return 0;
+    return c.s.memory.samples >= 0;
+}
+
+void component_restore(component *c, const double saved[])
+{
+    memcpy(&c->s, saved, sizeof c->s);
+    c->is_prepared = 0;
+}

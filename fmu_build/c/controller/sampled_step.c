@@ -1,0 +1,127 @@
+/* A communication step of a sampled controller. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "communication.h"
+#include "sampled.h"
+
+/* When the next sample is due. */
+static double next_sample(const component *c)
+{
+    return c->s.start_time + c->s.memory.samples * c->s.p.sample_time;
+}
+
+/* By which an importer's clock, which adds up steps, may miss a sample. */
+static double slack_at(const component *c, double time)
+{
+    double rounding = fmax(1e-6 * c->s.p.sample_time, 1e-9 * fmax(1, fabs(time)));
+    return fmin(rounding, 0.05 * c->s.p.sample_time);
+}
+
+static int is_due(const component *c)
+{
+    return next_sample(c) <= c->s.time + slack_at(c, c->s.time);
+}
+
+static outcome check_samples(component *c, double end)
+{
+    double sample_time = c->s.p.sample_time, latest = fmax(fabs(c->s.start_time), fabs(end));
+    if (sample_time < 1e3 * DBL_EPSILON * latest) {
+        write_message(c->message, "sample_time = %g s refused; too short to be told apart at time %g s", sample_time,
+                      latest);
+        return NOT_POSSIBLE;
+    }
+    if (!((end - next_sample(c)) / sample_time < MOST_SAMPLES)) {
+        write_message(c->message, "communication step to %.12g s refused: more than %d samples, sample_time = %g s; "
+                                  "expected shorter steps", end, MOST_SAMPLES, sample_time);
+        return NOT_POSSIBLE;
+    }
+    return DONE;
+}
+
+static outcome check_inputs(component *c)
+{
+    if (all_finite(c->s.inputs, N_INPUTS))
+        return DONE;
+    write_message(c->message, "at time %.12g s: an input is not finite; its rate is too large", c->s.time);
+    return NOT_POSSIBLE;
+}
+
+static outcome take_sample(component *c)
+{
+    double force[6];
+    unsigned char limited[6];
+    if (check_inputs(c) != DONE)
+        return NOT_POSSIBLE;
+    if (!(c->s.memory.samples > 0)) {
+        controller_start(&c->s.p, &c->s.memory);
+        memset(c->s.acting, 0, sizeof c->s.acting);
+        memcpy(c->s.acting, c->s.p.start_force, sizeof c->s.p.start_force);
+    }
+#if HAS_REFERENCE_INPUTS
+    controller_step(&c->s.p, &c->coefficients, &c->s.memory, c->s.inputs, c->s.inputs + CONTROLLER_N_MEASURED, force,
+                    limited);
+#else
+    controller_step(&c->s.p, &c->coefficients, &c->s.memory, c->s.inputs, force, limited);
+#endif
+    if (!all_finite(force, 6)) {
+        write_message(c->message, "at time %.12g s: the forces are not finite; expected measurements of a platform in "
+                                  "its workspace", c->s.time);
+        return NOT_POSSIBLE;
+    }
+    for (int k = 0; k < 6; k++) {
+        c->s.planned[k] = force[k];
+        c->s.planned[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];
+    }
+    return DONE;
+}
+
+static void advance(component *c, double time)
+{
+    for (int k = 0; k < N_INPUTS; k++)
+        c->s.inputs[k] += c->s.input_rates[k] * (time - c->s.time);
+    c->s.time = time;
+    if (c->s.memory.samples > 0 && is_due(c))
+        memcpy(c->s.acting, c->s.planned, sizeof c->s.acting);
+}
+
+static outcome run(component *c, double end, const step_observer *observer)
+{
+    while (c->s.time < end) {
+        outcome sampled = is_due(c) ? take_sample(c) : DONE;
+        if (sampled != DONE)
+            return sampled;
+        double due = next_sample(c), time = due < end - slack_at(c, end) ? due : end;
+        if (time <= c->s.time) /* more than one are due */
+            continue;
+        advance(c, time);
+        if (observer) {
+            double wanted = end;
+            observer->notice(observer->context, time, &wanted);
+            if (wanted < end)
+                end = fmax(wanted, time);
+        }
+    }
+    return check_inputs(c); /* a state that is not finite could not be restored */
+}
+
+outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached)
+{
+    *reached = c->s.time;
+    outcome done = check_step(c->s.time, c->s.stop_time, time, step, c->message);
+    if (done == DONE)
+        done = component_check_parameters(c);
+    if (done == DONE)
+        done = check_samples(c, time + step);
+    if (done != DONE)
+        return done;
+    controller_state before = c->s;
+    done = run(c, time + step, observer);
+    if (done != DONE) {
+        c->s = before;
+        return done;
+    }
+    *reached = c->s.time;
+    return DONE;
+}

@@ -1,0 +1,58 @@
+"""What a unit has to know of a controller: signals, parameters, plain C; and its layout."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from gough_stewart.fmu_build.component import Code, Icon
+from gough_stewart.fmu_build.layout import Layout, laid_out
+from gough_stewart.model.interface import Variable
+from gough_stewart.model.vectors import Array
+
+OUTPUTS = (
+    Variable("actuator_force", (6,), "N", "output", "continuous", "force of each actuator, positive extends the leg"),
+    Variable("force_limited", (6,), "", "output", "continuous", "1 where the force limit cuts the force, else 0"),
+)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the controller; in the plain C one field of its struct."""
+
+    variable: Variable
+    value: Array  # infinite where there is none
+    is_none_at_zero: bool = False  # a limit: infinite in C, which a unit writes as 0
+    expected: str = "another value"  # what the plain C asks for, beside the variable's bound
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What a unit has to know of a controller."""
+
+    title: str
+    sample_time: float  # [s]
+    stop_time: float  # of an experiment that asks for nothing [s]
+    measured: tuple[Variable, ...]  # in the order of the plain C
+    reference: tuple[Variable, ...]  # what comes in of the reference; none where it is inside
+    parameters: tuple[Parameter, ...]  # in the order of the struct; sample_time and start_force are among them
+    code: Code  # controller.c and controller.h
+    icon: Icon
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Inputs, outputs, parameters, time."""
+        inputs = [_input(v, v.name, v.description) for v in self.measured]
+        inputs += [_input(v, f"reference_{v.name}", f"where it should be: {v.description}") for v in self.reference]
+        return laid_out((*inputs, *OUTPUTS, *map(_described, self.parameters)), {})
+
+
+def _input(variable: Variable, name: str, description: str) -> Variable:
+    return replace(
+        variable, name=name, causality="input", variability="continuous", description=description, is_state=False
+    )
+
+
+def _described(parameter: Parameter) -> Variable:
+    if not parameter.is_none_at_zero:
+        return parameter.variable
+    description = f"{parameter.variable.description}; 0: none"
+    return replace(parameter.variable, lower_bound=">= 0", description=description)

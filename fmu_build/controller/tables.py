@@ -1,0 +1,38 @@
+"""`controller_table.h`: where the controller's variables are, and what its parameters may be."""
+
+import json
+
+from gough_stewart.fmu_build.controller.controller import Controller
+from gough_stewart.fmu_build.tables import GENERATED, defines
+
+# In one communication step: about a second of computing.
+MOST_SAMPLES = 1_000_000
+
+
+def controller_header(controller: Controller) -> str:
+    """`controller_table.h`."""
+    rows = controller.layout.by_name
+    slots = {name.upper(): rows[name].first for name in ("actuator_force", "force_limited")}
+    limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
+    facts = {"HAS_REFERENCE_INPUTS": int(bool(controller.reference)), "MOST_SAMPLES": MOST_SAMPLES}
+    expectations = " \\\n".join(f"        {json.dumps(p.expected)}," for p in controller.parameters)
+    return f"""{GENERATED}
+#ifndef CONTROLLER_TABLE_H
+#define CONTROLLER_TABLE_H
+
+/* slots of the outputs */
+{defines(slots)}
+
+{defines(facts)}
+
+/* limits: infinite in the controller, 0 in the unit */
+#define IS_NONE_AT_ZERO(slot) ({" || ".join(f"(slot) == {slot}" for slot in limits) or "0"})
+
+/* of each parameter, where the controller refuses its value */
+#define EXPECTATIONS \\
+    {{ \\
+{expectations} \\
+    }}
+
+#endif
+"""

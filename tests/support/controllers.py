@@ -1,0 +1,55 @@
+"""A controller that leaves: PID with unequal gains, limits that bite, a moving reference, an uneven platform."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.loop import Run, simulate
+from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.model.platform_toml import save_platform
+from tests.support.uneven import UNEVEN
+
+SAMPLE_TIME = 0.004  # [s]
+FORCE_LIMIT = 75.0  # [N], which the start-up of the motion asks more than
+
+
+def uneven_experiment(folder: Path, **controller: Any) -> Experiment:
+    """With a delay of one sample, and plant steps of a quarter of one."""
+    save_platform(UNEVEN, folder / "uneven.toml")
+    return experiment_from(
+        {
+            "title": "uneven <loop>",
+            "platform": {"file": str(folder / "uneven.toml")},
+            "reference": {
+                "type": "sine",
+                "position_amplitude": [0.05, -0.03, 0.08],
+                "orientation_amplitude": [0.04, -0.06, 0.05],
+                "frequency": 1.7,
+            },
+            "controller": {
+                "type": "pid",
+                "proportional_gain": [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0],
+                "derivative_gain": [60.0, 45.0, 70.0, 52.0, 80.0, 64.0],
+                "integral_gain": [900.0, 700.0, 1000.0, 800.0, 1100.0, 950.0],
+                "feedforward": "computed_torque",
+                **controller,
+            },
+            "actuators": {"force_limit": FORCE_LIMIT, "rate_limit": 4000.0},
+            "loop": {"duration": 0.4, "sample_time": SAMPLE_TIME, "plant_step": SAMPLE_TIME / 4, "delay": 1},
+        }
+    )
+
+
+def run_of(experiment: Experiment) -> Run:
+    """Of the loop in Python around the model."""
+    prepared = prepare(experiment)
+    return simulate(ModelPlant(prepared.machine, prepared.start), prepared.law, prepared.loop)
+
+
+def forces_of(run: Run) -> np.ndarray:
+    """What the controller gives out at every sample (m, 6) [N], within the force limit."""
+    return np.clip(run.command, -FORCE_LIMIT, FORCE_LIMIT)
