@@ -44,6 +44,12 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
     return {fmu.version: fmu for fmu in fmus}
 
 
+@pytest.fixture
+def units_in_process(fmus: dict[str, Fmu], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let runs through an FMU take the native ones of the session as those of the cache, in this process."""
+    monkeypatch.setattr("gough_stewart.harness.plants.open.cached_build", lambda version, *_: fmus[version].path)
+
+
 @pytest.fixture(scope="session")
 def interpreter() -> Iterator[Interpreter]:
     """For programs in processes of their own."""

@@ -77,6 +77,11 @@ def _files(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> d
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         figure = Figure(figsize=(width, height))
         draw(figure)
+        # once for both kinds, not for each of them and by a drawing of its own
+        layout = figure.get_layout_engine()
+        if layout is not None:
+            layout.execute(figure)
+            figure.set_layout_engine("none")
         for kind in kinds:
             buffer = BytesIO()
             # an SVG carries the date of its making otherwise; a PNG compressed harder takes twice as long

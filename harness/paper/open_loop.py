@@ -41,11 +41,12 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
     """
     kernel, platform = Kernel(), case.platform
     p, u, time = parameter_vector(platform), case.inputs.to_vector(), case.time
+    has_friction = platform.leg_viscous_friction != 0 or platform.leg_coulomb_friction != 0
 
     def derivative(t: float, x: Array) -> Array:
         if progress is not None:
             progress(t)
-        lost = energy.friction_power(platform, State.from_vector(x[:12]))
+        lost = energy.friction_power(platform, State.from_vector(x[:12])) if has_friction else 0.0
         return np.append(kernel.derivatives(x[:12], u, p), lost)
 
     solution = solve_ivp(

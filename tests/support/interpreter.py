@@ -1,8 +1,9 @@
 """Python programs in processes of their own that need not import SciPy, python-control and matplotlib each time.
 
-A server imports them once and forks for every program, which then runs as if Python had just started: its own
-arguments, folder, environment, output, and Ctrl-C. Only standard library and tests import this file; as a script it
-is the server. It reads programs from its input, one line of JSON each, and answers with their exit codes.
+A server imports them once, traces the kernel once, and forks for every program, which then runs as if Python had just
+started: its own arguments, folder, environment, output, and Ctrl-C. Only standard library and tests import this file;
+as a script it is the server. It reads programs from its input, one line of JSON each, and answers with their exit
+codes.
 """
 
 import json
@@ -23,7 +24,10 @@ _HEAVY = (
     *("scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.spatial.transform"),
     *("casadi", "control", "fmpy.fmi2", "fmpy.fmi3", "lxml.etree", "matplotlib.pyplot", "meshcat", "numpy"),
     *("PIL.Image", "plotly", "pydantic", "rich.progress", "tomlkit", "typer"),
+    "gough_stewart.harness.experiment.schema",
 )
+# What most programs would trace again, a second or two for each.
+_KERNEL = ("derivatives_function", "outputs_function", "legs_function", "jacobians_function")
 
 
 class Interpreter:
@@ -105,6 +109,9 @@ def _become(program: dict[str, Any]) -> None:
 if __name__ == "__main__":
     for name in _HEAVY:
         import_module(name)
+    kernel = import_module("gough_stewart.model.kernel")
+    for name in _KERNEL:
+        getattr(kernel, name)()
     asked = _serve()
     if asked is not None:
         _become(asked)

@@ -16,8 +16,8 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
-from tests.support.fmu_plants import Fmu
 
+pytestmark = pytest.mark.usefixtures("units_in_process")
 GAINS = Gains(4000.0, 400.0, derivative_filter=0.01)
 START = np.array([0.02, -0.01, 3.03])
 DURATION = 0.2
@@ -37,11 +37,11 @@ def back_home(start: list[float], sample_time: float, duration: float, tolerance
     )
 
 
-def sampled_run(sample_time: float, fmu: Fmu) -> FloatArray:
+def sampled_run(sample_time: float) -> FloatArray:
     """Pose at the end."""
     controller = LinearController(sampled(pid(GAINS), sample_time))
     experiment = back_home(START.tolist(), sample_time, DURATION, 1e-11)
-    record = run(experiment, plant="fmu3", fmu=fmu.path, controller=controller)
+    record = run(experiment, plant="fmu3", controller=controller)
     return np.hstack([record["position"][-1], record["orientation"][-1]])
 
 
@@ -84,18 +84,18 @@ def continuous_run() -> FloatArray:
     return np.asarray(response.outputs[:, -1])
 
 
-def test_the_sampled_loop_tends_to_the_continuous_one_linearly(fmus: dict[str, Fmu]) -> None:
+def test_the_sampled_loop_tends_to_the_continuous_one_linearly() -> None:
     """Expected: control.input_output_response of the continuous loop; a hold lags by half a sample: order 1."""
     exact = continuous_run()
     times = (1e-3, 5e-4, 2e-4, 1e-4)
-    errors = [float(np.abs(sampled_run(T, fmus["3.0"]) - exact).max()) for T in times]
+    errors = [float(np.abs(sampled_run(T) - exact).max()) for T in times]
     order = np.polyfit(np.log(times), np.log(errors), 1)[0]
     print("sample times", times, "differences", errors, "order", order)
     assert order == pytest.approx(1.0, abs=0.1)
     assert errors[-1] < 2e-5
 
 
-def test_the_decay_of_the_run_is_that_of_an_eigenvalue(fmus: dict[str, Fmu]) -> None:
+def test_the_decay_of_the_run_is_that_of_an_eigenvalue() -> None:
     """Expected: late heave of 0.1 mm decays as its slow real eigenvalue in the sampled linear loop says, within 1 %.
 
     Heave is the mode in which all legs move alike; m and with it the pole without sampling follow from J⁻ᵀ M J⁻¹.
@@ -106,7 +106,7 @@ def test_the_decay_of_the_run_is_that_of_an_eigenvalue(fmus: dict[str, Fmu]) -> 
     (m,) = {round(float(row.sum()), 6) for row in leg_space_mass(platform)}
     continuous = max(np.roots([m * 0.01, m, 400 + 4000 * 0.01, 4000]), key=lambda root: root.real)
     expected = eigenvalues[np.abs(eigenvalues - continuous).argmin()]
-    record = run(back_home([0, 0, 3.0001], T, 0.6, 1e-12), plant="fmu3", fmu=fmus["3.0"].path, controller=controller)
+    record = run(back_home([0, 0, 3.0001], T, 0.6, 1e-12), plant="fmu3", controller=controller)
     late = record["time"] > 0.35
     rate = np.polyfit(record["time"][late], np.log(np.abs(record["error.position[3]"][late])), 1)[0]
     print("eigenvalue", expected, "decay", rate)

@@ -18,12 +18,13 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.paper.open_loop import run_kernel
+from gough_stewart.harness.plants.kinds import FMI_VERSIONS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform_toml import load_preset
-from tests.support.fmu_plants import Fmu
 
+pytestmark = pytest.mark.usefixtures("units_in_process")
 SHORT = {
     "heave_step": ["loop.duration=0.5"],
     "pitch_sine": ["loop.duration=1"],
@@ -39,22 +40,21 @@ def pose(record: Record) -> Any:
 
 
 @pytest.mark.parametrize("name", SHORT)
-def test_model_and_fmus_give_the_same_pose(name: str, fmus: dict[str, Fmu]) -> None:
+def test_model_and_fmus_give_the_same_pose(name: str) -> None:
     """Expected: within 1e-7 m, rad; the FMU integrates by another method in compiled C."""
     experiment = shipped_experiment(name, SHORT[name])
     model = run(experiment, plant="model")
-    for kind, version in (("fmu2", "2.0"), ("fmu3", "3.0")):
-        unit = run(experiment, plant=kind, fmu=fmus[version].path)  # type: ignore[arg-type]
+    for kind in FMI_VERSIONS:
+        unit = run(experiment, plant=kind)  # type: ignore[arg-type]
         assert np.abs(pose(unit) - pose(model)).max() < 1e-7
         assert unit.metadata["plant"] == kind
         assert unit.metadata["outcome"]["status"] == "completed"
 
 
 @pytest.mark.parametrize("plant", ["model", "fmu2", "fmu3"])
-def test_the_papers_open_loop_is_that_of_reproduce(plant: Any, fmus: dict[str, Fmu]) -> None:
+def test_the_papers_open_loop_is_that_of_reproduce(plant: Any) -> None:
     """Expected: the kernel under DOP853 at 1e-12, from which `reproduce` writes open_loop.csv; ≤ 1e-8."""
-    fmu = {"model": None, "fmu2": fmus["2.0"].path, "fmu3": fmus["3.0"].path}[plant]
-    record = run(shipped_experiment("paper_open_loop"), plant=plant, fmu=fmu)
+    record = run(shipped_experiment("paper_open_loop"), plant=plant)
     reference = run_kernel(paper_case())
     assert record["time"] == pytest.approx(reference.time, abs=1e-12)
     assert np.abs(pose(record) - reference.states[:, :6]).max() < 1e-8
@@ -62,47 +62,47 @@ def test_the_papers_open_loop_is_that_of_reproduce(plant: Any, fmus: dict[str, F
     assert "error.position" not in record
 
 
-def test_computed_torque_follows_the_circle(fmus: dict[str, Fmu]) -> None:
+def test_computed_torque_follows_the_circle() -> None:
     """Expected: exact parameters leave the discretisation alone: ≤ 1e-5 m, and 100 times less than PD alone."""
     settings = ["loop.duration=2"]
     peaks = {}
     for name in ("circle", "circle_computed_torque"):
-        record = run(shipped_experiment(name, settings), plant="fmu3", fmu=fmus["3.0"].path)
+        record = run(shipped_experiment(name, settings), plant="fmu3")
         peaks[name] = float(np.linalg.norm(record["error.position"], axis=1).max())
     assert peaks["circle_computed_torque"] < 1e-5
     assert peaks["circle"] > 100 * peaks["circle_computed_torque"]
 
 
-def test_computed_torque_with_the_wrong_payload_is_worse(fmus: dict[str, Fmu]) -> None:
+def test_computed_torque_with_the_wrong_payload_is_worse() -> None:
     """Expected: what the controller believes is not what the plant is."""
     settings = ["loop.duration=1"]
     right, wrong = (
-        run(shipped_experiment("circle_computed_torque", [*settings, *more]), plant="fmu3", fmu=fmus["3.0"].path)
+        run(shipped_experiment("circle_computed_torque", [*settings, *more]), plant="fmu3")
         for more in ([], ["plant.parameters.platform_mass=12"])
     )
     assert np.abs(wrong["error.position"]).max() > 100 * np.abs(right["error.position"]).max()
 
 
-def test_damping_on_the_measurement_works_in_task_space_too(fmus: dict[str, Fmu]) -> None:
+def test_damping_on_the_measurement_works_in_task_space_too() -> None:
     """Expected: a damping ratio of 0.8 leaves hardly an overshoot, on the error or on the measurement."""
     for on in ("error", "measurement"):
         settings = ["controller.space=task", f"controller.derivative_on={on}", "loop.duration=1"]
-        record = run(shipped_experiment("heave_step", settings), plant="fmu3", fmu=fmus["3.0"].path)
+        record = run(shipped_experiment("heave_step", settings), plant="fmu3")
         assert record["position[3]"].max() < 2.05 + 0.1 * 0.05
 
 
-def test_integral_action_finds_the_static_forces(fmus: dict[str, Fmu]) -> None:
+def test_integral_action_finds_the_static_forces() -> None:
     """Expected: at rest in the end, so the actuators hold what static equilibrium asks for."""
-    record = run(shipped_experiment("hold_against_gravity"), plant="fmu3", fmu=fmus["3.0"].path)
+    record = run(shipped_experiment("hold_against_gravity"), plant="fmu3")
     platform = load_preset("motion_base")
     expected = static_leg_forces(platform, platform.home_position, platform.home_orientation)
     assert record["actuator_force"][-1] == pytest.approx(expected, rel=5e-3)
     assert np.abs(record["error.position"][-1]).max() < 1e-4
 
 
-def test_a_payload_of_half_as_much_more_is_held(fmus: dict[str, Fmu]) -> None:
+def test_a_payload_of_half_as_much_more_is_held() -> None:
     """Expected: before the change nothing moves; after it the static forces of the heavier platform."""
-    record = run(shipped_experiment("payload_change"), plant="fmu2", fmu=fmus["2.0"].path)
+    record = run(shipped_experiment("payload_change"), plant="fmu2")
     before = record["time"] < 2.0
     assert np.abs(record["error.position"][before]).max() < 1e-9
     heavier = load_preset("liu2000").as_dict() | {"platform_mass": 15.0}
@@ -113,9 +113,9 @@ def test_a_payload_of_half_as_much_more_is_held(fmus: dict[str, Fmu]) -> None:
     assert record["platform_inertia[3,3]"][[0, -1]].tolist() == [10.0, 15.0]
 
 
-def test_an_unstable_loop_ends_with_cause_and_time(fmus: dict[str, Fmu]) -> None:
+def test_an_unstable_loop_ends_with_cause_and_time() -> None:
     """Expected: an outcome, and a record up to there."""
-    record = run(shipped_experiment("too_slow"), plant="fmu3", fmu=fmus["3.0"].path)
+    record = run(shipped_experiment("too_slow"), plant="fmu3")
     outcome = record.metadata["outcome"]
     assert outcome["status"] == "diverged"
     assert outcome["time"] == pytest.approx(record["time"][-1])
@@ -123,39 +123,36 @@ def test_an_unstable_loop_ends_with_cause_and_time(fmus: dict[str, Fmu]) -> None
     assert outcome["cause"]
 
 
-def test_the_same_run_gives_the_same_bytes(fmus: dict[str, Fmu]) -> None:
+def test_the_same_run_gives_the_same_bytes() -> None:
     """Expected: no clock, no random number without a seed, no path in any file."""
     settings = ["loop.duration=0.3", "sensors.noise.leg_length='5 um'", "sensors.seed=3"]
     experiment = shipped_experiment("heave_step", settings)
-    one, two = (run(experiment, plant="fmu3", fmu=fmus["3.0"].path) for _ in range(2))
+    one, two = (run(experiment, plant="fmu3") for _ in range(2))
     assert one.to_csv() == two.to_csv()
     assert one.to_parquet() == two.to_parquet()
     assert one.to_metadata() == two.to_metadata()
-    other = run(shipped_experiment("heave_step", [*settings, "sensors.seed=4"]), plant="fmu3", fmu=fmus["3.0"].path)
+    other = run(shipped_experiment("heave_step", [*settings, "sensors.seed=4"]), plant="fmu3")
     assert other.to_csv() != one.to_csv()
 
 
-def test_ones_own_python_control_system_drops_in(fmus: dict[str, Fmu]) -> None:
+def test_ones_own_python_control_system_drops_in() -> None:
     """Expected: kp on the errors alone, as a static gain: force = feedforward + kp · error."""
     experiment = shipped_experiment("heave_step", ["loop.duration=0.3", "loop.delay=0", "sensors.quantisation={}"])
-    record = run(
-        experiment, plant="fmu3", fmu=fmus["3.0"].path, controller=control.ss([], [], [], 1e4 * np.eye(6), 1e-3)
-    )
+    record = run(experiment, plant="fmu3", controller=control.ss([], [], [], 1e4 * np.eye(6), 1e-3))
     error = record["reference.leg_length"] - record["measured.leg_length"]
     assert record["controller.force"] == pytest.approx(record["controller.feedforward"] + 1e4 * error, abs=1e-6)
     assert (record["actuator_force"][:-1] == record["controller.force"][:-1]).all()
 
 
-def test_ones_own_function_drops_in(fmus: dict[str, Fmu]) -> None:
+def test_ones_own_function_drops_in() -> None:
     """Expected: the same law as a function of the sample."""
     experiment = shipped_experiment("heave_step", ["loop.duration=0.3", "loop.delay=0"])
 
     def law(sample: Sample) -> Any:
         return 1e4 * (sample.reference["leg_length"] - sample.measured["leg_length"])
 
-    fmu = fmus["3.0"].path
-    mine = run(experiment, plant="fmu3", fmu=fmu, controller=law)
-    system = run(experiment, plant="fmu3", fmu=fmu, controller=control.ss([], [], [], 1e4 * np.eye(6), 1e-3))
+    mine = run(experiment, plant="fmu3", controller=law)
+    system = run(experiment, plant="fmu3", controller=control.ss([], [], [], 1e4 * np.eye(6), 1e-3))
     assert np.abs(pose(mine) - pose(system)).max() < 1e-12
     assert "measured.angular_velocity" in mine
 
@@ -199,13 +196,9 @@ def test_a_controller_of_another_sample_time_is_refused() -> None:
         run(shipped_experiment("heave_step"), controller=LinearController(control.ss([], [], [], np.eye(6), 0.01)))
 
 
-def test_the_record_holds_everything(fmus: dict[str, Fmu]) -> None:
+def test_the_record_holds_everything() -> None:
     """Expected: every input, output and local of the interface, and the loop's own columns."""
-    record = run(
-        shipped_experiment("saturation", ["loop.duration=0.4", "actuators.rate_limit=4000"]),
-        plant="fmu2",
-        fmu=fmus["2.0"].path,
-    )
+    record = run(shipped_experiment("saturation", ["loop.duration=0.4", "actuators.rate_limit=4000"]), plant="fmu2")
     for name, row in PLANT.by_name.items():
         if row.variable.causality in ("input", "output") or name in ("joint_force", "kinetic_energy"):
             assert name in record

@@ -1,5 +1,6 @@
 """Plants by their contract: model, FMI 2.0 and FMI 3.0 give the same, and clean up after themselves."""
 
+import shutil
 import sys
 import tempfile
 import zipfile
@@ -325,12 +326,13 @@ def test_open_plant_refuses_what_does_not_fit(fmus: dict[str, Fmu], paper: Platf
 
 
 def test_runs_that_follow_each_other_unpack_the_unit_once(
-    fmus: dict[str, Fmu], monkeypatch: pytest.MonkeyPatch
+    fmus: dict[str, Fmu], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Expected: one extraction for three plants, the second from another start, each as if it were the first."""
+    unit = shutil.copy(fmus["3.0"].path, tmp_path)
     extract = mock.Mock(side_effect=fmpy.extract)
     monkeypatch.setattr(fmpy, "extract", extract)
-    monkeypatch.setattr("gough_stewart.harness.plants.open.cached_build", lambda *_: fmus["3.0"].path)
+    monkeypatch.setattr("gough_stewart.harness.plants.open.cached_build", lambda *_: unit)
     platform = load_preset("liu2000")
     moved = State(platform.home_position + 0.1, platform.home_orientation, np.ones(3), np.zeros(3))
     ends = []
