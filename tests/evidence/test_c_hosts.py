@@ -13,6 +13,8 @@ from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.targets import BY_NAME, Target, native
 from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.c_hosts import (
@@ -20,6 +22,7 @@ from tests.support.c_hosts import (
     HOSTS,
     INSTANCES,
     NEVER_OK,
+    OF_STATES,
     TOKEN,
     ZIG,
     compile_host,
@@ -28,6 +31,7 @@ from tests.support.c_hosts import (
     fuzz,
     run_instances,
 )
+from tests.support.controllers import uneven_experiment
 
 pytestmark = pytest.mark.evidence
 
@@ -47,14 +51,16 @@ def gcc_with(flags: Sequence[str], folder: Path) -> str:
     return gcc
 
 
-def test_100_000_sequences_of_calls_break_no_contract_and_no_rule_of_c(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["plant", "controller"])
+def test_100_000_sequences_of_calls_break_no_contract_and_no_rule_of_c(tmp_path: Path, kind: str) -> None:
     """Expected: what tests/support/hosts/fuzz_contract.c checks after every call; no word from the sanitizers."""
     gcc = gcc_with(SANITIZERS, tmp_path)
-    program = compile_host(FUZZ, tmp_path / "fuzz", (gcc, "-O1", "-g", *SANITIZERS))
+    component = None if kind == "plant" else component_of(designed(uneven_experiment(tmp_path), reference="inputs"))
+    program = compile_host(FUZZ, tmp_path / "fuzz", (gcc, "-O1", "-g", *SANITIZERS), component)
     calls = fuzz(program, 100_000, seeds=(1, 2))
     print(f"\n{sum(sum(n.values()) for n in calls.values())} calls of {len(calls)} functions, no violation")
     assert set(calls) == functions_of_the_standards()
-    assert {function for function, n in calls.items() if n["ok"] == 0} == NEVER_OK
+    assert {f for f, n in calls.items() if n["ok"] == 0} == NEVER_OK | (set() if kind == "plant" else OF_STATES)
 
 
 def test_1000_instances_in_turn_in_threads_and_one_by_one_have_the_same_bits(tmp_path: Path) -> None:

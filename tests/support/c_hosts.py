@@ -35,6 +35,7 @@ OF_STATES = {
     *("fmi2GetContinuousStates", "fmi2GetNominalsOfContinuousStates", "fmi2GetDirectionalDerivative"),
     *("fmi2GetRealOutputDerivatives", "fmi3GetOutputDerivatives", "fmi3GetDirectionalDerivative"),
     *("fmi3GetAdjointDerivative", "fmi3InstantiateModelExchange", "fmi3EnterEventMode", "fmi3UpdateDiscreteStates"),
+    "fmi3EvaluateDiscreteStates",
     *("fmi3EnterContinuousTimeMode", "fmi3CompletedIntegratorStep", "fmi3SetTime", "fmi3SetContinuousStates"),
     *("fmi3GetContinuousStateDerivatives", "fmi3GetEventIndicators", "fmi3GetContinuousStates"),
     *("fmi3GetNominalsOfContinuousStates", "fmi3GetNumberOfEventIndicators", "fmi3GetNumberOfContinuousStates"),
