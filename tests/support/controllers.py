@@ -17,8 +17,8 @@ SAMPLE_TIME = 0.004  # [s]
 FORCE_LIMIT = 75.0  # [N], which the start-up of the motion asks more than
 
 
-def uneven_experiment(folder: Path, **controller: Any) -> Experiment:
-    """With a delay of one sample, and plant steps of a quarter of one."""
+def uneven_experiment(folder: Path, rate_limit: float | None = 4000.0, **controller: Any) -> Experiment:
+    """With a delay of one sample, and plant steps of a quarter of one; `controller` changes keys of its table."""
     save_platform(UNEVEN, folder / "uneven.toml")
     return experiment_from(
         {
@@ -38,7 +38,7 @@ def uneven_experiment(folder: Path, **controller: Any) -> Experiment:
                 "feedforward": "computed_torque",
                 **controller,
             },
-            "actuators": {"force_limit": FORCE_LIMIT, "rate_limit": 4000.0},
+            "actuators": {"force_limit": FORCE_LIMIT, "rate_limit": rate_limit},
             "loop": {"duration": 0.4, "sample_time": SAMPLE_TIME, "plant_step": SAMPLE_TIME / 4, "delay": 1},
         }
     )
