@@ -101,7 +101,7 @@ def test_units_have_the_dimensions_of_their_names() -> None:
         numerator, _, denominator = unit.name.partition("/")
         exponents: dict[str, int] = {}
         for part, sign in ((numerator, 1), (denominator, -1)):
-            for factor in filter(None, part.split(".")):
+            for factor in filter(None, part.strip("()").split(".")):
                 symbol, power = (factor[:-1], 2) if factor.endswith("2") else (factor, 1)
                 for base, exponent in bases.get(symbol, {symbol: 1}).items():
                     exponents[base] = exponents.get(base, 0) + sign * power * exponent
