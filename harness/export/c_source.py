@@ -79,6 +79,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
     inside = designed.reference is not None
     # a motion that stands still takes no time
     is_timed = functions.motion is not None and functions.motion.n_in() > 0
+    written = "".join(_functions(designed, functions, prefix))
     facts: dict[str, str | bool] = {
         "P": prefix.upper(),
         "REFERENCE": "reference, " if designed.reference_inputs else "",
@@ -95,7 +96,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "DEFAULTS": "\n".join(map(partial(_default, prefix=prefix), settings)),
         "CHECKS": "\n".join(map(partial(_check, prefix=prefix), settings, range(1, len(settings) + 1))),
         "SAMPLE_TIME": number(designed.sample_time),
-        "FUNCTIONS": "".join(_functions(designed, functions, prefix)),
+        "FUNCTIONS": written,
         "TABLE": table_source.table_of(designed.reference) if is_table and is_moving else "",  # type: ignore[arg-type]
         "CALL_COEFFICIENTS": call(functions.coefficients, {"law": "coefficients->law"}),
         "CALL_MOTION": _call_motion(functions.motion, "time", "now", is_table=is_table),
@@ -127,7 +128,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "table": is_table and is_moving,
         "fixed_sample_time": any("DEFAULT_SAMPLE_TIME" in c for s in settings for c in s.conditions),
         "sees": bool(designed.measured) or designed.reference_inputs,
-        "sign": any(" sign(" in part or "=sign(" in part for part in _functions(designed, functions, prefix)),
+        "sign": "sign(" in written,
     }
     return facts | conditions
 

@@ -41,9 +41,9 @@ static void table_at(double time, double pose[6], double rate[6], double acceler
 
 def table_of(reference: FromTable) -> str:
     """The table and its evaluation."""
-    pieces = reference.pieces
-    n = pieces.c.shape[1]
-    rows = ["    {" + ", ".join("{" + numbers(pieces.c[:, i, k]) + "}" for k in range(6)) + "}," for i in range(n)]
+    begins, pieces = reference.pieces
+    n = len(begins)
+    rows = ["    {" + ", ".join("{" + numbers(each) + "}" for each in piece) + "}," for piece in pieces]
     step = 1
     while 2 * step < n:
         step *= 2
@@ -51,7 +51,7 @@ def table_of(reference: FromTable) -> str:
         "END": number(reference.end),
         "ROUNDING": number(ROUNDING),
         "N": str(n),
-        "BEGINS": numbers(pieces.x[:-1]),
+        "BEGINS": numbers(begins),
         "PIECES": "\n".join(rows),
         "STEP": str(step),
     }

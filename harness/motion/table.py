@@ -14,7 +14,7 @@ from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
-    from scipy.interpolate import BSpline, PPoly
+    from scipy.interpolate import BSpline
 
 _SPLINE_DEGREE = 5
 _SEPARATORS = {b";": "semicolons", b"\t": "tabulators"}
@@ -83,13 +83,14 @@ class FromTable:
         return float(self.time[-1])
 
     @property
-    def pieces(self) -> "PPoly":
-        """The splines as n polynomials (6, n, 6) of the time since a piece began, highest power first."""
-        from scipy.interpolate import PPoly
+    def pieces(self) -> tuple[FloatArray, FloatArray]:
+        """The splines as polynomials: when each begins (n,) [s], and of each six in the time since then (n, 6, 6).
 
-        pieces = PPoly.from_spline(self._spline)  # type: ignore[arg-type] # the stubs know the older form only
-        real = np.diff(pieces.x) > 0  # knots at the ends are there six times
-        return PPoly(pieces.c[:, real], pieces.x[np.append(real, True)], extrapolate=False)
+        Coefficients of x, y, z, roll, pitch, yaw, the highest power first.
+        """
+        begins = self._spline.t[_SPLINE_DEGREE : -_SPLINE_DEGREE - 1]
+        powers = range(_SPLINE_DEGREE, -1, -1)
+        return begins, np.stack([self._spline(begins, k) / math.factorial(k) for k in powers], axis=-1)
 
     def from_time(self, start: float) -> "FromTable":
         """The same motion with its time [s] counted from `start`."""

@@ -1,0 +1,281 @@
+"""What an exported controller promises beside its forces: its start, bad values, what it refuses, what C it is."""
+
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import casadi
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.export.c_source import controller_sources
+from gough_stewart.harness.export.designed import Designed, designed
+from gough_stewart.harness.export.trace import motion_function
+from gough_stewart.harness.motion.motion import extrapolated, motion_of
+from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
+from gough_stewart.model.kinematics import leg_geometry
+from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID
+from tests.support.c_hosts import ZIG
+from tests.support.exported import (
+    GCC,
+    TOLERANCE,
+    WARNINGS,
+    Exported,
+    commanded,
+    compiled,
+    largest_difference,
+    measured_by,
+    run_in_python,
+    uneven_experiment,
+    write_sources,
+)
+from tests.support.uneven import UNEVEN
+
+GRAVITY = {"reference": CIRCLE, "controller": {**PD, "feedforward": "gravity"}}
+
+
+def wanted(experiment_run: Any, made: Designed) -> np.ndarray:
+    """What comes in of the reference at every sample (m, 18)."""
+    times = np.arange(len(experiment_run.command)) * made.sample_time
+    reference = designed(uneven_experiment(**GRAVITY)).reference
+    assert reference is not None
+    return np.concatenate(reference(times), axis=1)
+
+
+def test_a_reference_that_comes_in_gives_the_forces_of_that_inside() -> None:
+    """Expected: the harness; what lies ahead is extrapolated, of which the third order is left."""
+    tables = {**GRAVITY, "controller": PD}
+    experiment = uneven_experiment(**tables)
+    made, run = designed(experiment, reference="inputs"), run_in_python(experiment)
+    forces = Exported(made).forces(measured_by(run, made), wanted(run, made))
+    assert largest_difference(forces, commanded(run, made)) < TOLERANCE["double"]
+    # gravity ahead by 3.75 ms: a jerk of 0.04 m (6 pi/s)^3 leaves 2 µm
+    experiment = uneven_experiment(**GRAVITY)
+    made, run = designed(experiment, reference="inputs"), run_in_python(experiment)
+    forces = Exported(made).forces(measured_by(run, made), wanted(run, made))
+    assert 1e-9 < largest_difference(forces, commanded(run, made)) < 1e-4
+
+
+@given(
+    st.lists(st.floats(-0.5, 0.5), min_size=18, max_size=18),
+    st.floats(0.0, 0.2),
+)
+def test_a_motion_of_constant_second_derivatives_is_extrapolated_exactly(numbers: list[float], ahead: float) -> None:
+    """Expected: the quadratic itself, later."""
+    pose, rate, acceleration = np.array(numbers).reshape(3, 1, 6)
+    later = (pose + ahead * rate + ahead**2 / 2 * acceleration, rate + ahead * acceleration, acceleration)
+    found = extrapolated(motion_of(pose, rate, acceleration), ahead)
+    np.testing.assert_allclose(np.concatenate(found), np.concatenate(motion_of(*later)), atol=1e-13)
+
+
+VECTORS = st.tuples(*[st.floats(-0.3, 0.3)] * 3)
+POSE = {"position": VECTORS, "orientation": VECTORS}
+CHANGE = {"position_change": VECTORS, "orientation_change": VECTORS}
+SWING = {"position_amplitude": VECTORS, "orientation_amplitude": VECTORS, "fade_in": st.sampled_from([0.0, 0.7])}
+RATES = st.floats(0.1, 5.0)
+MOTIONS = st.one_of(
+    st.builds(Hold, **POSE),
+    st.builds(Step, **POSE, **CHANGE, at=st.floats(0.1, 1.0)),
+    st.builds(PointToPoint, **POSE, **CHANGE, at=st.floats(0.0, 0.5), duration=st.floats(0.2, 1.0)),
+    st.builds(Sine, **POSE, **SWING, frequency=RATES, phase=st.floats(-3, 3)),
+    st.builds(Chirp, **POSE, **SWING, from_frequency=RATES, to_frequency=RATES, duration=st.floats(0.2, 1.5)),
+    st.builds(
+        Circle,
+        **POSE,
+        radius=st.floats(0.01, 0.3),
+        frequency=RATES,
+        plane=st.sampled_from(["xy", "xz", "yz"]),
+        fade_in=st.sampled_from([0.0, 0.7]),
+    ),
+)
+
+
+@given(MOTIONS, st.lists(st.floats(0.0, 2.0), min_size=1, max_size=5))
+@settings(max_examples=60)
+def test_a_traced_motion_is_the_motion(reference: Any, times: list[float]) -> None:
+    """Expected: the same class called with numbers; also at the times at which something begins and ends."""
+    edges = [getattr(reference, name, 0.0) for name in ("at", "duration", "fade_in")]
+    times = [*times, *edges, edges[0] + edges[1]]
+    function = motion_function(reference)
+    traced = [function(time) if function.n_in() else function()["motion"] for time in times]
+    expected = np.concatenate(reference(np.array(times)), axis=1)
+    np.testing.assert_allclose(np.array(traced).reshape(expected.shape), expected, rtol=1e-12, atol=1e-11)
+
+
+def test_zeros_at_first_give_the_start_forces_and_count_as_samples() -> None:
+    """Expected: `start_force`; then what the harness commands at that sample with its memory fresh."""
+    tables = {**GRAVITY, "controller": {**PID, "derivative_on": "measurement"}}
+    experiment = uneven_experiment(**tables)
+    made, run = designed(experiment), run_in_python(experiment)
+    exported, measured = Exported(made).start(), measured_by(run, made)
+    for _ in range(3):
+        force, limited = exported.step(np.zeros(6))
+        assert np.array_equal(force, made.start_force)
+        assert not limited.any()
+    # the derivative starts at rest, and the integral at zero: F = kp e of the fourth sample's reference
+    assert made.reference is not None
+    at = wanted(run, made)[3]
+    legs = leg_geometry(UNEVEN, at[:3], at[3:6]).length
+    force, _ = exported.step(measured[0])
+    error = legs - measured[0]
+    integral = np.array(PID["integral_gain"]) * error * made.sample_time / 2  # half a step, by Tustin's rule
+    np.testing.assert_allclose(force, np.array(PD["proportional_gain"]) * error + integral, rtol=1e-9)
+    # zeros later on are measurements
+    assert np.abs(exported.step(np.zeros(6))[0]).max() == UNEVEN.actuator_force_max
+
+
+def test_with_a_reference_that_comes_in_zeros_of_measurements_alone_are_measurements() -> None:
+    made = designed(uneven_experiment(**GRAVITY), reference="inputs")
+    exported = Exported(made).start()
+    assert np.array_equal(exported.step(np.zeros(6), np.zeros(18))[0], made.start_force)
+    assert not np.array_equal(exported.step(np.zeros(6), made.first_reference)[0], made.start_force)
+
+
+def test_a_measurement_that_is_no_number_leaves_the_memory_as_it_was() -> None:
+    """Expected: the sample counts; the next gives what it gives where the memory came from elsewhere."""
+    made = designed(uneven_experiment(reference=HOLD, controller=PID, actuators={"force_limit": 40.0}))
+    exported, other = Exported(made).start(), Exported(made).start()
+    for lengths in (made.first_measured, made.first_measured + 0.003):
+        exported.step(lengths)
+        other.step(lengths)
+    before = exported.memory.copy()
+    force, _ = exported.step([np.nan, *made.first_measured[1:]])
+    assert np.isnan(force[0])
+    assert np.array_equal(np.delete(exported.memory, 0), np.delete(before, 0))
+    assert exported.memory[0] == before[0] + 1
+    assert np.array_equal(exported.step(made.first_measured)[0], other.step(made.first_measured)[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *[("sample_time", value) for value in (0.0, np.nan, np.inf, 0.1)],
+        *[("delay", -1.0), ("force_limit", 0.0), ("force_limit", np.nan), ("force_rate_limit", -1.0)],
+        *[("start_force", [0, 0, 0, 0, 0, np.inf]), ("proportional_gain", [1, 1, 1, 0, 1, 1])],
+        *[("derivative_gain", [1, 1, -1, 1, 1, 1]), ("derivative_filter", 0.0), ("derivative_filter", 7e-4)],
+        *[("integral_gain", [1, 1, 1, 1, 1, 1]), ("anti_windup_time", [1, 1, 1e-3, 1, 1, 1])],
+        *[("platform_mass", 0.0), ("leg_coulomb_friction", -1.0), ("gravity", [0, np.nan, 0])],
+    ],
+)
+def test_a_parameter_that_cannot_be_is_refused_by_its_number(name: str, value: Any) -> None:
+    exported = Exported(designed(uneven_experiment(reference=HOLD, controller={**PID, "feedforward": "gravity"})))
+    assert exported.prepare() == 0
+    exported.parameters[name] = value
+    names = [s.variable.name for s in exported.designed.settings]
+    # a sample time can be too long for the anti-windup or the filter, too
+    assert exported.prepare() in ({names.index(name) + 1} if value != 0.1 else {8, 10})
+
+
+def test_matrices_are_refused_at_another_sample_time() -> None:
+    system = control.ss(np.eye(1) * 0.5, np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6)), 0.0015)
+    exported = Exported(designed(uneven_experiment(**GRAVITY), system))
+    assert exported.prepare() == 0
+    exported.parameters["sample_time"] = 0.002
+    assert exported.prepare() == 1
+
+
+def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Function:
+    symbols = [casadi.MX.sym(name, size) for name, size in inputs.items()]
+    results = [casadi.MX.zeros(size) + symbols[0][0] for size in outputs.values()]
+    return casadi.Function("f", symbols, results, list(inputs), list(outputs))
+
+
+@pytest.mark.parametrize(
+    ("controller", "message"),
+    [
+        (lambda _sample: np.zeros(6), "Python function.*trace it with CasADi.*actuator_force"),
+        (
+            control.ss(np.diag([0.5, -1.01]), np.ones((2, 6)), np.ones((6, 2)), np.zeros((6, 6)), 0.0015),
+            r"unstable on its own: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",
+        ),
+        (_function({"leg_lenght": 6}, {"actuator_force": 6}), "has the input 'leg_lenght'; expected some of time, pos"),
+        (_function({"leg_length": 5}, {"actuator_force": 6}), "input 'leg_length' has 5 elements; expected 6"),
+        (_function({"leg_length": 6}, {"force": 6}), "has the outputs {'force': 6}; expected {'actuator_force': 6}"),
+        (_function({"memory": 2}, {"actuator_force": 6}), "expected {'actuator_force': 6, 'memory_next': 2}"),
+        (_function({"time": 1}, {"actuator_force": 6, "memory_next": 2}), "memory_next goes with an input memory"),
+    ],
+)
+def test_a_controller_that_cannot_leave_is_refused(controller: Any, message: str) -> None:
+    with pytest.raises(ExportError, match=message):
+        designed(uneven_experiment(**GRAVITY), controller)
+
+
+def test_nothing_to_compute_is_refused() -> None:
+    experiment = uneven_experiment(reference=HOLD, controller={"type": "open_loop", "force": [1, 2, 3, 4, 5, 6]})
+    with pytest.raises(ExportError, match="constant forces, nothing to compute; expected a controller with feedback"):
+        designed(experiment)
+
+
+def test_integrators_in_a_row_are_stable_enough() -> None:
+    system = control.ss([[1, 1, 0], [0, 1, 1], [0, 0, 1]], np.ones((3, 6)), np.ones((6, 3)), np.zeros((6, 6)), 0.0015)
+    assert designed(uneven_experiment(**GRAVITY), LinearController(system)).law is not None
+
+
+@pytest.mark.parametrize("prefix", ["", "2nd", "Controller", "a-b", "a b", "x" * 42])
+def test_a_prefix_that_c_cannot_have_is_refused(prefix: str) -> None:
+    with pytest.raises(ExportError, match="expected a letter and then"):
+        controller_sources(designed(uneven_experiment(**GRAVITY)), prefix)
+
+
+def test_a_title_cannot_end_the_comment_that_it_is_in() -> None:
+    experiment = uneven_experiment(**GRAVITY, title="nice */ int x; /* title")
+    header = controller_sources(designed(experiment)).headers["controller.h"]
+    assert "int x" in header[: header.index("*/")]
+
+
+COMPILERS = {
+    "zig": ZIG,
+    "Cortex-M7": (*ZIG, "-target", "thumb-linux-musleabihf", "-mcpu=cortex_m7"),
+    **({} if GCC is None else {"gcc": (GCC,)}),
+}
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_the_sources_compile_without_a_warning_and_the_example_runs(compiler: str, real: str, tmp_path: Path) -> None:
+    """Expected: the first forces are those of the harness at its first sample, exactly on the reference."""
+    experiment = uneven_experiment(**CASES["PID in task space at its rate limit"])
+    made = designed(experiment)
+    write_sources(controller_sources(made, "hexapod_3"), tmp_path)
+    command = [*COMPILERS[compiler], *WARNINGS, "-O2", f"-DHEXAPOD_3_REAL={real}"]
+    if compiler == "Cortex-M7":
+        for name in ("hexapod_3.c", "example_main.c"):
+            compiled([*command, "-c", name], tmp_path)
+        return
+    compiled([*command, "hexapod_3.c", "example_main.c", "-o", "example", "-lm"], tmp_path)
+    done = subprocess.run([str(tmp_path / "example")], capture_output=True, text=True, check=True)
+    first = [float(value) for value in re.findall(r"(\S+) N", done.stdout.splitlines()[0])]
+    assert len(done.stdout.splitlines()) == 5
+    expected, _ = Exported(made).start().step(made.first_measured)
+    np.testing.assert_allclose(first, expected, rtol=1e-5)
+
+
+def test_the_sources_keep_the_rules_of_plain_c() -> None:
+    """Expected: no allocation, no memory of its own, no goto; loops of fixed length, the same text twice."""
+    made = designed(uneven_experiment(**CASES["PID in task space at its rate limit"]))
+    sources = controller_sources(made)
+    text = sources.units["controller.c"]
+    assert not re.search(r"\b(malloc|calloc|free|goto|while|printf|extern)\b", text)
+    assert not re.search(r"^\s*static (?!const |void |int |double )", text, re.M)
+    assert set(re.findall(r"for \(k = 0; k < (\w+);", text)) <= {"3", "6", "9", "18", "n"}
+    assert f"at most {sources.operations} floating-point operations" in sources.headers["controller.h"]
+    again = controller_sources(designed(uneven_experiment(**CASES["PID in task space at its rate limit"])))
+    assert again == sources
+
+
+def test_the_stated_operations_are_at_least_those_of_the_code() -> None:
+    """Expected: every assignment of an operation in straight-line code that a step runs, and motions twice."""
+    sources = controller_sources(designed(uneven_experiment(**CASES["PID in task space at its rate limit"])))
+    text = sources.units["controller.c"]
+    bodies = dict(re.findall(r"^static void (\w+)\([^)]*\)\n\{\n(.*?)\n\}", text, re.M | re.S))
+    twice = {"motion": 2, "coefficients_of_law": 0}
+    operations = sum(
+        twice.get(name, 1) * len(re.findall(r"^  \w+=.*(?:[-+*/]|\w\()", body, re.M)) for name, body in bodies.items()
+    )
+    assert 0.6 * sources.operations < operations <= 1.1 * sources.operations
