@@ -243,7 +243,7 @@ def test_the_sources_compile_without_a_warning_and_the_example_runs(compiler: st
     experiment = uneven_experiment(**CASES["PID in task space at its rate limit"])
     made = designed(experiment)
     write_sources(controller_sources(made, "hexapod_3"), tmp_path)
-    command = [*COMPILERS[compiler], *WARNINGS, "-O2", f"-DHEXAPOD_3_REAL={real}"]
+    command = [*COMPILERS[compiler], *WARNINGS, "-O1", f"-DHEXAPOD_3_REAL={real}"]
     if compiler == "Cortex-M7":
         for name in ("hexapod_3.c", "example_main.c"):
             compiled([*command, "-c", name], tmp_path)
