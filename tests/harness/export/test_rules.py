@@ -14,11 +14,13 @@ from hypothesis import strategies as st
 
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.trace import motion_function
 from gough_stewart.harness.motion.motion import extrapolated, motion_of
 from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
+from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID
 from tests.support.c_hosts import ZIG
@@ -204,6 +206,17 @@ def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Functio
 def test_a_controller_that_cannot_leave_is_refused(controller: Any, message: str) -> None:
     with pytest.raises(ExportError, match=message):
         designed(uneven_experiment(**GRAVITY), controller)
+
+
+def test_a_feedforward_looks_ahead_beyond_the_end_of_a_run() -> None:
+    """Expected: static forces at the motion's pose 2.5 samples after the last, by the physics themselves."""
+    experiment = uneven_experiment(**GRAVITY)
+    prepared = prepare(experiment)
+    reference = designed(experiment).reference
+    assert reference is not None
+    pose = reference(np.array([(99 + 2.5) * 0.0015]))
+    expected = static_leg_forces(UNEVEN, pose.position[0], pose.orientation[0])
+    np.testing.assert_allclose(prepared.loop.feedforward[-1], expected, rtol=1e-9)
 
 
 def test_nothing_to_compute_is_refused() -> None:

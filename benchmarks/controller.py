@@ -1,0 +1,124 @@
+"""What an exported controller costs: time of a step beside the plant's derivatives, size on a Cortex-M7: `make bench`.
+
+Times are the best of many rounds, in which both take turns, compiled with the flags of the FMU's own libraries. Sizes
+are those of the object file with -Os: code with its constants; and of structs: parameters with coefficients, memory.
+"""
+
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from gough_stewart.fmu_build.codegen import function_source
+from gough_stewart.fmu_build.targets import native
+from gough_stewart.fmu_build.toolchain import FLAGS
+from gough_stewart.harness.experiment.file import load_experiment
+from gough_stewart.harness.export.c_source import controller_sources
+from gough_stewart.harness.export.designed import designed
+from gough_stewart.model import kernel
+from gough_stewart.model.formulations.cases import paper_case
+from gough_stewart.model.kernel import parameter_vector
+
+CASES = {
+    "PD, gravity": ("circle", {}, 0.4),
+    "PD, computed torque": ("circle_computed_torque", {}, 1.0),
+    "PID, gravity, limits": ("saturation", {}, None),
+    "PD in task space, gravity": ("pitch_sine", {}, None),
+}
+CORTEX_M7 = ("-target", "thumb-linux-musleabihf", "-mcpu=cortex_m7")
+ZIG = (sys.executable, "-m", "ziglang", "cc")
+_SIZES = """#include "controller.h"
+char parameters[sizeof(controller_parameters) + sizeof(controller_coefficients)];
+char memory[sizeof(controller_memory)];
+"""
+_PLANT = "#include <math.h>\nstatic double sq(double x)\n{\n    return x * x;\n}\n"
+
+
+def step_times(folder: Path, real: str) -> tuple[float, float]:
+    """Of the controller in a folder and of the derivatives [ns]."""
+    (folder / "plant.c").write_text(_PLANT + function_source(kernel.derivatives_function()))
+    flags = [flag for flag in FLAGS if flag != "-shared"]
+    files = ["controller.c", "plant.c", str(Path(__file__).parent / "controller_timer.c")]
+    defines = [f"-DCONTROLLER_REAL={real}", f"-DN_PARAMETERS={kernel.N_PARAMETERS}", "-I", "."]
+    command = [*ZIG, "-target", native().triple, *flags, *defines, *files, "-o", "timer", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    case = paper_case()
+    start = [case.start.to_vector(), case.inputs.to_vector(), parameter_vector(case.platform)]
+    first = np.loadtxt(folder / "measured.txt")
+    numbers = "\n".join(repr(float(v)) for v in np.concatenate([*start, first]))
+    done = subprocess.run([folder / "timer", "1000"], input=numbers, capture_output=True, text=True, check=True)
+    own, plant = map(float, done.stdout.split())
+    return own, plant
+
+
+def sizes(folder: Path, real: str) -> tuple[int, int, int]:
+    """Of code with constants, of parameters with coefficients, and of the memory [bytes], on a Cortex-M7."""
+    (folder / "sizes.c").write_text(_SIZES)
+    for name in ("controller", "sizes"):
+        command = [
+            *ZIG,
+            *CORTEX_M7,
+            "-std=c11",
+            "-fdata-sections",
+            "-Os",
+            f"-DCONTROLLER_REAL={real}",
+            "-c",
+            f"{name}.c",
+            "-o",
+            f"{name}.o",
+        ]
+        subprocess.run(command, cwd=folder, check=True)
+    code = sum(size for name, size in sections(folder / "controller.o") if re.match(r"\.(text|rodata|data)", name))
+    kept = dict(sections(folder / "sizes.o"))
+    return code, kept[".bss.parameters"], kept[".bss.memory"]
+
+
+def sections(file: Path) -> list[tuple[str, int]]:
+    """Names and sizes of the sections of an ELF file of 32 bits in little-endian order."""
+    data = file.read_bytes()
+    (table,) = struct.unpack_from("<I", data, 0x20)
+    size, number, names = struct.unpack_from("<HHH", data, 0x2E)
+    headers = [struct.unpack_from("<IIIIIIIIII", data, table + k * size) for k in range(number)]
+    text = headers[names][4]
+    return [(data[text + h[0] : data.index(b"\0", text + h[0])].decode(), h[5]) for h in headers]
+
+
+def main() -> int:
+    """Measure, print the table, and say which targets are missed."""
+    columns = ("controller", "real", "operations", "µs a step", "/ derivatives", "code", "parameters", "memory")
+    table = Table(*columns, title="exported controllers; sizes in bytes, on a Cortex-M7")
+    missed = []
+    for what, (name, settings, target) in CASES.items():
+        made = designed(load_experiment(name, settings))
+        sources = controller_sources(made)
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch)
+            for file, text in {**sources.units, **sources.headers}.items():
+                (folder / file).write_text(text)
+            np.savetxt(folder / "measured.txt", made.first_measured + 1e-4)
+            for real in ("double", "float"):
+                own, plant = step_times(folder, real)
+                row = [
+                    f"{sources.operations}",
+                    f"{own / 1e3:.3f}",
+                    f"{own / plant:.2f}",
+                    *map(str, sizes(folder, real)),
+                ]
+                table.add_row(what, real, *row)
+                if target is not None and own / 1e3 > target:
+                    missed.append(f"{what} in {real}: {own / 1e3:.3f} µs a step; at most {target} µs is the target")
+    console = Console(width=110)
+    console.print(table)
+    for line in missed:
+        console.print(line)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
