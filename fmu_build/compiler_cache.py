@@ -6,13 +6,21 @@ or end every later build: the cache is emptied, and what is in it made anew.
 
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from threading import Lock
 
 from platformdirs import user_cache_path
 
+try:
+    import fcntl
+except ImportError:  # Windows, where no digests are kept: only what the compiler stumbles over is found
+    fcntl = None  # type: ignore[assignment]
+
 _OBJECTS, _DIGESTS = "o", ".sha256"
+_IN_USE = "zig.lock"
 _lock = Lock()
 _emptied: set[Path] = set()
 _checked: set[Path] = set()
@@ -35,15 +43,23 @@ def compiler_environment() -> dict[str, str]:
     return {**os.environ, "ZIG_GLOBAL_CACHE_DIR": folder, "ZIG_LOCAL_CACHE_DIR": folder}
 
 
-def check_objects() -> None:
-    """Empty the cache if an object is not what the compiler wrote; once a process."""
-    folder = object_cache()
-    with _lock:
-        if folder in _checked:
-            return
-        _checked.add(folder)
-        if not all(_is_whole(place) for place in _places(folder)):
-            _empty(folder)
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Around a compiler that works in the cache: what is there is checked before, and remembered afterwards.
+
+    Of several side by side, in threads or processes, the last one remembers: the objects of the others are whole only
+    when they have ended.
+    """
+    _check_objects()
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with (cache_folder() / _IN_USE).open("a") as in_use:
+        if fcntl is not None:
+            fcntl.flock(in_use, fcntl.LOCK_SH)
+        yield
+        if fcntl is not None:
+            with suppress(BlockingIOError):  # somebody else still compiles
+                fcntl.flock(in_use, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _remember_objects()
 
 
 def empty_objects() -> None:
@@ -54,15 +70,25 @@ def empty_objects() -> None:
             _empty(folder)
 
 
-def remember_objects() -> None:
-    """Keep the digests of objects that are new."""
+def _check_objects() -> None:
+    """Empty the cache if an object is not what the compiler wrote; once a process."""
+    folder = object_cache()
     with _lock:
-        for place in _places(object_cache()):
-            if not (place / _DIGESTS).exists():
-                try:
-                    (place / _DIGESTS).write_text(_digests(place))
-                except OSError:  # a full disk: the next build is not checked
-                    return
+        if folder in _checked:
+            return
+        _checked.add(folder)
+        if not all(_is_whole(place) for place in _places(folder)):
+            _empty(folder)
+
+
+def _remember_objects() -> None:
+    """Keep the digests of objects that are new."""
+    for place in _places(object_cache()):
+        if not (place / _DIGESTS).exists():
+            try:
+                (place / _DIGESTS).write_text(_digests(place))
+            except OSError:  # a full disk: the next build is not checked
+                return
 
 
 def _places(folder: Path) -> list[Path]:

@@ -16,10 +16,9 @@ from typing import Any
 
 from gough_stewart.fmu_build.compiler_cache import (
     cache_folder,
-    check_objects,
     compiler_environment,
+    compiling,
     empty_objects,
-    remember_objects,
 )
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.targets import Target
@@ -52,8 +51,7 @@ def compile_library(
     # zig's cache knows a file by its place, so that every file gets one that goes with its content
     include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
-    check_objects()
-    with tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
+    with compiling(), tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library = Path(scratch, name + target.suffix)
         command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags_of(name)]
         command += ["-I", str(include), *files, "-o", str(library), "-lm"]
@@ -64,7 +62,6 @@ def compile_library(
             code, message = _run(command, scratch, stop)
         if code != 0:
             raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
-        remember_objects()
         return library.read_bytes()
 
 

@@ -1,6 +1,7 @@
 """Caches that are damaged heal; a full disk and a fault of the sources are said in the compiler's words."""
 
 import shutil
+import sys
 from collections.abc import Callable, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -74,6 +75,24 @@ def test_an_object_that_is_not_what_was_written_is_not_linked(cache: Path, monke
     compiler = Compiler()
     assert compiled(monkeypatch, compiler) == b"linked right"
     assert compiler.runs == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no digests are kept there")
+def test_what_another_compiler_has_not_finished_is_not_taken_for_damage(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: an object that grows while a second build beside it ends stays, and has its digest when it is whole."""
+    growing = cache / "o/4567/growing.o"
+    with compiler_cache.compiling():
+        growing.parent.mkdir(parents=True)
+        growing.write_bytes(b"half")
+        compiled(monkeypatch, Compiler())
+        assert list(cache.rglob("*.sha256")) == []
+        growing.write_bytes(b"half and half")
+    assert len(list(cache.rglob("*.sha256"))) == 2
+    monkeypatch.setattr(compiler_cache, "_checked", set())
+    compiled(monkeypatch, Compiler())
+    assert growing.read_bytes() == b"half and half"
 
 
 def test_a_cache_that_the_compiler_stumbles_over_is_made_anew_once(

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.fmu_build.compiler_cache import compiler_environment
+from gough_stewart.fmu_build.compiler_cache import compiler_environment, compiling
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
@@ -59,14 +59,15 @@ def compile_host(
     include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     command = [*compiler, "-std=c11", "-I", str(include), *files, *map(str, host)]
-    done = subprocess.run(
-        [*command, "-lm", "-lpthread", "-o", str(program)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=program.parent,
-        env=compiler_environment(),
-    )
+    with compiling():
+        done = subprocess.run(
+            [*command, "-lm", "-lpthread", "-o", str(program)],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=program.parent,
+            env=compiler_environment(),
+        )
     assert done.returncode == 0, done.stderr
     return program
 

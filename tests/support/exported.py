@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.compiler_cache import compiler_environment
+from gough_stewart.fmu_build.compiler_cache import compiler_environment, compiling
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
@@ -137,7 +137,10 @@ def write_sources(sources: ControllerSources, folder: Path) -> None:
 
 def compiled(command: Sequence[str], folder: Path) -> None:
     """Run a compiler; fails with what it says."""
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=compiler_environment())
+    with compiling():
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=False, env=compiler_environment()
+        )
     assert done.returncode == 0, done.stderr[:3000]
 
 
