@@ -49,6 +49,7 @@ bench: $(VENV)/bench
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/fmu.py
 	$(BIN)/python benchmarks/controller.py
+	$(BIN)/python benchmarks/coupled.py
 	$(BIN)/python benchmarks/loop.py
 	$(BIN)/python benchmarks/workspace.py
 	$(BIN)/python benchmarks/view.py

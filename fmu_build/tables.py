@@ -21,6 +21,7 @@ def layout_number(component: Component) -> int:
 def model_header(component: Component) -> str:
     """`model.h`."""
     layout = component.layout
+    tolerance = float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))
     sizes = {
         "N_INPUTS": _size(layout.of_role(Role.INPUT)),
         "N_STATES": _size(layout.of_role(Role.STATE)),
@@ -54,7 +55,7 @@ def model_header(component: Component) -> str:
 {defines(slots)}
 
 /* of an experiment that names none; what a value may be at most */
-#define DEFAULT_TOLERANCE {DEFAULT_TOLERANCE!r}
+#define DEFAULT_TOLERANCE {tolerance!r}
 #define LARGEST_NUMBER {platform.LARGEST_NUMBER!r}
 
 INTERNAL_BEGIN

@@ -57,6 +57,7 @@ Experiments
     run                       run one, on the model or the FMU
     margins                   how far its loop is from instability
     LoopMargins               what that gives
+    export                    its controller as C or FMU, its loop as SSP
 
 Results
     Record                    a run, row by row

@@ -21,6 +21,7 @@ from gough_stewart.harness.experiment.file import load_experiment as load_experi
 from gough_stewart.harness.experiment.files import save_record as save_record
 from gough_stewart.harness.experiment.run import run as run
 from gough_stewart.harness.experiment.schema import Experiment as Experiment
+from gough_stewart.harness.export.export import export as export
 from gough_stewart.harness.motion.references import Chirp as Chirp
 from gough_stewart.harness.motion.references import Circle as Circle
 from gough_stewart.harness.motion.references import Hold as Hold

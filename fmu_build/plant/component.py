@@ -2,6 +2,8 @@
 
 from functools import cache
 
+import numpy as np
+
 from gough_stewart.fmu_build.archive import PLANT_STEM
 from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal
@@ -20,7 +22,6 @@ from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart"
-_EXPERIMENT = {"startTime": "0", "stopTime": "1", "tolerance": repr(DEFAULT_TOLERANCE), "stepSize": "0.001"}
 _Group = tuple[str, ...]
 _ACTUATOR: _Group = ("actuator_force", "leg_length", "leg_velocity")
 _POSE: _Group = ("position", "orientation", "velocity", "angular_velocity")
@@ -32,8 +33,10 @@ def plant_component(
     *,
     start: State | None = None,
     actuator_force: Array | None = None,
+    tolerance: float = DEFAULT_TOLERANCE,
+    fixed_step_size: float = 0.0,
     file_stem: str = PLANT_STEM,
-    with_references: bool = True,
+    is_in_a_system: bool = False,
 ) -> Component:
     """The plant with the start values of a platform.
 
@@ -45,13 +48,17 @@ def plant_component(
         Another start.
     actuator_force
         Other forces at the start (6,) [N], positive extends the leg.
+    tolerance, fixed_step_size
+        Other ones where nobody sets them.
     file_stem
         How the names of the archives begin.
-    with_references
-        Whether reference results lie in the archives.
+    is_in_a_system
+        For a place beside its controller: without reference results, and with actuator forces that are all 0 in the
+        first step taken for those of the start, since some masters hand on no start values.
     """
     starts = interface.start_values(interface.VARIABLES, platform)
-    own: dict[str, Array] = {} if start is None else dict(start._asdict())
+    own: dict[str, Array] = {"fixed_step_size": np.array(fixed_step_size)}
+    own |= {} if start is None else start._asdict()
     if actuator_force is not None:
         own["actuator_force"] = actuator_force
     starts |= {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in own.items()}
@@ -59,7 +66,7 @@ def plant_component(
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         page = {"documentation/index.html": documentation_page(platform, fmi_version, starts)}
-        return page | (reference_files(runs(), IDENTIFIER, fmi_version) if with_references else {})
+        return page | (reference_files(runs(), IDENTIFIER, fmi_version) if not is_in_a_system else {})
 
     return Component(
         identifier=IDENTIFIER,
@@ -69,8 +76,8 @@ def plant_component(
         layout=PLANT,
         starts=starts,
         dependencies=slot_dependencies(),
-        experiment=_EXPERIMENT,
-        code=_code(),
+        experiment={"startTime": "0", "stopTime": "1", "tolerance": repr(tolerance), "stepSize": "0.001"},
+        code=_code(fixed_step_size, is_in_a_system),
         icon=Icon(icon_png(platform), icon_svg(platform)),
         terminals=_terminals,
         documents=documents,
@@ -80,9 +87,10 @@ def plant_component(
 
 
 @cache
-def _code() -> Code:
+def _code(fixed_step_size: float, is_in_a_system: bool) -> Code:
     own = room("plant")
-    return Code({**own.units, "kernel.c": kernel_source()}, {**own.headers, "plant_table.h": plant_header()})
+    header = plant_header(fixed_step_size, is_in_a_system=is_in_a_system)
+    return Code({**own.units, "kernel.c": kernel_source()}, {**own.headers, "plant_table.h": header})
 
 
 def _terminals(fmi_version: str) -> tuple[Terminal, ...]:

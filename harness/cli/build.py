@@ -1,35 +1,24 @@
 """The command `build`: the platform as FMU."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path, targets
+from gough_stewart.harness.cli.options import (
+    FmiOption,
+    PlatformOption,
+    PresetOption,
+    TargetOption,
+    chosen_platform,
+    path,
+)
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar
 
 
-class FmiVersion(StrEnum):
-    """Versions of the standard."""
-
-    fmi2 = "2.0"
-    fmi3 = "3.0"
-
-
 def build_command(
-    fmi: Annotated[
-        list[FmiVersion] | None, typer.Option(help="Version of the standard; may be repeated. Default: both.")
-    ] = None,
-    target: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="System to run on: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
-            "x86_64-darwin, aarch64-darwin; may be repeated.",
-            metavar="NAME",
-            autocompletion=targets,
-        ),
-    ] = None,
+    fmi: FmiOption = None,
+    target: TargetOption = None,
     preset: PresetOption = None,
     platform: PlatformOption = None,
     out: Annotated[

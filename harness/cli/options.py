@@ -3,6 +3,7 @@
 Commands import what they work with inside of their functions: --help and a mistyped command need not wait for NumPy.
 """
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,13 @@ from gough_stewart.harness.errors import ExperimentError, UsageError
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
     from gough_stewart.model.platform import Platform
+
+
+class FmiVersion(StrEnum):
+    """Versions of the standard."""
+
+    fmi2 = "2.0"
+    fmi3 = "3.0"
 
 
 def path(text: str) -> Path:
@@ -80,6 +88,18 @@ SetOption = Annotated[
 OutOption = Annotated[
     Path | None,
     typer.Option(help="Folder for the files; made if needed. Default: results/NAME.", metavar="DIR", parser=path),
+]
+FmiOption = Annotated[
+    list[FmiVersion] | None, typer.Option(help="Version of the standard; may be repeated. Default: both.")
+]
+TargetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="System to run on: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
+        "x86_64-darwin, aarch64-darwin; may be repeated.",
+        metavar="NAME",
+        autocompletion=targets,
+    ),
 ]
 ReportOption = Annotated[
     bool, typer.Option("--report", help="Write report.html too: the motion in 3-D beside its curves, for a browser.")

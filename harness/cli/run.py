@@ -1,7 +1,9 @@
 """The command `run`: an experiment, to its record and figures."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -24,8 +26,11 @@ from gough_stewart.harness.cli.terminal import (
     say_written,
     warn,
 )
-from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 from gough_stewart.harness.results.drawing import Drawing
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.experiment.schema import Experiment
 
 # Beside 0 and 1 (an error): the run is there, but it did not come to its end.
 EXIT_NOT_COMPLETED = 3
@@ -43,6 +48,14 @@ def run_command(
             "its own.",
             metavar="FILE",
             parser=path,
+        ),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            help="The controller as FMU: fmu2 or fmu3 for the experiment's own, exported; or a file, whose code is "
+            "executed, in a process of its own. Takes a loop.delay of at least 1.",
+            metavar="fmu2|fmu3|FILE.fmu",
         ),
     ] = None,
     out: OutOption = None,
@@ -65,6 +78,8 @@ def run_command(
 
     - `gough-stewart run heave_step --set controller.bandwidth=4 --set loop.delay=2 --out results/faster`
 
+    - `gough-stewart run heave_step --plant fmu3 --controller fmu3 --set loop.delay=1`
+
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
     with clear_errors() as written:
@@ -78,13 +93,19 @@ def run_command(
             from gough_stewart.model.files import check_output_folder
 
             check_output_folder(folder, names_of_files())
-            record = run(
-                chosen,
-                plant=plant,
-                fmu=fmu,
-                progress=lambda time: progress.update(task, completed=time, description=chosen.title),
-                status=lambda what: progress.update(task, description=what),
-            )
+
+            def status(what: str) -> None:
+                progress.update(task, description=what)
+
+            with _unit_of(controller, chosen, status) as unit:
+                record = run(
+                    chosen,
+                    plant=plant,
+                    fmu=fmu,
+                    controller=unit,
+                    progress=lambda time: progress.update(task, completed=time, description=chosen.title),
+                    status=status,
+                )
             progress.update(task, total=None, description="files and figures")
             files, tables = write_results(record, folder, report, draw)
         written.append(folder)
@@ -97,3 +118,14 @@ def run_command(
             return
         errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
         raise typer.Exit(EXIT_INTERRUPTED if outcome["status"] == "interrupted" else EXIT_NOT_COMPLETED)
+
+
+def _unit_of(
+    controller: str | None, experiment: "Experiment", status: Callable[[str], None]
+) -> AbstractContextManager[Any]:
+    """The controller that takes the place of the experiment's; None for none."""
+    if controller not in FMI_VERSIONS:
+        return nullcontext(None if controller is None else path(controller))
+    from gough_stewart.harness.export.own_unit import exported_controller
+
+    return exported_controller(experiment, FMI_VERSIONS[controller], status)

@@ -17,9 +17,9 @@ from gough_stewart.harness.errors import ExportError
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 _SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 _SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
-_PREFIXES = {"ssd": _SSD, "ssc": _SSC, "ssv": _SSV}
-# libcosim takes its step from an annotation of its own
-_OSP = "com.opensimulationplatform"
+# libcosim takes its step from an annotation of its own; it takes a prefix that is declared there for an algorithm
+_OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+_PREFIXES = {"ssd": _SSD, "ssc": _SSC, "ssv": _SSV, "osp": _OSP}
 _FMU = "application/x-fmu-sharedlibrary"
 
 
@@ -100,10 +100,9 @@ def system_structure(system: System) -> bytes:
     _add_units(root, _ssd("Units"), _units_of(system.components))
     experiment = etree.SubElement(root, _ssd("DefaultExperiment"), startTime="0", stopTime=repr(system.duration))
     annotations = etree.SubElement(experiment, _ssd("Annotations"))
-    annotation = etree.SubElement(annotations, f"{{{_SSC}}}Annotation", type=_OSP)
-    osp = "http://opensimulationplatform.com/SSP/OSPAnnotations"
-    algorithm = etree.SubElement(annotation, f"{{{osp}}}Algorithm", nsmap={"osp": osp})
-    etree.SubElement(algorithm, f"{{{osp}}}FixedStepAlgorithm", baseStepSize=repr(system.step))
+    annotation = etree.SubElement(annotations, f"{{{_SSC}}}Annotation", type="com.opensimulationplatform")
+    algorithm = etree.SubElement(annotation, f"{{{_OSP}}}Algorithm")
+    etree.SubElement(algorithm, f"{{{_OSP}}}FixedStepAlgorithm", baseStepSize=repr(system.step))
     return _to_bytes(root)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.fmu_build.build import build
 from gough_stewart.fmu_build.builder import build_units
 from gough_stewart.fmu_build.plant.component import plant_component
@@ -14,7 +15,9 @@ from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.model.formulations.cases import paper_case
+from gough_stewart.model.vectors import FloatArray
 from tests.support.controllers import SAMPLE_TIME, run_of, uneven_experiment
+from tests.support.exported_loop import MISTAKEN, exported_loop
 
 pytestmark = pytest.mark.evidence
 libcosimpy = pytest.importorskip("libcosimpy", reason="libcosimpy has no wheel for this machine")
@@ -59,7 +62,7 @@ def test_plant_and_controller_connected_in_libcosim_are_the_loop_in_python(
     loop, controller = run_of(experiment), component_of(designed(experiment))
     prepared = prepare(experiment)
     own = plant_component(
-        prepared.platform, start=prepared.start, actuator_force=prepared.loop.start_force, with_references=False
+        prepared.platform, start=prepared.start, actuator_force=prepared.loop.start_force, is_in_a_system=True
     )
     paths = [build_units(component, tmp_path, fmi=["2.0"])[0] for component in (own, controller)]
     execution = CosimExecution.from_step_size(step_size=round(SAMPLE_TIME * 1e9))
@@ -85,3 +88,53 @@ def test_plant_and_controller_connected_in_libcosim_are_the_loop_in_python(
     assert error <= 1e-9
     assert "[error]" not in log.out + log.err
     assert "[warning]" not in log.out + log.err
+
+
+@pytest.fixture(scope="module")
+def ssp(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported_loop(tmp_path_factory.mktemp("ssp"), MISTAKEN)
+
+
+def lengths_expected() -> FloatArray:
+    """Of the harness, on its own model of the plant."""
+    found: FloatArray = gs.run("heave_step", MISTAKEN)["leg_length"]
+    return found
+
+
+def test_the_exported_loop_in_libcosim(ssp: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimObserver import CosimObserver
+
+    # the step is that of the archive
+    execution = CosimExecution.from_ssp_file(ssp_path=str(ssp))
+    index = {info.name.decode(): info.index for info in execution.slave_infos()}["plant"]
+    references = {v.name.decode(): v.reference for v in execution.slave_variables(index)}
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    expected, rows = lengths_expected(), []
+    for _ in range(len(expected) - 1):
+        execution.step(1)
+        rows.append(observer.last_real_values(index, [references[f"leg_length[{k}]"] for k in range(1, 7)]))
+    error = np.abs(np.array(rows) - expected[1:]).max()
+    log = capfd.readouterr()
+    print(f"the exported loop, libcosim against the harness: {error:.1e} m")
+    assert error <= 1e-9
+    assert "[error]" not in log.out + log.err
+    assert "[warning]" not in log.out + log.err
+
+
+def test_the_exported_loop_in_ecos(ssp: Path) -> None:
+    try:
+        from ecospy.EcosSimulation import EcosSimulation
+    except (ImportError, OSError) as missing:
+        pytest.skip(f"Ecos does not load here: {missing}")
+    expected = lengths_expected()
+    simulation = EcosSimulation(MISTAKEN["loop.sample_time"], ssp_path=str(ssp))
+    simulation.init()
+    rows = []
+    for _ in range(len(expected)):
+        rows.append([simulation.get_real(f"plant::leg_length[{k}]") for k in range(1, 7)])
+        simulation.step()
+    error = np.abs(np.array(rows) - expected).max()
+    print(f"the exported loop, Ecos against the harness: {error:.1e} m")
+    assert error <= 1e-9

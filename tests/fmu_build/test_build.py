@@ -202,7 +202,7 @@ def test_another_start_is_in_the_unit_and_its_description(tmp_path: Path) -> Non
     home = State(UNEVEN.home_position, UNEVEN.home_orientation, np.zeros(3), np.zeros(3))
     start = State(home.position + 0.01 * np.arange(-1, 2), home.orientation + 0.02, np.full(3, 0.1), np.full(3, -0.2))
     force = np.arange(6.0) + 100
-    component = plant_component(UNEVEN, start=start, actuator_force=force, file_stem="lifted", with_references=False)
+    component = plant_component(UNEVEN, start=start, actuator_force=force, file_stem="lifted", is_in_a_system=True)
     (path,) = builder.build_units(component, tmp_path, fmi=["2.0"])
     assert path.name == "lifted_fmi2.fmu"
     unit = Fmu(path)
@@ -240,7 +240,7 @@ def test_a_wrong_option_is_named(options: dict[str, list[str]], expected: str, t
 def test_a_compiler_error_is_shown_and_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = tmp_path / "gough_stewart_fmi2.fmu"
     kept.write_bytes(b"old")
-    monkeypatch.setattr(component, "_code", lambda: Code({"kernel.c": "this is not C;"}, {}))
+    monkeypatch.setattr(component, "_code", lambda *_: Code({"kernel.c": "this is not C;"}, {}))
     with pytest.raises(BuildError, match="error:"):
         build(tmp_path)
     assert kept.read_bytes() == b"old"

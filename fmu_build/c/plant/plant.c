@@ -195,7 +195,7 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
     if (checked != DONE)
         return checked;
     c->s.tolerance = tolerance;
-    c->s.time = start_time;
+    c->s.time = c->s.start_time = start_time;
     c->s.stop_time = stop_time;
     return DONE;
 }

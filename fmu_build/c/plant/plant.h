@@ -11,6 +11,7 @@
 /* All that the future depends on. Doubles only: a saved state is these, in this order. */
 typedef struct {
     double time;
+    double start_time;
     double stop_time; /* infinite if there is none */
     double tolerance;
     double internal_step; /* to go on with; 0 before the first */

@@ -79,22 +79,39 @@ static void explain_failure(component *c, integration how, double time, double e
                       time, c->s.fixed_step_size, remedy);
 }
 
+/* Some masters hand on no start values and begin with zeros; in a system whose actuator forces are connected, that means
+   that the controller has not spoken yet. */
+static int forces_are_unset(const component *c)
+{
+    int is_zero = ZEROS_ARE_UNSET_AT_START && c->s.time == c->s.start_time;
+    for (int leg = 0; leg < N_LEGS; leg++)
+        is_zero = is_zero && c->s.inputs[leg] == 0;
+    return is_zero;
+}
+
 outcome step_plant(component *c, double time, double step, const step_observer *observer, double *reached)
 {
     *reached = c->s.time;
     outcome checked = check_step(c->s.time, c->s.stop_time, time, step, c->message);
     if (checked == DONE)
         checked = component_check_parameters(c);
-    integration_point at = {.t = c->s.time, .step = c->s.internal_step};
-    if (checked == DONE)
-        checked = component_derivatives(c, at.xdot);
     if (checked != DONE)
         return checked;
+    plant_state before = c->s;
+    if (forces_are_unset(c))
+        for (int leg = 0; leg < N_LEGS; leg++)
+            component_put(c, FIRST_INPUT + leg, START_INPUTS[leg]);
+    integration_point at = {.t = c->s.time, .step = c->s.internal_step};
+    checked = component_derivatives(c, at.xdot);
+    if (checked != DONE) {
+        c->s = before;
+        forget_results(c);
+        return checked;
+    }
     memcpy(at.x, c->s.x, sizeof at.x);
 
-    plant_state before = c->s;
     communication_step run = {.c = c, .observer = observer, .since = before.time};
-    memcpy(run.from, before.inputs, sizeof run.from);
+    memcpy(run.from, c->s.inputs, sizeof run.from);
     for (int i = 0; i < N_INPUTS; i++)
         run.interpolates |= before.input_rates[i] != 0;
     ode problem = {&run, derivatives_in_step, accept_internal_step};

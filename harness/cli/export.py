@@ -1,0 +1,86 @@
+"""The command `export`: a designed controller as C, FMU and SSP."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    FmiOption,
+    NoPythonOption,
+    SetOption,
+    TargetOption,
+    chosen_experiment,
+    path,
+)
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, warn
+
+
+class ReferenceSource(StrEnum):
+    """Where the reference comes from."""
+
+    inside = "inside"
+    inputs = "inputs"
+
+
+def export_command(
+    experiment: ExperimentArgument,
+    forms: Annotated[
+        str, typer.Option("--as", help="What to write: fmu, c, ssp; several with commas.", metavar="FORMS")
+    ] = "fmu",
+    fmi: FmiOption = None,
+    target: TargetOption = None,
+    reference: Annotated[
+        ReferenceSource,
+        typer.Option(help="The experiment's reference as part of the controller, or references as inputs."),
+    ] = ReferenceSource.inside,
+    settings: SetOption = None,
+    out: Annotated[
+        Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)
+    ] = Path(),
+    no_python: NoPythonOption = False,
+) -> None:
+    """Export the controller of an experiment: it runs elsewhere without Python.
+
+    `--as fmu` writes **NAME_controller_fmi2.fmu** and **NAME_controller_fmi3.fmu**, Co-Simulation; `--as c`
+    **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C11 for any processor; `--as ssp` **NAME.ssp**,
+    plant and controller connected, for co-simulation tools.
+
+    Examples
+    --------
+    - `gough-stewart export heave_step --out exported`
+
+    - `gough-stewart export heave_step --as c,fmu,ssp --target all --out exported`
+
+    - `gough-stewart export mine.toml --as fmu --fmi 2.0 --reference inputs`
+    """
+    with clear_errors() as written:
+        with preparing():
+            from gough_stewart.fmu_build.builder import number_of_steps
+            from gough_stewart.harness.export.export import chosen_forms, export, left_out
+
+        chosen = chosen_experiment(experiment, settings, no_python)
+        wanted = chosen_forms(form.strip() for form in forms.split(","))
+        versions = [v.value for v in fmi] if fmi else ("2.0", "3.0")
+        targets = target or ["native"]
+        steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * number_of_steps(["2.0"], targets)}
+        with progress_bar() as progress:
+            task = progress.add_task("exporting", total=sum(steps[form] for form in wanted))
+            files = export(
+                chosen,
+                forms=wanted,
+                out=out,
+                fmi=versions,
+                targets=targets,
+                reference=reference.value,
+                progress=lambda what: progress.update(task, advance=1, description=what),
+            )
+        written.append(out)
+        for file in files:
+            Terminal().say(f"{file}  {file.stat().st_size / 1024:.0f} KiB")
+        if "ssp" in wanted and left_out(chosen):
+            warn(
+                f"the SSP is without {', '.join(left_out(chosen))}: they are of the machine around plant and controller"
+            )

@@ -1,0 +1,168 @@
+"""Export a designed controller as C, as FMU, and with the plant as SSP; files are written together or not at all."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from gough_stewart.fmu_build.builder import chosen_versions, unit_archives
+from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.targets import chosen_targets
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.c_source import controller_sources
+from gough_stewart.harness.export.designed import Designed, ReferenceFrom, designed
+from gough_stewart.harness.export.fmu import component_of
+from gough_stewart.harness.export.loop_archive import loop_archive
+from gough_stewart.model.files import check_output_folder, write_files
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.progress import StepProgress
+
+Form = Literal["fmu", "c", "ssp"]
+FORMS: tuple[Form, ...] = get_args(Form)
+EXAMPLE = "example_main.c"
+
+
+def export(
+    experiment: Experiment | Path | str,
+    settings: Settings = (),
+    *,
+    forms: Iterable[Form] | Form = ("fmu",),
+    out: Path | str = ".",
+    fmi: Iterable[str] = ("2.0", "3.0"),
+    targets: Iterable[str] = ("native",),
+    reference: ReferenceFrom = "inside",
+    controller: Any = None,
+    progress: StepProgress | None = None,
+) -> list[Path]:
+    """Write the controller of an experiment as C, as FMU, or with its plant as SSP; all files, or none on an error.
+
+    Parameters
+    ----------
+    experiment, settings
+        As for `run`.
+    forms
+        "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
+        `example_main.c`, C11 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 units, connected.
+    out
+        Folder, made if needed.
+    fmi
+        Versions of the FMU: "2.0", "3.0".
+    targets
+        Systems that units shall run on, as for `build`.
+    reference
+        "inside": the experiment's motion is part of the controller. "inputs": it comes in at every sample.
+    controller
+        In the place of the experiment's: a discrete python-control system, a `LinearController`, or a
+        `casadi.Function` from named signals to `actuator_force`. Feedforward stays as it is.
+    progress
+        Called with what is being done.
+
+    Raises
+    ------
+    ControllerError
+        A controller that cannot leave Python, is unstable on its own, or of the wrong size.
+    ExportError
+        An unknown form, or an SSP with a reference from outside.
+    ExperimentError, ReachError, BuildError, OutputError
+        As `run` and `build`.
+
+    Examples
+    --------
+    >>> gs.export("heave_step", {"controller.bandwidth": 3}, forms=["c"], out="exported")
+    """
+    chosen = experiment_of(experiment, settings)
+    wanted, name = chosen_forms(forms), name_of(chosen)
+    if "ssp" in wanted and reference == "inputs":
+        raise ExportError(
+            "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
+        )
+    versions, systems = chosen_versions(fmi), chosen_targets(targets)
+    folder = Path(out)
+    check_output_folder(folder, names_of_files(name, wanted, versions))
+    report = progress or (lambda _text: None)
+    law = designed(chosen, controller, reference)
+    files: dict[str, bytes] = {}
+    if "c" in wanted:
+        report("C")
+        files |= c_files(law, f"{name}_controller")
+    # a unit's forces act one sample late at least; in an SSP nothing delays them further
+    duration = chosen.loop.duration
+    if "fmu" in wanted:
+        late = replace(law, delay=max(1, law.delay))
+        files |= unit_archives(component_of(late, f"{name}_controller", duration), versions, systems, report)
+    if "ssp" in wanted:
+        unit = component_of(replace(law, delay=1), f"{name}_controller", duration)
+        prepared = prepare(chosen, controller)
+        plant = plant_component(
+            prepared.machine,
+            start=prepared.start,
+            actuator_force=prepared.loop.start_force,
+            tolerance=chosen.plant.tolerance,
+            fixed_step_size=chosen.plant.fixed_step_size,
+            file_stem=f"{name}_plant",
+            is_in_a_system=True,
+        )
+        report("SSP")
+        files[f"{name}.ssp"] = loop_archive(name, plant, unit, duration, law.sample_time, systems, report)
+    write_files(folder, files)
+    return [folder / file for file in files]
+
+
+def c_files(law: Designed, prefix: str) -> dict[str, bytes]:
+    """The controller as C, and a program that runs it, by file name."""
+    sources = controller_sources(law, prefix)
+    texts = {**sources.units, **sources.headers, EXAMPLE: sources.example}
+    return {name: text.encode() for name, text in texts.items()}
+
+
+def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) -> list[str]:
+    """What `export` writes."""
+    files: dict[Form, list[str]] = {
+        "c": [f"{name}_controller.c", f"{name}_controller.h", EXAMPLE],
+        "fmu": [f"{name}_controller_fmi{version[0]}.fmu" for version in versions],
+        "ssp": [f"{name}.ssp"],
+    }
+    return [file for form in forms for file in files[form]]
+
+
+def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
+    """Forms, each once, in the order of `FORMS`.
+
+    Raises
+    ------
+    ExportError
+        Another than "fmu", "c" and "ssp", or none.
+    """
+    wanted = [forms] if isinstance(forms, str) else list(forms)
+    for form in wanted:
+        if form not in FORMS:
+            raise ExportError(f"no form '{form}'{nearest(form, FORMS)}")
+    if not wanted:
+        raise ExportError(f"no form; expected some of {', '.join(FORMS)}")
+    return tuple(form for form in FORMS if form in wanted)
+
+
+def name_of(experiment: Experiment) -> str:
+    """A C identifier from the name of the experiment or its file."""
+    place = experiment.where.removeprefix("experiment ") or experiment.title
+    words = re.findall(r"[a-z0-9]+", Path(place).stem.lower())
+    name = "_".join(words)[:24].strip("_")
+    return name if name[:1].isalpha() else f"loop_{name}".rstrip("_")
+
+
+def left_out(experiment: Experiment) -> list[str]:
+    """Keys of an experiment that neither the controller nor an SSP has: they belong to the machine around it."""
+    own = {"sensors.seed", "actuators.force_limit"}  # without noise, and the controller's
+    keys = [
+        f"{section}.{name}"
+        for section in ("sensors", "actuators")
+        for name in getattr(experiment, section).model_dump(exclude_defaults=True)
+    ]
+    if experiment.loop.jitter:
+        keys.append("loop.jitter")
+    keys += [name for name in ("disturbance", "change") if getattr(experiment, name)]
+    return [key for key in keys if key not in own]

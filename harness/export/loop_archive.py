@@ -1,0 +1,103 @@
+"""The whole loop as SSP: plant and controller as FMI 2.0 units in one archive, connected."""
+
+from collections.abc import Iterable
+from typing import Literal
+
+from gough_stewart.fmu_build.archive import to_zip
+from gough_stewart.fmu_build.builder import unit_archives
+from gough_stewart.fmu_build.component import Component as UnitComponent
+from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.targets import Target
+from gough_stewart.harness.export.system_structure import (
+    Component,
+    Connection,
+    Connector,
+    System,
+    parameter_values,
+    system_structure,
+)
+from gough_stewart.model.progress import StepProgress
+
+PLANT, CONTROLLER = "plant", "controller"
+# The version that all importers of SSP 1.0 know.
+FMI_VERSION = "2.0"
+STRUCTURE = "SystemStructure.ssd"
+
+
+def loop_archive(
+    name: str,
+    plant: UnitComponent,
+    controller: UnitComponent,
+    duration: float,
+    step: float,
+    targets: Iterable[Target],
+    progress: StepProgress | None = None,
+) -> bytes:
+    """The archive: SystemStructure.ssd, both units, and their parameters once more as an SSV file.
+
+    Parameters
+    ----------
+    duration
+        Of the experiment [s].
+    step
+        Of the master, the controller's sample time [s].
+    """
+    targets = tuple(targets)
+    units = {
+        unit: next(iter(unit_archives(component, (FMI_VERSION,), targets, progress).values()))
+        for unit, component in ((PLANT, plant), (CONTROLLER, controller))
+    }
+    system = loop_system(name, plant, controller, duration, step)
+    return to_zip(
+        {
+            STRUCTURE: system_structure(system),
+            f"resources/{name}.ssv": parameter_values(system),
+            **{_source(unit): content for unit, content in units.items()},
+        }
+    )
+
+
+def loop_system(name: str, plant: UnitComponent, controller: UnitComponent, duration: float, step: float) -> System:
+    """Plant and controller, each output of one that is an input of the other connected, element by element."""
+    forth, back = _shared(plant, controller), _shared(controller, plant)
+    return System(
+        name,
+        (_component(PLANT, plant, back, forth), _component(CONTROLLER, controller, forth, back)),
+        (
+            *(Connection((PLANT, scalar), (CONTROLLER, scalar)) for scalar in _scalars(plant, forth)),
+            *(Connection((CONTROLLER, scalar), (PLANT, scalar)) for scalar in _scalars(plant, back)),
+        ),
+        duration,
+        step,
+    )
+
+
+def _shared(source: UnitComponent, sink: UnitComponent) -> tuple[str, ...]:
+    """Names of the outputs of one that are inputs of the other."""
+    outputs = {row.variable.name for row in source.layout.outputs()}
+    return tuple(row.variable.name for row in sink.layout.of_role(Role.INPUT) if row.variable.name in outputs)
+
+
+def _scalars(component: UnitComponent, names: Iterable[str]) -> list[str]:
+    return [scalar for name in names for scalar in component.layout.by_name[name].variable.scalar_names]
+
+
+def _component(name: str, unit: UnitComponent, inputs: Iterable[str], outputs: Iterable[str]) -> Component:
+    rows = unit.layout.by_name
+    ends: tuple[tuple[Literal["input", "output"], Iterable[str]], ...] = (("input", inputs), ("output", outputs))
+    connectors = tuple(
+        Connector(scalar, kind, rows[variable].variable.unit)
+        for kind, names in ends
+        for variable in names
+        for scalar in rows[variable].variable.scalar_names
+    )
+    parameters = {
+        scalar: (float(value), row.variable.unit)
+        for row in unit.layout.of_role(Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
+        for scalar, value in zip(row.variable.scalar_names, unit.starts[row.variable.name].flat, strict=True)
+    }
+    return Component(name, _source(name), connectors, parameters)
+
+
+def _source(unit: str) -> str:
+    return f"resources/{unit}.fmu"

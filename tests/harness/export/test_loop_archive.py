@@ -1,0 +1,64 @@
+"""The loop as SSP beside the harness at a delay of one sample: FMPy here, libcosim and Ecos as evidence."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.export.export import left_out
+from tests.support.exported_loop import EXPORTED, exported_loop
+
+N_STEPS = round(EXPORTED["loop.duration"] / EXPORTED["loop.sample_time"])
+
+
+@pytest.fixture(scope="module")
+def ssp(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported_loop(tmp_path_factory.mktemp("ssp"))
+
+
+def test_the_archive_holds_the_structure_the_parameters_and_two_units(ssp: Path) -> None:
+    with zipfile.ZipFile(ssp) as archive:
+        names = archive.namelist()
+    assert sorted(names) == [
+        "SystemStructure.ssd",
+        "resources/controller.fmu",
+        "resources/heave_step.ssv",
+        "resources/plant.fmu",
+    ]
+
+
+def test_fmpy_runs_it_as_the_harness_does(ssp: Path) -> None:
+    """Expected: the harness on its own model of the plant; FMPy hands on no start values, and units know that."""
+    step = EXPORTED["loop.sample_time"]
+    found = simulate_ssp(str(ssp), stop_time=EXPORTED["loop.duration"] - step / 2, step_size=step)
+    expected = gs.run("heave_step", EXPORTED)
+    lengths = np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
+    assert np.abs(np.diff(expected["leg_length"], axis=0)).max() > 1e-5  # the step is in it
+    # FMPy's rows are of the ends of steps
+    assert lengths.shape == (N_STEPS, 6)
+    assert np.abs(lengths - expected["leg_length"][1:]).max() <= 1e-9
+
+
+def test_the_same_archive_comes_out_twice(ssp: Path, tmp_path: Path) -> None:
+    assert exported_loop(tmp_path).read_bytes() == ssp.read_bytes()
+
+
+def test_a_reference_from_outside_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match="leaves an SSP without a reference; expected 'inside'"):
+        gs.export("heave_step", forms=["c", "ssp"], reference="inputs", out=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_belongs_to_the_machine_around_is_named() -> None:
+    settings = {"actuators.lag": 0.002, "loop.jitter": 0.0005, "loop.plant_step": 0.0005, "actuators.force_limit": 9e3}
+    assert left_out(experiment_of("heave_step", settings)) == [
+        "sensors.quantisation",
+        "actuators.lag",
+        "loop.jitter",
+    ]
+    assert left_out(experiment_of("circle")) == []
