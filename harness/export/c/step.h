@@ -60,7 +60,8 @@ void @p@_start(const @p@_parameters *parameters, @p@_memory *memory);
 @if sees
    As long as all that comes in is exactly 0, nothing is known yet: the force is `start_force`.
 @end
-   Where a force is not finite, it is given as it is, and the memory stays but for the number of samples. */
+   A command that is not a number is given as it is, and an infinite one is cut; both leave the memory as it was, but
+   for the number of samples. */
 void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coefficients, @p@_memory *memory,
 @if inputs
     const double *measured, const double *reference, @p@_real *force, unsigned char *limited);

@@ -18,9 +18,10 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.trace import motion_function
-from gough_stewart.harness.motion.motion import extrapolated, motion_of
+from gough_stewart.harness.motion.motion import Motion, extrapolated, motion_of
 from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID
 from tests.support.c_hosts import ZIG
@@ -217,6 +218,32 @@ def test_a_feedforward_looks_ahead_beyond_the_end_of_a_run() -> None:
     pose = reference(np.array([(99 + 2.5) * 0.0015]))
     expected = static_leg_forces(UNEVEN, pose.position[0], pose.orientation[0])
     np.testing.assert_allclose(prepared.loop.feedforward[-1], expected, rtol=1e-9)
+
+
+def test_a_motion_that_branches_is_refused() -> None:
+    """Expected: symbols have no truth value."""
+
+    def motion(time: Any) -> Motion:
+        return Hold(position=(0, 0, 3), orientation=(0, 0, 0))(time if time[0] > 0 else -time)
+
+    with pytest.raises(ExportError, match=r"reference cannot be traced with CasADi .* without branches, or"):
+        motion_function(motion)
+
+
+@pytest.mark.parametrize(
+    ("system", "message"),
+    [
+        (control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6))), "continuous time; expected discrete"),
+        (control.ss([[0.5]], np.ones((1, 5)), np.ones((6, 1)), np.zeros((6, 5)), 0.0015), "has 5 inputs and 6 outputs"),
+        (
+            control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6)), 0.001),
+            "the loop's 0.0015 s",
+        ),
+    ],
+)
+def test_a_system_of_another_size_or_clock_is_refused(system: Any, message: str) -> None:
+    with pytest.raises(GoughStewartError, match=message):
+        designed(uneven_experiment(**GRAVITY), system)
 
 
 def test_nothing_to_compute_is_refused() -> None:
