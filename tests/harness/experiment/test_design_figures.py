@@ -11,20 +11,21 @@ import pytest
 from gough_stewart.harness.control.gains import gains_from_bandwidth
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.loop_transfer import loop_transfer
-from gough_stewart.harness.control.margins import loop_margins
+from gough_stewart.harness.control.margins import Margins, loop_margins
 from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.experiment.design_figures import design_figures
 from gough_stewart.model.platform_toml import load_preset
 
 
-def drawn(L: Any) -> dict[str, bytes]:
-    return design_figures(L, loop_margins(L), "a $design & more_")
+def drawn(L: Any, margins: Margins | None = None) -> dict[str, bytes]:
+    return design_figures(L, margins or loop_margins(L), "a $design & more_")
 
 
 def diagonal(one: Any) -> Any:
     return control.append(*[control.ss(one)] * 6)
 
 
+@pytest.fixture(scope="module")
 def real_loop() -> Any:
     platform = load_preset("motion_base")
     controller = LinearController(sampled(pid(gains_from_bandwidth(platform, 4.0, 0.8)), 1e-3))
@@ -32,8 +33,13 @@ def real_loop() -> Any:
 
 
 @pytest.fixture(scope="module")
-def files() -> dict[str, bytes]:
-    return drawn(real_loop())
+def real_margins(real_loop: Any) -> Margins:
+    return loop_margins(real_loop)
+
+
+@pytest.fixture(scope="module")
+def files(real_loop: Any, real_margins: Margins) -> dict[str, bytes]:
+    return drawn(real_loop, real_margins)
 
 
 def last_time(svg: bytes) -> float:
@@ -53,13 +59,13 @@ def test_files_are_png_and_small_svg(files: dict[str, bytes]) -> None:
             assert len(file) < 300_000
 
 
-def test_same_design_gives_the_same_bytes(files: dict[str, bytes]) -> None:
-    assert drawn(real_loop()) == files
+def test_same_design_gives_the_same_bytes(files: dict[str, bytes], real_loop: Any, real_margins: Margins) -> None:
+    assert drawn(real_loop, real_margins) == files
 
 
-def test_margins_and_title_are_said(files: dict[str, bytes]) -> None:
+def test_margins_and_title_are_said(files: dict[str, bytes], real_margins: Margins) -> None:
     """Expected: those of the leg that has least, which test_margins drives to the edge."""
-    bode, margins = files["bode.svg"].decode(), loop_margins(real_loop())
+    bode, margins = files["bode.svg"].decode(), real_margins
     phase, gain = (min(getattr(leg, name) for leg in margins.legs) for name in ("phase", "gain_up"))
     assert f"smallest margins: {math.degrees(phase):.0f}°, × {gain:.3g}" in bode
     assert f"disk margin α = {margins.disk.alpha:.2f}" in bode
