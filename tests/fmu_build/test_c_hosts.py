@@ -48,8 +48,8 @@ def test_instances_in_threads_have_the_bits_of_instances_in_turn(hosts: Path) ->
 def test_a_checker_finishes_the_default_experiment(hosts: Path) -> None:
     """Expected: a unit that is told nothing stands at 3 m for a second.
 
-    Without forces it falls into its singular pose, at 0.765 s by the kernel under DOP853: Model Exchange is asked for
-    the end there, without an error; communication steps are refused, which a checker is told.
+    Without forces it falls into the plane of its base, a singular pose, in which the kernel under DOP853 is at 0.764 s:
+    Model Exchange asks for the end there, without an error; a communication step is refused.
     """
     program = compile_host(CHECKER, hosts / "checker", COMPILER)
 
