@@ -59,7 +59,7 @@ static unit load(const char *path, const char *guid, const char *name)
     *(void **)&u.setup = dlsym(library, "fmi2SetupExperiment");
     *(void **)&u.enter = dlsym(library, "fmi2EnterInitializationMode");
     *(void **)&u.exit = dlsym(library, "fmi2ExitInitializationMode");
-    u.component = instantiate(name, fmi2CoSimulation, guid, "", &callbacks, fmi2False, fmi2False);
+    u.component = instantiate(name, fmi2CoSimulation, guid, "", &callbacks, fmi2False, fmi2True);
     if (!u.component)
         exit(1);
     return u;

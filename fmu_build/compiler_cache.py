@@ -1,7 +1,8 @@
 """The compiler's cache: a folder of its own, whose objects are checked by digest, so that damage heals by itself.
 
 Beside each object in it lies the digest of what the compiler wrote. An object that differs would be linked as it is,
-or end every later build: the cache is emptied, and what is in it made anew.
+or end every later build: the cache is emptied, and what is in it made anew. A lock is shared by all who compile, and
+held alone by who empties: a compiler whose cache disappears never ends.
 """
 
 import os
@@ -11,6 +12,7 @@ from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from threading import Lock
+from typing import IO
 
 from platformdirs import user_cache_path
 
@@ -44,41 +46,61 @@ def compiler_environment() -> dict[str, str]:
 
 
 @contextmanager
-def compiling() -> Iterator[None]:
+def compiling() -> Iterator[IO[str]]:
     """Around a compiler that works in the cache: what is there is checked before, and remembered afterwards.
+
+    The lock file is to be inherited by the compiler, which may outlive this process.
 
     Of several side by side, in threads or processes, the last one remembers: the objects of the others are whole only
     when they have ended.
     """
-    _check_objects()
     cache_folder().mkdir(parents=True, exist_ok=True)
     with (cache_folder() / _IN_USE).open("a") as in_use:
-        if fcntl is not None:
-            fcntl.flock(in_use, fcntl.LOCK_SH)
-        yield
+        _check_objects(in_use)
+        _flock(in_use, "LOCK_SH")
+        yield in_use
         if fcntl is not None:
             with suppress(BlockingIOError):  # somebody else still compiles
                 fcntl.flock(in_use, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 _remember_objects()
 
 
-def empty_objects() -> None:
-    """Empty the cache, since the compiler stumbled over it; once a process, so that builds side by side go on."""
+def empty_objects(in_use: IO[str]) -> None:
+    """Empty the cache, since the compiler stumbled over it; once a process, so that builds side by side go on.
+
+    Waits for the others that compile; the lock is shared again afterwards.
+    """
     folder = object_cache()
+    # the share is given up first, so that two who wait for each other do not wait for ever
+    _flock(in_use, "LOCK_UN")
     with _lock:
         if folder not in _emptied:
+            _flock(in_use, "LOCK_EX")
             _empty(folder)
+    _flock(in_use, "LOCK_SH")
 
 
-def _check_objects() -> None:
+def _check_objects(in_use: IO[str]) -> None:
     """Empty the cache if an object is not what the compiler wrote; once a process."""
     folder = object_cache()
     with _lock:
         if folder in _checked:
             return
         _checked.add(folder)
-        if not all(_is_whole(place) for place in _places(folder)):
-            _empty(folder)
+        if not _all_whole(folder):
+            _flock(in_use, "LOCK_EX")
+            # somebody else may have been faster, or was still writing
+            if not _all_whole(folder):
+                _empty(folder)
+
+
+def _flock(in_use: IO[str], how: str) -> None:
+    if fcntl is not None:
+        fcntl.flock(in_use, getattr(fcntl, how))
+
+
+def _all_whole(folder: Path) -> bool:
+    return all(_is_whole(place) for place in _places(folder))
 
 
 def _remember_objects() -> None:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from threading import Event
-from typing import Any
+from typing import IO, Any
 
 from gough_stewart.fmu_build.compiler_cache import (
     cache_folder,
@@ -51,15 +51,15 @@ def compile_library(
     # zig's cache knows a file by its place, so that every file gets one that goes with its content
     include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
-    with compiling(), tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
+    with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library = Path(scratch, name + target.suffix)
         command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags_of(name)]
         command += ["-I", str(include), *files, "-o", str(library), "-lm"]
         stop = stop or Event()
-        code, message = _run(command, scratch, stop)
+        code, message = _run(command, scratch, stop, in_use)
         if code != 0 and not stop.is_set() and _may_be_the_cache(message, scratch):
-            empty_objects()
-            code, message = _run(command, scratch, stop)
+            empty_objects(in_use)
+            code, message = _run(command, scratch, stop, in_use)
         if code != 0:
             raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
         return library.read_bytes()
@@ -95,9 +95,9 @@ def _complaint(code: int, message: str, scratch: str) -> str:
     return f"{words}\nA new cache did not help; if nothing else explains this, delete the folder {cache_folder()}"
 
 
-def _run(command: Sequence[str], folder: str, stop: Event) -> tuple[int, str]:
+def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:
     """Exit code of a command and what it said on its error stream; in a group of its own, to be ended as a whole."""
-    group: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
+    own: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0, "pass_fds": (in_use.fileno(),)}
     with subprocess.Popen(
         command,
         cwd=folder,
@@ -106,7 +106,7 @@ def _run(command: Sequence[str], folder: str, stop: Event) -> tuple[int, str]:
         stderr=subprocess.PIPE,
         encoding="utf-8",
         errors="replace",
-        **group,
+        **own,
     ) as compiler:
         while True:
             try:

@@ -3,10 +3,11 @@
 import shutil
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from hashlib import sha256
 from pathlib import Path
 from threading import Event
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import pytest
 
@@ -35,7 +36,7 @@ class Compiler:
         self.refuses = refuses
         self.runs = 0
 
-    def __call__(self, command: Sequence[str], _folder: str, _stop: Event) -> tuple[int, str]:
+    def __call__(self, command: Sequence[str], _folder: str, _stop: Event, _in_use: IO[str]) -> tuple[int, str]:
         self.runs += 1
         kernel = compiler_cache.object_cache() / OBJECT
         if not kernel.exists():
@@ -95,6 +96,19 @@ def test_what_another_compiler_has_not_finished_is_not_taken_for_damage(
     assert growing.read_bytes() == b"half and half"
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no lock")
+def test_a_cache_is_not_emptied_while_a_compiler_works_in_it(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: who finds damage waits; a compiler whose cache disappears never ends."""
+    compiled(monkeypatch, Compiler())
+    with ThreadPoolExecutor() as pool:
+        with compiler_cache.compiling():
+            damage(cache, b"wrong", monkeypatch)
+            other = pool.submit(compiled, monkeypatch, Compiler())
+            assert wait([other], 0.3).not_done
+            assert (cache / OBJECT).read_bytes() == b"wrong"
+        assert other.result(10) == b"linked right"
+
+
 def test_a_cache_that_the_compiler_stumbles_over_is_made_anew_once(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,7 +135,7 @@ def test_a_cache_that_is_a_file_is_made_anew(cache: Path, monkeypatch: pytest.Mo
     cache.parent.mkdir(parents=True)
     cache.write_text("")
 
-    def stumble(_command: Sequence[str], _folder: str, _stop: Event) -> tuple[int, str]:
+    def stumble(_command: Sequence[str], _folder: str, _stop: Event, _in_use: IO[str]) -> tuple[int, str]:
         return (1, f'error: failed to create output directory "{cache}": NotDir') if cache.is_file() else sound()
 
     def sound() -> tuple[int, str]:
