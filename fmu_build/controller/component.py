@@ -14,7 +14,6 @@ from gough_stewart.model.interface import Variable
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart_controller"
-
 _ACTUATOR = "actuator_force leg_length leg_velocity"
 _POSE = "position orientation velocity angular_velocity"
 
