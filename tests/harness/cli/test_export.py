@@ -1,0 +1,71 @@
+"""The command `export`, and `run` with what it exports, as a user meets them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.results.record import read_record
+from tests.support.commands import invoke
+
+# a reference that moves from the beginning, and clocks that differ
+SETTINGS = ["loop.duration=0.06", "loop.delay=1", "loop.plant_step=0.0005", "reference.at=0.01"]
+SET = [word for setting in SETTINGS for word in ("--set", setting)]
+
+
+def test_forms_are_written_together(tmp_path: Path) -> None:
+    done = invoke("export", "heave_step", "--as", "c, fmu,ssp", "--fmi", "2.0", "--out", str(tmp_path / "new"))
+    assert done.exit_code == 0, done.output
+    assert sorted(file.name for file in (tmp_path / "new").iterdir()) == [
+        "example_main.c",
+        "heave_step.ssp",
+        "heave_step_controller.c",
+        "heave_step_controller.h",
+        "heave_step_controller_fmi2.fmu",
+    ]
+    assert "the SSP is without sensors.quantisation" in done.output
+
+
+def test_the_exported_unit_runs_in_the_place_of_the_controller(tmp_path: Path) -> None:
+    """Expected: the run with the controller in Python."""
+    for name, options in (("python", []), ("unit", ["--controller", "fmu3"])):
+        done = invoke("run", "heave_step", *SET, *options, "--out", str(tmp_path / name))
+        assert done.exit_code == 0, done.output
+    found, expected = (read_record(tmp_path / name / "record.parquet") for name in ("unit", "python"))
+    assert np.ptp(expected["controller.force"]) > 100
+    assert np.allclose(found["controller.force"], expected["controller.force"], rtol=1e-9, atol=0)
+    assert np.abs(found["position"] - expected["position"]).max() <= 1e-12
+
+
+def test_a_unit_without_delay_is_refused(tmp_path: Path) -> None:
+    done = invoke("run", "circle", "--controller", "fmu3", "--out", str(tmp_path / "out"))
+    assert done.exit_code == 1
+    assert "expected a loop.delay of at least 1, for instance by --set loop.delay=1" in done.output
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["heave_step", "--as", "fmi"], "no form 'fmi'; did you mean 'fmu'?"),
+        (["heave_step", "--as", "ssp", "--reference", "inputs"], "leaves an SSP without a reference"),
+        (["heave_step", "--set", "reference.position_change=[0, 0, 3]"], "leg"),
+        (["paper_open_loop"], "constant forces"),
+        (["nowhere.toml"], "nowhere.toml"),
+        (["heave_step", "--target", "toaster"], "no target 'toaster'"),
+    ],
+)
+def test_what_cannot_leave_is_refused_and_writes_nothing(arguments: list[str], message: str, tmp_path: Path) -> None:
+    done = invoke("export", *arguments, "--out", str(tmp_path / "out"))
+    assert done.exit_code in (1, 2)
+    assert message in done.output
+    assert "Traceback" not in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    done = invoke("export", "heave_step", "--as", "ssp", "--out", str(tmp_path / "out"))
+    assert done.exit_code == 1
+    assert str(tmp_path / "out") in done.output
+    assert (tmp_path / "out").read_text() == "mine"
