@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+import casadi
+
 from gough_stewart.fmu_build.builder import chosen_versions, unit_archives
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.targets import chosen_targets
@@ -27,7 +29,7 @@ EXAMPLE = "example_main.c"
 
 
 def export(
-    experiment: Experiment | Path | str,
+    experiment: Experiment | Path | str | casadi.Function,
     settings: Settings = (),
     *,
     forms: Iterable[Form] | Form = ("fmu",),
@@ -43,7 +45,8 @@ def export(
     Parameters
     ----------
     experiment, settings
-        As for `run`.
+        As for `run`; or a `casadi.Function` from named signals to `actuator_force`, for the paper's platform at home,
+        sampled every millisecond, where the settings say nothing else.
     forms
         "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
         `example_main.c`, C11 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 units, connected.
@@ -74,6 +77,8 @@ def export(
     --------
     >>> gs.export("heave_step", {"controller.bandwidth": 3}, forms=["c"], out="exported")
     """
+    if isinstance(experiment, casadi.Function):
+        controller, experiment = experiment, around(experiment)
     chosen = experiment_of(experiment, settings)
     wanted, name = chosen_forms(forms), name_of(chosen)
     if "ssp" in wanted and reference == "inputs":
@@ -112,6 +117,12 @@ def export(
     return [folder / file for file in files]
 
 
+def around(function: casadi.Function) -> Experiment:
+    """The least experiment that a control function is for."""
+    parts = {"controller": {"type": "open_loop"}, "reference": {"type": "hold"}, "loop": {"duration": 1.0}}
+    return Experiment.model_validate({"title": function.name(), **parts})
+
+
 def c_files(law: Designed, prefix: str) -> dict[str, bytes]:
     """The controller as C, and a program that runs it, by file name."""
     sources = controller_sources(law, prefix)
@@ -148,7 +159,7 @@ def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
 
 def name_of(experiment: Experiment) -> str:
     """A C identifier from the name of the experiment or its file."""
-    place = experiment.where.removeprefix("experiment ") or experiment.title
+    place = experiment.where.removeprefix("experiment").strip() or experiment.title
     words = re.findall(r"[a-z0-9]+", Path(place).stem.lower())
     name = "_".join(words)[:24].strip("_")
     return name if name[:1].isalpha() else f"loop_{name}".rstrip("_")
