@@ -15,6 +15,8 @@ from tests.support.uneven import UNEVEN
 
 SAMPLE_TIME = 0.004  # [s]
 FORCE_LIMIT = 75.0  # [N], which the start-up of the motion asks more than
+PROPORTIONAL = [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0]  # [N/m]
+INTEGRAL = [900.0, 700.0, 1000.0, 800.0, 1100.0, 950.0]  # [N/(m s)]
 
 
 def uneven_experiment(folder: Path, rate_limit: float | None = 4000.0, **controller: Any) -> Experiment:
@@ -32,9 +34,9 @@ def uneven_experiment(folder: Path, rate_limit: float | None = 4000.0, **control
             },
             "controller": {
                 "type": "pid",
-                "proportional_gain": [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0],
+                "proportional_gain": PROPORTIONAL,
                 "derivative_gain": [60.0, 45.0, 70.0, 52.0, 80.0, 64.0],
-                "integral_gain": [900.0, 700.0, 1000.0, 800.0, 1100.0, 950.0],
+                "integral_gain": INTEGRAL,
                 "feedforward": "computed_torque",
                 **controller,
             },

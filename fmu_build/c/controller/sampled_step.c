@@ -56,7 +56,6 @@ static outcome take_sample(component *c)
         return NOT_POSSIBLE;
     if (!(c->s.memory.samples > 0)) {
         controller_start(&c->s.p, &c->s.memory);
-        memset(c->s.acting, 0, sizeof c->s.acting);
         memcpy(c->s.acting, c->s.p.start_force, sizeof c->s.p.start_force);
     }
 #if HAS_REFERENCE_INPUTS

@@ -12,14 +12,25 @@ import pytest
 from numpy.typing import ArrayLike
 
 from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.fmu import component_of, controller_fmu
 from gough_stewart.harness.loop.loop import Run
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.unit import FmuFile
-from tests.support.controllers import SAMPLE_TIME, forces_of, run_of, uneven_experiment
+from gough_stewart.model.kinematics import leg_geometry
+from tests.support.controllers import (
+    FORCE_LIMIT,
+    INTEGRAL,
+    PROPORTIONAL,
+    SAMPLE_TIME,
+    forces_of,
+    run_of,
+    uneven_experiment,
+)
 from tests.support.fmu_plants import DISCARD, ERROR, Plant, refused
+from tests.support.uneven import UNEVEN
 
 LENGTHS = signals.positions(("leg_length",))
 TOLERANCE = 1e-9
@@ -60,6 +71,14 @@ def assert_forces(found: list[np.ndarray], expected: np.ndarray) -> None:
 
 def lengths_at(run: Run, sample: int) -> np.ndarray:
     return np.asarray(run.measured[sample, LENGTHS])
+
+
+def reference_lengths(exported: Exported, sample: int) -> np.ndarray:
+    """Of the legs on the reference, by the geometry (6,) [m]."""
+    reference = exported.designed.reference
+    assert reference is not None
+    at = reference(np.array([sample * SAMPLE_TIME]))
+    return np.asarray(leg_geometry(UNEVEN, at.position[0], at.orientation[0]).length)
 
 
 SAMPLES = 90  # later ones look ahead beyond the end of the run in Python
@@ -172,20 +191,27 @@ def test_another_start_time_and_an_importer_that_adds_up_steps(unit: Plant, expo
     assert_forces(forces, forces_of(exported.run)[:60])
 
 
-def test_a_first_sample_of_zeros_gives_the_static_forces(unit: Plant, exported: Exported) -> None:
-    """Expected: start forces and no flag; then a controller that is at rest in its first measurement.
+def test_a_first_sample_of_zeros_gives_the_start_forces_and_the_next_begins_at_rest(
+    unit: Plant, exported: Exported
+) -> None:
+    """Expected: start forces and no flag; then F = (kp + ki T/2) e + known, cut to the limit.
 
-    The same controller with the integral switched off has no memory but of the derivative: at rest it gives, at sample
-    1, what a unit gives whose samples 0 and 1 both saw that measurement.
+    The derivative is at rest in its first error e, the integral has half a step of it by Tustin's rule; e is of the
+    reference at time T, and what is known beforehand is that of 1.5 T later.
     """
     unit.initialise()
     unit.do_step(0.0, SAMPLE_TIME)
     np.testing.assert_array_equal(unit.get("actuator_force"), exported.designed.start_force)
     np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
-    unit.set("leg_length", lengths_at(exported.run, 0))
+    error = np.array([0.011, -0.017, 0.2, -0.008, -0.3, 0.004])  # two of the legs beyond their limit
+    unit.set("leg_length", reference_lengths(exported, 1) - error)
     unit.do_step(SAMPLE_TIME, SAMPLE_TIME)
-    assert np.abs(unit.get("actuator_force")).max() <= 75.0
-    assert (unit.get("actuator_force") != exported.designed.start_force).all()
+    reference = exported.designed.reference
+    assert reference is not None
+    known = feedforward("computed_torque", UNEVEN, reference(np.array([2.5 * SAMPLE_TIME])))[0]
+    command = (np.array(PROPORTIONAL) + np.array(INTEGRAL) * SAMPLE_TIME / 2) * error + known
+    assert_forces([unit.get("actuator_force")], np.clip(command, -FORCE_LIMIT, FORCE_LIMIT))
+    np.testing.assert_array_equal(unit.get("force_limited"), [0, 0, 1, 0, 1, 0])
 
 
 def test_a_state_in_the_middle_has_the_same_future_in_another_instance(unit: Plant, exported: Exported) -> None:
@@ -218,30 +244,31 @@ def test_a_state_in_the_middle_has_the_same_future_in_another_instance(unit: Pla
 
 
 def test_a_tunable_gain_acts_from_the_next_sample_on(unit: Plant, exported: Exported) -> None:
-    """Expected: twice the proportional gain adds, to a controller at rest before, its share of the error."""
+    """Expected: a proportional gain larger by Δ adds Δ e to the force of a sample; nothing to one that was taken."""
+    change = np.array([310.0, -240.0, 520.0, 95.0, -430.0, 170.0])
+    errors = 0.01 * np.array([[3, -1, 4, -1, 5, -9], [2, 6, -5, 3, -5, 8], [-9, 7, -9, 3, 2, 3]])
     unit.initialise()
-    unit.set("leg_length", lengths_at(exported.run, 0))
+    for limit in ("force_limit", "force_rate_limit"):  # else the integral would hear of it
+        unit.set(limit, 0.0)
+    unit.set("leg_length", reference_lengths(exported, 0) - errors[0])
     unit.do_step(0.0, SAMPLE_TIME / 2)
-    gain = unit.get("proportional_gain")
-    unit.set("force_limit", 0.0)
-    unit.set("proportional_gain", 2 * gain)
-    before = unit.serialized()
-    unit.do_step(SAMPLE_TIME / 2, SAMPLE_TIME / 2)
-    first = unit.get("actuator_force")
-    unit.restore(before)
-    unit.set("proportional_gain", gain)
-    unit.do_step(SAMPLE_TIME / 2, SAMPLE_TIME / 2)
-    np.testing.assert_array_equal(unit.get("actuator_force"), first)  # of the sample that was taken before
-    outputs = []
-    for gains in (gain, 2 * gain):
-        unit.restore(before)
-        unit.set("proportional_gain", gains)
+    middle = unit.serialized()
+
+    def forces(gain: np.ndarray) -> np.ndarray:
+        unit.restore(middle)
+        unit.set("proportional_gain", gain)
         unit.do_step(SAMPLE_TIME / 2, SAMPLE_TIME / 2)
+        found = [unit.get("actuator_force")]
         for k in (1, 2):
-            unit.set("leg_length", lengths_at(exported.run, 0) + 0.001 * np.arange(1, 7) * (k - 1))
+            unit.set("leg_length", reference_lengths(exported, k) - errors[k])
             unit.do_step(k * SAMPLE_TIME, SAMPLE_TIME)
-        outputs.append(unit.get("actuator_force"))
-    assert (np.abs(outputs[1] - outputs[0]) > 0).all()
+            found.append(unit.get("actuator_force"))
+        return np.array(found)
+
+    gain = np.array(PROPORTIONAL)
+    difference = forces(gain + change) - forces(gain)
+    np.testing.assert_array_equal(difference[0], np.zeros(6))
+    np.testing.assert_allclose(difference[1:], change * errors[1:], rtol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,252 @@
+"""When a controller's unit takes samples, and what it refuses; its law is short, so that forces are known beforehand.
+
+Force k of a sample at time t with position p is RATE t + WEIGHT p + COUNT (samples before) + √p₃, cut to the limit.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.fmu import component_of, controller_fmu
+from gough_stewart.harness.plants.unit import FmuFile
+from tests.fmu_build.test_saved_bytes import accepts, numbers_of, with_numbers
+from tests.support.controllers import FORCE_LIMIT, SAMPLE_TIME, uneven_experiment
+from tests.support.fmu_plants import DISCARD, OK, Plant, refused
+
+T = SAMPLE_TIME
+RATE = np.array([300.0, -100.0, 400.0, -150.0, 500.0, -900.0])  # [N/s]
+WEIGHT = np.array([[2.0, -7.0, 1.0], [8.0, 2.0, -8.0], [1.0, 8.0, 2.0], [-8.0, 4.0, 5.0], [9.0, 0.5, 4.0], [5, -2, 3]])
+COUNT = np.array([0.7, -1.1, 0.3, 2.1, -0.4, 1.9])  # [N]
+FIRST, SECOND, THIRD = np.array([[0.4, -0.3, 2.5], [-0.2, 0.6, 1.7], [0.7, 0.1, 3.1]])  # [m]
+
+
+class Units(dict[str, FmuFile]):
+    """By FMI version, and what they share."""
+
+    layout: Layout
+    start_force: NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def units(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
+    folder: Path = tmp_path_factory.mktemp("samples")
+    t, p, count = casadi.SX.sym("t"), casadi.SX.sym("p", 3), casadi.SX.sym("count")
+    force = casadi.DM(RATE) * t + casadi.mtimes(casadi.DM(WEIGHT), p) + casadi.DM(COUNT) * count + casadi.sqrt(p[2])
+    names = ["time", "position", "memory"], ["actuator_force", "memory_next"]
+    law = casadi.Function("law", [t, p, count], [force, count + 1], *names)
+    chosen = designed(uneven_experiment(folder, feedforward="none"), law)
+    files = Units({file.version: file for file in map(FmuFile, controller_fmu(chosen, folder, name="samples"))})
+    files.layout, files.start_force = component_of(chosen).layout, chosen.start_force
+    yield files
+    for file in files.values():
+        file.close()
+
+
+@pytest.fixture(params=["2.0", "3.0"])
+def unit(request: pytest.FixtureRequest, units: Units) -> Iterator[Plant]:
+    """An instance, not yet initialised."""
+    with Plant(units[request.param], layout=units.layout) as one:
+        yield one
+
+
+def force(sample: int, position: ArrayLike, sample_time: float = T) -> NDArray[np.float64]:
+    """The forces that a sample decides."""
+    p = np.asarray(position)
+    free = RATE * sample * sample_time + WEIGHT @ p + COUNT * sample + np.sqrt(p[2])
+    return np.asarray(np.clip(free, -FORCE_LIMIT, FORCE_LIMIT))
+
+
+def assert_force(unit: Plant, expected: NDArray[np.float64]) -> None:
+    np.testing.assert_allclose(unit.get("actuator_force"), expected, rtol=1e-12, atol=1e-9)
+
+
+# By which a communication point may miss a sample: the larger of 1e-6 T and 1e-9 max(1, |t|), at most T/20.
+SLACKS = [
+    (0.0, T, 1e-6 * T),
+    (-0.25, 2.5e-4, 1e-9),
+    (12.3, T, 1e-9 * 12.304),
+    (-30.0, T, 1e-9 * 29.996),
+    (86_400.0, T, 86_400e-9),
+    (1e6, T, T / 20),
+    (3.0, 0.05, 1e-6 * 0.05),
+]
+
+
+@pytest.mark.parametrize(("start", "sample_time", "slack"), SLACKS)
+def test_a_step_that_misses_a_sample_by_rounding_meets_it(
+    unit: Plant, units: Units, start: float, sample_time: float, slack: float
+) -> None:
+    """Expected: forces of sample 0 are out at the end of the step, and the next step begins with sample 1."""
+    unit.set("sample_time", sample_time)
+    unit.initialise(time=start)
+    unit.set("position", FIRST)
+    before = unit.serialized()
+    unit.do_step(start, sample_time - 1.1 * slack)
+    assert_force(unit, units.start_force)
+    unit.restore(before)
+    end = start + (sample_time - 0.9 * slack)
+    unit.do_step(start, sample_time - 0.9 * slack)
+    assert unit.get("time") == end
+    assert_force(unit, force(0, FIRST))
+    unit.set("position", SECOND)
+    unit.do_step(end, sample_time)
+    assert_force(unit, force(1, SECOND, sample_time))
+
+
+def test_flags_and_forces_wait_for_the_next_sample(unit: Plant, units: Units) -> None:
+    """Expected: before, no flag and the start forces; nothing that was set is changed by a step."""
+    far = np.array([9.0, -1.0, 4.0])
+    unit.set("position", far)
+    unit.initialise()
+    free = WEIGHT @ far + 2.0
+    assert 1 <= (np.abs(free) > FORCE_LIMIT).sum() <= 5
+    for step in (0.3 * T, 0.6 * T):
+        np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
+        assert_force(unit, units.start_force)
+        unit.do_step(unit.get("time").item(), step)
+    unit.do_step(0.9 * T, 0.2 * T)
+    np.testing.assert_array_equal(unit.get("force_limited"), np.abs(free) > FORCE_LIMIT)
+    assert_force(unit, np.clip(free, -FORCE_LIMIT, FORCE_LIMIT))
+    np.testing.assert_array_equal(unit.get("position"), far)
+    assert unit.get("time").item() == pytest.approx(1.1 * T, rel=1e-12)
+
+
+def test_inputs_go_on_at_their_rates(units: Units) -> None:
+    """Expected: p + ṗ t, also where samples see it."""
+    rates = np.array([13.0, -21.0, 34.0])
+    with Plant(units["2.0"], layout=units.layout) as unit:
+        unit.initialise(time=-1.0)
+        unit.set("position", FIRST)
+        unit.set_input_rates("position", rates)
+        unit.do_step(-1.0, 2.5 * T)
+        np.testing.assert_allclose(unit.get("position"), FIRST + 2.5 * T * rates, rtol=1e-12)
+        assert_force(unit, force(1, FIRST + T * rates))
+
+
+def test_a_state_before_the_first_sample_can_be_restored(unit: Plant, units: Units) -> None:
+    unit.initialise()
+    unit.set("position", FIRST)
+    blob = unit.serialized()
+    unit.do_step(0.0, 3 * T)
+    for one in (unit, Plant(unit.of, layout=units.layout)):
+        with one:
+            one.restore(blob)
+            assert_force(one, units.start_force)
+            one.set("position", SECOND)
+            one.do_step(0.0, T)
+            assert_force(one, force(0, SECOND))
+
+
+def test_after_a_reset_a_unit_is_as_new(unit: Plant, units: Units) -> None:
+    """Expected: the bytes of an instance that was never used."""
+    with Plant(unit.of, layout=units.layout) as new:
+        expected = new.serialized()
+    unit.set("force_limit", 11.0)
+    unit.initialise(time=3.0, stop=5.0)
+    unit.set("position", FIRST)
+    unit.do_step(3.0, 2.5 * T)
+    unit.fmu.reset()
+    assert unit.serialized() == expected
+
+
+@pytest.fixture
+def sampled_thrice(unit: Plant) -> bytes:
+    unit.initialise()
+    unit.set("position", FIRST)
+    unit.do_step(0.0, 2.5 * T)
+    return unit.serialized()
+
+
+def test_numbers_that_no_state_has_are_refused(unit: Plant, sampled_thrice: bytes) -> None:
+    """Expected: no NaN; infinity for stop time and limits; below 0 neither samples nor what has that bound."""
+    good = numbers_of(sampled_thrice)
+    may_be_infinite, not_negative = [], []
+    for k, value in enumerate(good):
+        for bad in (np.nan, np.inf, -1.0):
+            changed = good.copy()
+            changed[k] = bad
+            accepted = accepts(unit, with_numbers(sampled_thrice, changed))
+            assert not (accepted and np.isnan(bad)), k
+            may_be_infinite += [value] if accepted and bad == np.inf else []
+            not_negative += [value] if not accepted and bad == -1.0 else []
+    assert sorted(may_be_infinite) == [FORCE_LIMIT, 4000.0, np.inf]
+    assert sorted(not_negative) == [T, 1.0, 3.0, FORCE_LIMIT, 4000.0]  # with delay and samples
+
+
+EARLY = [(0.0, 2 * T, 2), (2.5 * T, 2.5 * T, 2), (9 * T, 7 * T, 7), (np.nan, 7 * T, 7)]
+
+
+@pytest.mark.parametrize(("wanted", "reached", "sample"), EARLY)
+def test_a_step_ends_early_when_the_importer_asks_at_a_sample(
+    units: Units, wanted: float, reached: float, sample: int
+) -> None:
+    """Expected: at the time it asks for, at once if that has passed, and never beyond the step; then it goes on."""
+
+    def update(_environment: Any, time: float, *arguments: Any) -> None:
+        if time == 2 * T:
+            early, at = arguments[-2:]
+            early[0], at[0] = True, wanted
+
+    with Plant(units["3.0"], layout=units.layout, intermediateUpdate=update, earlyReturnAllowed=True) as unit:
+        unit.initialise()
+        unit.set("position", FIRST)
+        _, _, early, last = unit.step(0.0, 7 * T)
+        assert (early, last) == (reached < 7 * T, reached)
+        assert unit.get("time") == reached
+        unit.do_step(reached, T)
+        assert_force(unit, force(sample, FIRST))
+
+
+@pytest.mark.parametrize("start", [-2000.0, 2.0])
+def test_a_step_of_a_million_samples_is_refused(unit: Plant, start: float) -> None:
+    """Expected: 4000 s at 4 ms, counted from the sample that is due."""
+    unit.initialise(time=start)
+    unit.set("position", FIRST)
+    before = unit.serialized()
+    assert refused(unit.do_step, start, 4000.0) == DISCARD
+    assert (
+        f"communication step to {start + 4000:g} s refused: more than 1000000 samples, sample_time = 0.004 s; "
+        "expected shorter steps"
+    ) in unit.take_messages()
+    assert unit.serialized() == before
+
+
+@pytest.mark.parametrize(("start", "status"), [(1.7e10, OK), (1.9e10, DISCARD), (-1.7e10, OK), (-1.9e10, DISCARD)])
+def test_a_sample_time_of_less_than_a_thousand_roundings_of_time_is_refused(
+    unit: Plant, start: float, status: int
+) -> None:
+    """Expected: 4 ms are 1000 roundings of a double, 2⁻⁵² relative, at 1.8e10 s."""
+    unit.initialise(time=start)
+    unit.set("position", FIRST)
+    assert refused(unit.do_step, start, T) == status
+    message = f"sample_time = 0.004 s refused; too short to be told apart at time {abs(start):g} s"
+    assert (message in unit.take_messages()) == (status == DISCARD)
+
+
+def test_forces_that_are_no_number_are_refused(unit: Plant, sampled_thrice: bytes) -> None:
+    """Expected: at √−1, in the sample at 3 T; the state stays."""
+    unit.set("position", [0.1, 0.2, -1.0])
+    before = unit.serialized()
+    assert refused(unit.do_step, 2.5 * T, T) == DISCARD
+    assert "at time 0.012 s: the forces are not finite" in unit.take_messages()
+    assert unit.serialized() == before
+    unit.restore(sampled_thrice)
+    unit.do_step(2.5 * T, T)
+
+
+def test_an_input_that_grows_beyond_all_numbers_is_refused(unit: Plant, sampled_thrice: bytes) -> None:
+    """Expected: as with a rate of 1e308 m/s, which only a state can have, after a second or two."""
+    numbers = numbers_of(sampled_thrice)
+    (place,) = np.flatnonzero((numbers[:-2] == FIRST[0]) & (numbers[2:] == FIRST[2]))
+    numbers[place + 3] = 1e308  # rates stand behind inputs
+    unit.restore(with_numbers(sampled_thrice, numbers))
+    assert refused(unit.do_step, 2.5 * T, 3.0) == DISCARD
+    assert "s: an input is not finite; its rate is too large" in unit.take_messages()
+    assert unit.get("time") == 2.5 * T
