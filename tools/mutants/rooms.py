@@ -11,6 +11,7 @@ LIBRARIES = (
 )
 # Beside the folder's mirror in tests/. Folders that are not here have their mirror alone.
 _NEARBY = {
+    "fmu_build/c": ("tests/harness/export/test_fmu.py", "tests/harness/export/test_fmu_samples.py"),
     "harness/loop": ("tests/harness/experiment",),
     "harness/control": ("tests/harness/loop", "tests/harness/experiment"),
     "harness/motion": ("tests/harness/loop", "tests/harness/experiment"),
@@ -25,11 +26,11 @@ _IN_BROWSER = {
 
 
 def tests_of(folder: str, root: Path) -> tuple[str, ...]:
-    """Folders of tests that see one of the sources: its mirror or that of a folder above, and nearby ones."""
+    """Tests that see one of the sources: its mirror or that of a folder above, and nearby ones."""
     if Path(folder).as_posix() in _IN_BROWSER:
         return _IN_BROWSER[Path(folder).as_posix()]
     for above in (Path(folder), *Path(folder).parents):
         if above != Path() and (root / "tests" / above).is_dir():
             nearby = _NEARBY.get(Path(folder).as_posix(), ())
-            return (f"tests/{above.as_posix()}", *(each for each in nearby if (root / each).is_dir()))
+            return (f"tests/{above.as_posix()}", *(each for each in nearby if (root / each).exists()))
     raise LookupError(f"no folder of tests for {folder}; expected tests/{folder}, or name some by --tests")

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.actuators import Actuators, Drives
+from gough_stewart.harness.loop.loop import simulate
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTH, Masses
 from tests.support.loops import FORCES, SHARES, constant, excess_gain, loop_of, run_with
@@ -30,6 +32,28 @@ def test_the_force_limit_cuts_on_both_sides_and_says_so() -> None:
     assert (run.inputs[:, :6] == [4, -4, 4, -4, 3, -4]).all()
     assert (run.force_limited == [True, True, False, False, False, True]).all()
     assert not run.rate_limited.any()
+
+
+class Limiting:
+    """Gives `FORCES`, and says of each sample which of them it has limited itself."""
+
+    used: tuple[str, ...] = ()
+    state = np.zeros(0)
+
+    def __init__(self, flags: NDArray[np.bool_]) -> None:
+        self._flags, self.limited = flags, flags[0]
+
+    def force(self, k: int, *_: object) -> FloatArray:
+        self.limited = self._flags[k]
+        return FORCES
+
+
+def test_forces_that_the_controller_limits_itself_count_as_limited() -> None:
+    """Expected: its flags of that sample, and those of the actuators beside them."""
+    flags = np.random.default_rng(2).random((10, 6)) < 0.3
+    loop = loop_of(0.1, actuators=Actuators(force_limit=1.5))
+    run = simulate(Masses(), lambda _wanted, _measured: Limiting(flags), loop)
+    np.testing.assert_array_equal(run.force_limited, flags | (np.abs(FORCES) > 1.5))
 
 
 def test_controllers_hear_what_the_force_limit_cut_off() -> None:
