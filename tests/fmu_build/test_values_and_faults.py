@@ -1,6 +1,6 @@
 """Values, refusals, calls out of order, messages: both versions, by FMPy."""
 
-from ctypes import POINTER, byref, c_double, c_uint32, c_void_p
+from ctypes import POINTER, byref, c_double, c_size_t, c_uint32, c_void_p
 from typing import Any
 
 import numpy as np
@@ -461,6 +461,26 @@ def test_functions_of_other_types_answer_that_there_are_none(fmu: Fmu) -> None:
             assert refused(get, [0]) == ERROR
             assert "no variables of this type" in p.messages[-1].text
             assert refused(get, []) == OK
+
+
+OTHER_TYPES_3 = (
+    *("Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String"),
+    "Binary",
+)
+
+
+@pytest.mark.parametrize("access", ["Get", "Set"])
+def test_a_reference_with_a_value_of_another_type_is_an_error_and_none_is_nothing(fmu: Fmu, access: str) -> None:
+    with plant(fmu) as p:
+        instance, one, room = c_void_p(p.fmu.component), byref(c_uint32(0)), byref((c_double * 4)())
+        for of_type in ("Integer", "Boolean", "String") if p.is_fmi2 else OTHER_TYPES_3:
+            function = p.fmu.dll[f"fmi{fmu.version[0]}{access}{of_type}"]
+            arrays = [room] * (2 if of_type == "Binary" else 1)
+            for n, n_values, expected in ((1, 1, ERROR), (1, 0, ERROR), (0, 1, ERROR), (0, 0, OK)):
+                if p.is_fmi2 and n != n_values:
+                    continue
+                counted = [] if p.is_fmi2 else [c_size_t(n_values)]
+                assert function(instance, one, c_size_t(n), *arrays, *counted) == expected, (of_type, n, n_values)
 
 
 def test_every_function_of_the_standard_is_exported(fmu: Fmu) -> None:
