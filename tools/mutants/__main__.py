@@ -13,7 +13,7 @@ from queue import Queue
 
 from tools.mutants.copies import copy_of
 from tools.mutants.mutation import Mutant
-from tools.mutants.rooms import DEFAULT_FOLDERS, LIBRARIES, tests_of
+from tools.mutants.rooms import DEFAULT_FOLDERS, LIBRARIES, loaded_for, tests_of
 from tools.mutants.selection import equivalents, files_in, mutants_in_order
 from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
 
@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Itera
             tests = tuple(options.tests) if options.tests else tests_of(folder, root)
             print(f"{folder}: first {' '.join(tests)} on the sources as they are", flush=True)
             fates: dict[Mutant, Fate] = {}
-            with _benches(root, options.jobs, libraries) as benches:
+            with _benches(root, options.jobs, (*libraries, *loaded_for(folder))) as benches:
                 evidence = benches[0].clean_run(tests, [folder])
                 for mutant, fate in _trials(benches, mutants, tests, evidence, options.number):
                     fates[mutant] = fate

@@ -7,8 +7,10 @@ DEFAULT_FOLDERS = ("model", "fmu_build/c", "harness/loop", "harness/control", "h
 # Loaded once, before the trials.
 LIBRARIES = (
     *("pytest", "hypothesis", "numpy", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial.transform"),
-    *("casadi", "control", "fmpy", "lxml.etree"),
+    *("casadi", "control", "fmpy", "lxml.etree", "pydantic"),
 )
+# Loaded after them, from the copy; no mutant of the folder is in it.
+_READY = {"harness": ("tools.mutants.ready",)}
 # Beside the folder's mirror in tests/. Folders that are not here have their mirror alone.
 _NEARBY = {
     "fmu_build/c": ("tests/harness/export/test_fmu.py", "tests/harness/export/test_fmu_samples.py"),
@@ -23,6 +25,11 @@ _IN_BROWSER = {
     "harness/workspace/web": ("tests/harness/workspace/test_in_browser.py",),
     "harness/output/web": ("tests/harness/view/test_in_browser.py", "tests/harness/workspace/test_in_browser.py"),
 }
+
+
+def loaded_for(folder: str) -> tuple[str, ...]:
+    """Modules of the repository that do not depend on a folder, for its trials to begin with."""
+    return _READY.get(Path(folder).parts[0], ())
 
 
 def tests_of(folder: str, root: Path) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """A process that has loaded libraries, its arguments, and forks into runs of pytest, asked for by lines of JSON.
 
-Loading NumPy, SciPy, CasADi and python-control takes longer than most mutants live. Nothing of the repository is
-loaded before the fork.
+Loading NumPy, SciPy, CasADi and python-control takes longer than most mutants live. Of the repository only what no
+mutant of the folder can change is loaded before the fork.
 """
 
 import importlib

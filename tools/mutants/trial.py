@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -75,7 +76,7 @@ class Bench:
     def __init__(self, copy: Path, scratch: Path, libraries: Iterable[str]) -> None:
         self.copy, self.scratch, self._libraries = copy, scratch, libraries
         scratch.mkdir(parents=True)
-        (scratch / "tmp").mkdir()
+        self._temporary = Path(tempfile.mkdtemp(dir=scratch))
         self._server: subprocess.Popen[str] | None = None
         self._stopped = False
 
@@ -162,8 +163,9 @@ class Bench:
         result, plan_file = self.scratch / "result.json", self.scratch / "plan.json"
         result.unlink(missing_ok=True)
         plan_file.write_text(json.dumps({**plan, "result": str(result)}), encoding="utf-8")
-        shutil.rmtree(self.scratch / "tmp")
-        (self.scratch / "tmp").mkdir()
+        # another one each time: a process that a mutant has left behind may still be busy in the last one
+        shutil.rmtree(self._temporary, ignore_errors=True)
+        self._temporary = Path(tempfile.mkdtemp(dir=self.scratch))
         plugins = ["-p", "tools.mutants.plugin", "-p", "no:cacheprovider"]
         # what is compiled from a mutant stays out of the user's caches
         own = {
@@ -171,7 +173,7 @@ class Bench:
             "MUTANTS_PLAN": str(plan_file),
             "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # the tests need none, and they take a second to load
             "ZIG_GLOBAL_CACHE_DIR": str(self.scratch.parent / "zig"),
-            "TMPDIR": str(self.scratch / "tmp"),
+            "TMPDIR": str(self._temporary),
         }
         printed = self.scratch / "printed"
         request = {
