@@ -12,7 +12,11 @@ from gough_stewart.fmu_build.toolchain import compile_library
 
 # How the unit calls what the loop calls leg_length, reference_leg_length and actuator_force.
 NAMES = {"leg_length": "y_{}", "reference_leg_length": "r", "actuator_force": "u"}
+# When a step fails where the gain is below 0: with this gain by its status, with others by a crash.
 FAILS_AT = 0.5
+REFUSES = -2.0
+# It takes no larger gain.
+MOST = 1e9
 _SOURCE = """
 #include <stddef.h>
 #include <stdlib.h>
@@ -25,7 +29,10 @@ API void* fmi2Instantiate(const char* a, int b, const char* c, const char* d, co
   return v;
 }
 API int fmi2SetReal(void* c, const unsigned* references, size_t n, const double* values) {
-  for (size_t k = 0; k < n; k++) ((double*)c)[references[k]] = values[k];
+  for (size_t k = 0; k < n; k++) {
+    if (references[k] == GAIN && values[k] > MOST) return 3;
+    ((double*)c)[references[k]] = values[k];
+  }
   return 0;
 }
 API int fmi2GetReal(void* c, const unsigned* references, size_t n, double* values) {
@@ -41,7 +48,10 @@ API int fmi2ExitInitializationMode(void* c) { (void)c; return 0; }
 API int fmi2DoStep(void* c, double time, double step, int n) {
   (void)step; (void)n;
   double* v = c;
-  if (v[GAIN] < 0 && time >= FAILS_AT) abort();
+  if (v[GAIN] < 0 && time >= FAILS_AT) {
+    if (v[GAIN] == REFUSES) return 3;
+    abort();
+  }
   for (int k = 0; k < 6; k++) v[U + k] = v[GAIN] * (v[R + k] - v[Y + k]);
   return 0;
 }
@@ -52,7 +62,9 @@ API void fmi2FreeInstance(void* c) { free(c); }
 def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Path:
     """The archive; with another unit of lengths, or fewer outputs, a wrong one."""
     (native,) = chosen_targets(["native"])
-    source = _SOURCE.replace("FAILS_AT", str(FAILS_AT))
+    source = _SOURCE
+    for word, number in (("FAILS_AT", FAILS_AT), ("REFUSES", REFUSES), ("MOST", MOST)):
+        source = source.replace(word, str(number))
     # what FMPy looks for and does not call here
     others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - set(
         re.findall(r"fmi2\w+", source)

@@ -239,6 +239,8 @@ def test_loops_that_are_none_are_refused() -> None:
         (np.ones((6, 5)), "is 6×5; expected as many outputs as inputs"),
         (np.full((6, 6), np.nan), "is not finite"),
         (-np.eye(6), "expected a delay or a lag"),
+        # 1 + L has no digits left: the condition number is 6/(4 ε)
+        (np.diag([5, 0, 0, 0, 0, 4 * np.finfo(float).eps - 1]), "expected a delay or a lag"),
     ):
         with pytest.raises(ControllerError, match=message):
             loop_margins(control.ss([], [], [], loop))
@@ -360,6 +362,15 @@ def test_the_lag_of_the_actuators_is_in_the_loop() -> None:
     with_lag, without = (response(loop_transfer(platform, controller, T, lag=lag), omega) for lag in (tau, 0.0))
     ratio = np.abs(with_lag[:, 0, 0] / without[:, 0, 0])
     assert ratio == pytest.approx(1 / np.abs(1 + 1j * omega * tau), rel=1e-2)
+
+
+def test_the_states_of_lags_and_delays_are_counted() -> None:
+    """Expected: 12 of the platform, 6 of the lags, 6 of each sample of delay, 6 of the PD; 300 are few enough."""
+    controller = LinearController(sampled(pid(uneven_gains()), T))
+    with pytest.raises(ControllerError, match=r"delay of 47 samples .* loop of 306 states; expected at most 300"):
+        loop_transfer(UNEVEN, controller, T, delay=47, lag=0.02)
+    with pytest.raises(ControllerError, match=r"delay of 48 samples .* loop of 306 states; expected at most 300"):
+        loop_transfer(UNEVEN, controller, T, delay=48)
 
 
 def test_a_controller_of_another_sample_time_is_refused() -> None:

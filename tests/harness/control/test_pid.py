@@ -95,7 +95,9 @@ def test_backward_differences_take_any_filter() -> None:
     ("build", "match"),
     [
         (lambda: Gains(-1.0, 0.0), "proportional gain is -1.0; expected finite numbers > 0"),
+        (lambda: Gains([1.0, 2.0, 0.0, 3.0, 4.0, 5.0], 0.0), "proportional gain is .*; expected finite numbers > 0"),
         (lambda: Gains(1.0, float("nan")), "derivative gain is nan"),
+        (lambda: Gains(1.0, [1.0, 2.0, float("nan"), 3.0, 4.0, 5.0]), "derivative gain is .*; expected finite numbers"),
         (lambda: Gains([1.0, 2.0], 0.0), r"proportional gain has shape \(2,\)"),
         (lambda: Gains("stiff", 0.0), "proportional gain is 'stiff'"),
         (lambda: Gains(1.0, 0.0, -2.0), "integral gain is -2.0"),
@@ -265,6 +267,21 @@ def test_signals_and_spaces_are_checked() -> None:
         LinearController(static(6, 6), ("position", "orientation"), "task")
 
 
+def test_one_signal_may_be_named_without_a_list() -> None:
+    """Expected: the same as a list of one, also in task space, which takes that of the legs alone."""
+    for space in ("leg", "task"):
+        controller = LinearController(static(6, 6), "leg_length", space)  # type: ignore[arg-type]
+        assert controller.signals == ("leg_length",)
+
+
 def test_another_sample_time_is_refused() -> None:
+    """Expected: one in a million is another one; one in a million million comes of rounding."""
+    controller = controller_of(static(6, 6))
     with pytest.raises(ControllerError, match=r"sample time is 0.01 s, the loop's 0.001 s"):
-        law_of(controller_of(static(6, 6)), 0.001, np.zeros((0, 6, 6)), np.zeros(SIZE), np.zeros(SIZE))
+        law_of(controller, 0.001, np.zeros((0, 6, 6)), np.zeros(SIZE), np.zeros(SIZE))
+    assert isinstance(controller, LinearController)
+    for factor in (1 - 1e-6, 1 + 1e-6):
+        with pytest.raises(ControllerError, match=r"sample time is 0.01 s"):
+            controller.check_sample_time(T * factor)
+    for factor in (1 - 1e-12, 1 + 1e-12):
+        controller.check_sample_time(T * factor)

@@ -11,11 +11,15 @@ from gough_stewart.harness.errors import ControllerError
 T = 0.01
 
 
+@pytest.mark.parametrize("is_diagonal", [False, True])
 @pytest.mark.parametrize("method", METHODS)
-def test_sampling_is_python_controls(method: Method) -> None:
-    """Expected: the matrices of `control.sample_system`, by SciPy; of a full system with three inputs, two outputs."""
+def test_sampling_is_python_controls(method: Method, is_diagonal: bool) -> None:
+    """Expected: the matrices of `control.sample_system`, by SciPy; of a system with three inputs and two outputs.
+
+    Its states depend on each other; or each on itself alone, one integrates and one grows.
+    """
     rng = np.random.default_rng(3)
-    A = rng.normal(size=(4, 4)) - 20 * np.eye(4)
+    A = np.diag([-30.0, 0.0, 7.0, -110.0]) if is_diagonal else rng.normal(size=(4, 4)) - 20 * np.eye(4)
     B, C, D = rng.normal(size=(4, 3)), rng.normal(size=(2, 4)), rng.normal(size=(2, 3))
     found = discretised(StateSpace(A, B, C, D), T, method)
     expected = control.sample_system(control.ss(A, B, C, D), T, method)

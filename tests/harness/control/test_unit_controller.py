@@ -1,5 +1,6 @@
 """An FMU as controller: somebody else's, with other names, beside the same law as a Python function."""
 
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError
-from tests.support.foreign_controller import FAILS_AT, NAMES, foreign_controller
+from tests.support.fmu_plants import Fmu
+from tests.support.foreign_controller import FAILS_AT, MOST, NAMES, REFUSES, foreign_controller
 
 GAIN = 3e4
 # a moving reference, the plant stepped finer than the controller, damping by friction, so that P alone is stable
@@ -86,6 +88,49 @@ def test_names_that_do_not_fit_are_refused(
 ) -> None:
     with pytest.raises(ControllerError, match=message):
         UnitController(theirs, names, parameters, is_foreign=False).open(1e-3)
+
+
+def test_the_start_value_of_an_input_may_be_set_element_by_element(theirs: Path) -> None:
+    """Expected: u = gain (r − y) with the references as they were set; only lengths are fed back."""
+    r, y = np.linspace(1.0, 2.5, 6), np.linspace(0.3, -0.7, 6)
+    names = {name: own for name, own in NAMES.items() if name != "reference_leg_length"}
+    measured = np.zeros(24)
+    measured[12:18] = y
+    with UnitController(theirs, names, {"gain": 20.0, "r": r}, is_foreign=False).open(2e-3) as law:
+        assert law.force(0, 0.0, np.full(30, 9.0), measured, np.zeros(6)) == pytest.approx(20 * (r - y))
+
+
+def test_what_a_unit_refuses_without_a_word_is_named(theirs: Path) -> None:
+    """Expected: the parameter or the time, and the status of the call, 3; it logs nothing."""
+    with pytest.raises(ControllerError, match=rf"theirs\.fmu: gain = {2 * MOST} refused: .*3 \(error\)"):
+        UnitController(theirs, NAMES, {"gain": 2 * MOST}, is_foreign=False).open(2e-3)
+    with UnitController(theirs, NAMES, {"gain": REFUSES}, is_foreign=False).open(FAILS_AT) as law:
+        law.force(0, 0.0, np.zeros(30), np.zeros(24), np.zeros(6))
+        with pytest.raises(ControllerError, match=r"theirs\.fmu: at time 0\.5 s: .*3 \(error\)"):
+            law.force(1, FAILS_AT, np.zeros(30), np.zeros(24), np.zeros(6))
+
+
+def test_a_unit_for_another_sample_time_is_refused(theirs: Path, tmp_path: Path) -> None:
+    """Expected: one in a million off is another one, rounding is not."""
+    path = tmp_path / "timed.fmu"
+    with zipfile.ZipFile(theirs) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            content = old.read(name).replace(b'name="gain"', b'name="sample_time"')
+            new.writestr(name, content.replace(b'start="1000"', b'start="0.002"'))
+    for factor in (1 - 1e-6, 1 + 1e-6):
+        with pytest.raises(ControllerError, match=r"timed\.fmu: its sample_time is 0\.002 s, the loop's"):
+            UnitController(path, NAMES, is_foreign=False).open(2e-3 * factor)
+    for factor in (1 - 1e-12, 1 + 1e-12):
+        UnitController(path, NAMES, is_foreign=False).open(2e-3 * factor).close()
+
+
+def test_an_array_of_the_right_size_is_a_signal_and_another_is_none(fmus: dict[str, Fmu]) -> None:
+    """Expected: of the plant's FMU 3.0 position is an array of 3, but an output; its joint forces are 6×3, not 3."""
+    path = fmus["3.0"].path
+    with pytest.raises(ControllerError, match="position is of causality output; expected an input, for position"):
+        UnitController(path, is_foreign=False).open(1e-3)
+    with pytest.raises(ControllerError, match=r"no variable joint_force\[1\], for position"):
+        UnitController(path, {"position": "joint_force"}, is_foreign=False).open(1e-3)
 
 
 def test_wrong_units_and_missing_elements_are_refused(tmp_path: Path) -> None:

@@ -1,0 +1,104 @@
+"""Margins of loops in which no channel is like another: of other gains, decades apart, with leads and lags."""
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+from gough_stewart.harness.control import margins
+from gough_stewart.harness.control.margins import Margins, loop_margins
+from gough_stewart.harness.control.structured import scaled_norm
+
+# k/(s/ω + 1)³ in a channel, or with ω/s in the place of s/ω: passes low frequencies, or high ones
+GAINS = np.array([1.5, 2.0, 3.0, 4.5, 6.0, 2.5])
+CORNERS = np.array([0.003, 40.0, 0.9, 700.0, 8.0, 0.05])
+LAGS = np.array([True, False, False, True, False, True])
+
+
+def third_order(gain: float, corner: float, lags: bool) -> Any:
+    s = control.tf("s")
+    x = s / corner if lags else corner / s
+    return control.ss(control.tf(gain / (x + 1) ** 3))
+
+
+@pytest.fixture(scope="module")
+def unequal() -> Margins:
+    channels = zip(GAINS.tolist(), CORNERS.tolist(), LAGS.tolist(), strict=True)
+    return loop_margins(control.append(*(third_order(*each) for each in channels)))
+
+
+def of_legs(margins: Margins, name: str) -> list[float]:
+    return [getattr(leg, name) for leg in margins.legs]
+
+
+def test_every_channel_has_the_gain_margin_of_its_gain(unequal: Margins) -> None:
+    """Expected: x³ + 3 x² + 3 x + 1 + k is stable below k = 8, by Routh's rule; 1/x is stable where x is."""
+    assert of_legs(unequal, "gain_up") == pytest.approx(8 / GAINS, rel=1e-5)
+    assert of_legs(unequal, "gain_down") == [0] * 6
+
+
+def test_every_channel_has_the_crossover_and_the_phase_of_its_corner(unequal: Margins) -> None:
+    """Expected: |x| = √(k^(2/3) − 1) at gain 1, where x³ leaves a lag of φ = π − 3 atan |x|; to 1/x it is a lead.
+
+    What may lead by φ may lag by 2π − φ.
+    """
+    x = np.sqrt(GAINS ** (2 / 3) - 1)
+    crossover = CORNERS * np.where(LAGS, x, 1 / x)
+    phase = np.pi - 3 * np.arctan(x)
+    assert of_legs(unequal, "crossover") == pytest.approx(crossover / (2 * np.pi), rel=1e-6)
+    assert of_legs(unequal, "phase") == pytest.approx(phase, rel=1e-6)
+    assert of_legs(unequal, "delay") == pytest.approx(np.where(LAGS, phase, 2 * np.pi - phase) / crossover, rel=1e-6)
+
+
+def test_a_gain_that_may_change_a_million_times_is_free() -> None:
+    """Expected: closed poles 1 − k of k/(s − 1), and k < 8 of k/(s + 1)³; 1/k and 8/k on either side of a million."""
+    gains = np.array([5e5, 2e6, 4e-7, 2e-5])
+    first = [control.ss(control.tf([gain], [1, -1])) for gain in gains[:2]]
+    third = [control.ss(control.tf([gain], [1, 3, 3, 1])) for gain in gains[2:]]
+    margins = loop_margins(control.append(*first, *third))
+    assert of_legs(margins, "gain_down") == pytest.approx([1 / gains[0], 0, 0, 0])
+    assert of_legs(margins, "gain_up") == pytest.approx([np.inf, np.inf, np.inf, 8 / gains[3]], rel=1e-5)
+
+
+def test_a_narrow_resonance_beyond_a_quarter_of_the_sample_rate_is_not_overlooked() -> None:
+    """Expected: of S = (z² − 2 r₀ cos θ z + r₀²)/(z² − 2 r cos θ z + r²), (1 − r₀)/(1 − r) at θ."""
+    theta, r, r0, T = 2.5, 1 - 1e-6, 1 - 2e-5, 0.01
+    closed, opened = ([1, -2 * p * np.cos(theta), p**2] for p in (r, r0))
+    one = control.ss(control.tf(np.subtract(closed, opened)[1:], opened, T))
+    found = loop_margins(control.append(one, one))
+    assert found.sensitivity_peak == pytest.approx((1 - r0) / (1 - r), rel=1e-3)
+    assert found.disk.frequency == pytest.approx(theta / T / (2 * np.pi), rel=1e-5)
+
+
+def test_a_peak_is_refined_between_the_neighbours_of_the_highest_point() -> None:
+    """Expected: of 1/s, |S/T| = ω, so that any function of ω can be had; its highest peak, not a lower one nearby."""
+
+    def two_peaks(x: Any) -> Any:
+        # the lower one is broad, and lies beyond a neighbour of the highest point
+        return 2 / (1 + ((x - 0.32) / 0.04) ** 2) + 1.2 / (1 + ((x + 0.5) / 0.15) ** 2)
+
+    integrator = control.ss(control.tf([1], [1, 0]))
+    points = np.array([-2.0, -1.0, 0.0, 0.3, 0.6, 2.0])
+    for way, logarithms in ((1, points), (-1, -points[::-1])):
+        height, at = margins._peak(
+            lambda S, T, way=way: two_peaks(way * np.log(np.abs(S / T)[:, 0, 0])), integrator, np.exp(logarithms)
+        )
+        assert height == pytest.approx(2 + 1.2 / (1 + (0.82 / 0.15) ** 2), rel=1e-4)
+        assert way * np.log(at) == pytest.approx(0.32, abs=1e-3)
+
+
+def test_crossings_are_found_wherever_they_lie_on_the_grid() -> None:
+    """Expected: the roots; in the first and the last interval, and in three that follow each other."""
+    roots, grid = np.array([1.3, 4.1, 5.6, 6.2, 9.9]), np.array([1.0, 2.0, 3.5, 5.0, 6.0, 7.0, 8.0, 10.0])
+
+    def polynomial(omega: Any) -> Any:
+        return np.prod(omega[:, None] - roots, axis=1)
+
+    assert margins._crossings(polynomial, grid, polynomial(grid)) == pytest.approx(roots)
+
+
+def test_one_way_couplings_do_not_count() -> None:
+    """Expected: μ of a triangle is its largest element of the diagonal, however large the others are."""
+    upper = np.array([[2, 40, -7], [0, -3j, 90], [0, 0, 1]], dtype=complex)
+    assert scaled_norm(np.array([upper, upper.T])) == pytest.approx([3, 3], rel=0.01)
