@@ -16,6 +16,8 @@ from tests.support.fmu_plants import Fmu
 
 # From this time on a step fails [s].
 FAILS_AT = 0.0095
+# The environment variable with the name of a file that the unit makes when it is freed.
+FREED = "FREED"
 
 
 class Failure(IntEnum):
@@ -27,24 +29,31 @@ class Failure(IntEnum):
     CRASH = 4
     HANG = 5
     PRINT = 6  # no failure: it writes to its standard output, and goes on
+    LEAVE = 7  # ends its process as if all were well
 
 
 _SOURCE = """
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
-typedef struct { void (*log)(void*, const char*, int, const char*, const char*, ...); void* rest[4]; } Callbacks;
-static int failure;
+typedef struct {
+  void (*log)(void*, const char*, int, const char*, const char*, ...);
+  void* (*allocate)(size_t, size_t);
+  void (*release)(void*);
+  void* rest[2];
+} Callbacks;
+static int* failure;
 static const Callbacks* callbacks;
 #define API __attribute__((visibility("default")))
 API void* fmi2Instantiate(const char* a, int b, const char* c, const char* d, const Callbacks* e, int f, int g) {
   (void)a; (void)b; (void)c; (void)d; (void)f; (void)g;
   callbacks = e;
-  return &failure;
+  failure = e->allocate(1, sizeof *failure);
+  return failure;
 }
 API int fmi2SetReal(void* c, const unsigned* references, size_t n, const double* values) {
   (void)c;
-  for (size_t k = 0; k < n; k++) if (references[k] == FIXED_STEP_SIZE) failure = (int)values[k];
+  for (size_t k = 0; k < n; k++) if (references[k] == FIXED_STEP_SIZE) *failure = (int)values[k];
   return 0;
 }
 API int fmi2GetReal(void* c, const unsigned* references, size_t n, double* values) {
@@ -61,17 +70,22 @@ API int fmi2ExitInitializationMode(void* c) { (void)c; return 0; }
 API int fmi2DoStep(void* c, double time, double step, int n) {
   (void)c; (void)step; (void)n;
   if (time < FAILS_AT) return 0;
-  switch (failure) {
+  switch (*failure) {
     case 1: callbacks->log(NULL, "plant", 3, "logStatusError", "the oil is cold"); return 3;
     case 2: return 4;
     case 3: fprintf(stderr, "out of oil\\n"); exit(7);
     case 4: abort();
     case 5: for (;;) { volatile int x = 0; (void)x; }
-    case 6: printf("%1000d\\n", 1); fflush(stdout);
+    case 6: printf("%1000d\\n", 1); fflush(stdout); break;
+    case 7: exit(0);
   }
   return 0;
 }
-API void fmi2FreeInstance(void* c) { (void)c; }
+API void fmi2FreeInstance(void* c) {
+  callbacks->release(c);
+  const char* trace = getenv("FREED");
+  if (trace) fclose(fopen(trace, "w"));
+}
 """
 
 

@@ -57,7 +57,10 @@ def test_a_bomb_is_refused_by_name_and_size(tmp_path: Path) -> None:
 
 def test_an_archive_of_too_many_files_is_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "unit.fmu", "w") as archive:
-        for k in range(10_001):
+        for k in range(10_000):
             archive.writestr(f"resources/{k}", b"")
+    check_archive(tmp_path / "unit.fmu")
+    with zipfile.ZipFile(tmp_path / "unit.fmu", "a") as archive:
+        archive.writestr("resources/one_more", b"")
     with pytest.raises(PlantError, match="holds 10,001 files; expected an FMU of at most 10,000"):
         FmuPlant(tmp_path / "unit.fmu", UNEVEN)

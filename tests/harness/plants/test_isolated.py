@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 
 from gough_stewart.harness.control.laws import Sample
 from gough_stewart.harness.errors import PlantError
@@ -20,12 +21,14 @@ from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.isolated import IsolatedFmu
+from gough_stewart.harness.plants.unit import Unit, UnitFile
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
-from tests.support.failing_unit import FAILS_AT, Failure, failing_unit
+from tests.support.failing_unit import FAILS_AT, FREED, Failure, failing_unit
 from tests.support.fmu_plants import Fmu
+from tests.support.uneven import UNEVEN
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +59,7 @@ def run_with(unit: Path, failure: Failure, law: Callable[[Sample], FloatArray] =
         (Failure.ERROR, r"failing.fmu: the oil is cold"),
         (Failure.FATAL, r"failing.fmu: .*"),
         (Failure.EXIT, r"ended its process with exit code 7 in do_step at time 0.01 s: out of oil"),
+        (Failure.LEAVE, r"ended its process with exit code 0 in do_step at time 0.01 s$"),
         (Failure.CRASH, r"crashed \(SIGABRT\) in do_step at time 0.01 s"),
     ],
 )
@@ -84,6 +88,18 @@ def test_ctrl_c_ends_a_unit_that_hangs_and_keeps_the_rows(unit: Path) -> None:
         signal.signal(signal.SIGINT, before)
     assert record.metadata["outcome"]["status"] == "interrupted"
     assert record["time"][-1] == pytest.approx(0.01)
+
+
+def test_messages_of_a_unit_are_heard_whole(unit: Path) -> None:
+    """Expected: status, category, text and name as the unit hands them to the logger."""
+    with UnitFile(unit) as file, Unit(file) as instance:
+        instance.write_by_name({"fixed_step_size": float(Failure.ERROR)})
+        instance.initialise()
+        with pytest.raises(FMICallException):
+            instance.do_step(FAILS_AT, 1e-3)
+        assert instance.messages == [(3, "logStatusError", "the oil is cold", "plant")]
+        assert instance.take_messages() == "the oil is cold"
+        assert instance.messages == []
 
 
 def test_what_a_unit_prints_does_not_disturb(unit: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -115,12 +131,22 @@ def test_it_leaves_nothing(
     """Expected: rule 8; the temporary folder is as empty as before, whether the unit was had or not."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     plant = IsolatedFmu(fmus["3.0"].path, paper)
+    process = plant._other._process
     assert len(list(tmp_path.iterdir())) == 1
     plant.close()
     plant.close()
+    assert process.returncode == 0  # by itself, when it has cleaned up
     with pytest.raises(PlantError, match=r"nowhere.fmu: no such file"):
         IsolatedFmu("nowhere.fmu", paper)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_unit_is_freed_when_it_is_closed(unit: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the trace of fmi2FreeInstance, which releases what the instance has allocated."""
+    monkeypatch.setenv(FREED, str(tmp_path / "freed"))
+    with IsolatedFmu(unit, UNEVEN):
+        assert not (tmp_path / "freed").exists()
+    assert (tmp_path / "freed").exists()
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for the process there")

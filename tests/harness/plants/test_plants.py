@@ -5,6 +5,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable
+from ctypes import c_double
 from dataclasses import replace
 from pathlib import Path
 from unittest import mock
@@ -21,7 +22,7 @@ from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Unit, UnitFile
+from gough_stewart.harness.plants.unit import Message, Unit, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import GoughStewartError, InterfaceError, PlatformError, StepError
@@ -126,9 +127,11 @@ def test_steps_follow_each_other_from_any_state_under_any_inputs(open_one: Open)
 
 
 def test_a_plant_begins_at_home_at_rest(open_one: Open) -> None:
-    """Expected: rule 1, on a platform that the FMU was not built for."""
+    """Expected: rule 1, on a platform that the FMU was not built for; the forces that hold it there, and no wrench."""
     with open_one(UNEVEN, None) as plant:
         results = interface.unpack(interface.RESULTS, plant.results())
+    assert np.abs(results["acceleration"]).max() < 1e-9
+    assert np.abs(results["angular_acceleration"]).max() < 1e-9
     assert (results["position"] == UNEVEN.home_position).all()
     assert (results["orientation"] == UNEVEN.home_orientation).all()
     assert (results["velocity"] == 0).all()
@@ -234,9 +237,42 @@ def test_a_refused_start_leaves_nothing(
     """Expected: an error with the unit's words (a pitch beyond 90°), and no folder."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     start = State(paper.home_position, np.array([0.0, 2.0, 0.0]), np.zeros(3), np.zeros(3))
-    with pytest.raises(PlantError, match="orientation"):
+    with pytest.raises(PlantError, match=r"\.fmu: start values refused: .*orientation"):
         FmuPlant(fmus["2.0"].path, paper, start)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_word_of_the_unit_is_an_error_also_where_the_call_went_well(fmus: dict[str, Fmu]) -> None:
+    """Expected: a warning of the unit, put in its mouth, raised by whatever is called next, and only once."""
+    with FmuPlant(fmus["3.0"].path, UNEVEN) as plant:
+        for call in (
+            plant.results,
+            lambda: plant.set_inputs(np.zeros(12)),
+            lambda: plant.set_parameters({"platform_mass": 12.0}),
+            lambda: plant.do_step(0.0, 0.001),
+        ):
+            plant._unit.messages.append(Message(1, "logStatusWarning", "the oil is warm", None))
+            with pytest.raises(PlantError, match=r"\.fmu: the oil is warm$"):
+                call()
+        plant.results()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_an_instance_of_model_exchange_comes_to_continuous_time(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: its derivatives are Newton and Euler's accelerations at the start; states may be set only there."""
+    with UnitFile(fmus[version].path) as file, Unit(file, "ModelExchange") as unit:
+        parameters = {v.name: getattr(UNEVEN, v.name) for v in interface.PLATFORM_PARAMETERS}
+        unit.write_by_name({**parameters, **STATE._asdict(), **INPUTS._asdict()})
+        unit.initialise()
+        rates = (c_double * 12)()
+        (unit.fmu.getDerivatives if unit.is_fmi2 else unit.fmu.getContinuousStateDerivatives)(rates, 12)
+        unit.fmu.setContinuousStates((c_double * 12)(*STATE.to_vector()), 12)
+    force, wrench, torque = INPUTS
+    R = matrix_from_orientation(STATE.orientation)
+    expected = newton_euler.solve(
+        UNEVEN, STATE.position, R, STATE.velocity, STATE.angular_velocity, force, wrench, torque
+    )
+    assert list(rates)[6:] == pytest.approx([*expected.linear, *expected.angular], rel=1e-9)
 
 
 def test_a_missing_fmu_says_how_to_make_one(paper: Platform) -> None:
