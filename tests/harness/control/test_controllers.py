@@ -86,6 +86,14 @@ def test_a_bandwidth_in_task_space_gives_each_axis_its_gains(platform: Platform)
     assert made.sample_time == T
 
 
+def test_a_bandwidth_alone_has_a_damping_ratio_of_0_7(platform: Platform) -> None:
+    """Expected: kd = 2 ζ m ω with kp = m ω², so kd/kp = 1.4/ω, in both spaces; without integral action."""
+    for space in ("leg", "task"):
+        gains = PD(bandwidth="5 rad/s", space=space).gains(platform)  # type: ignore[arg-type]
+        assert np.asarray(gains.derivative) / gains.proportional == pytest.approx(np.full(6, 1.4 / 5))
+        assert np.asarray(gains.integral).tolist() == [0] * 6
+
+
 def test_an_open_loop_adds_its_forces_to_the_feedforward(platform: Platform) -> None:
     """Expected: the sum, row by row; nothing is fed back, so there is no controller."""
     force: list[Any] = ["1 kN", 2, 3, 4, 5, -6]

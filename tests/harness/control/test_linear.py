@@ -136,6 +136,7 @@ def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Calla
         ([0.0, 0.0], None, "position"),
         ([0.0, 0.0, np.nan], None, "position"),
         (None, [0.0, "much", 0.0], "orientation"),
+        (None, [0.0, np.pi / 2 - 1e-3, 0.0], "orientation: has a pitch"),
         (None, [0.0, np.pi / 2, 0.0], r"orientation: has a pitch of 1\.5708 rad; expected less than 1\.5698"),
     ):
         with pytest.raises(InterfaceError, match=name):

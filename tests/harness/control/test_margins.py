@@ -316,12 +316,12 @@ def test_the_feedback_part_turns_the_sign_of_the_measurement() -> None:
 
 @pytest.mark.parametrize("space", ["leg", "task"])
 def test_the_feedback_part_is_what_the_law_does_to_a_measurement(space: Any) -> None:
-    """Expected: minus the forces of the law in a run, for a length that is off by a little; gains that mix channels.
+    """Expected: minus the forces of the law in a run, for a length that is off by a little; mixed channels, no excess.
 
     At a pose off home, where J is neither its transpose nor that of home; a reference that stays.
     """
     rng = np.random.default_rng(9)
-    A, B, C, D = (rng.uniform(-0.3, 0.3, shape) for shape in ((3, 3), (3, 12), (6, 3), (6, 12)))
+    A, B, C, D = (rng.uniform(-0.3, 0.3, shape) for shape in ((3, 3), (3, 18), (6, 3), (6, 18)))
     controller = LinearController(control.ss(A, B, C, D, T), space=space)
     J = np.tile(leg_jacobian(UNEVEN, *POSE), (8, 1, 1))
     part = feedback_part(UNEVEN, controller, *POSE)

@@ -69,6 +69,14 @@ def test_defaults_follow_from_the_gains() -> None:
     assert PID.filter_time == pytest.approx(0.01)
     assert PID.tracking_time == pytest.approx(np.full(6, np.sqrt(0.4)))
     assert Gains(1.0, 0.0, 2.0).tracking_time == pytest.approx(np.full(6, 0.5))
+    # each channel its own: √(kd/ki), kp/ki without a derivative
+    kp, kd, ki = (
+        np.array([3.0, 5, 4, 6, 7, 2]),
+        np.array([0.3, 0, 0.2, 0.7, 0.5, 0.1]),
+        np.array([0.2, 0.4, 3, 2, 0.9, 5]),
+    )
+    expected = np.where(kd > 0, np.sqrt(kd / ki), kp / ki)
+    assert Gains(kp, kd, ki).tracking_time == pytest.approx(expected)
 
 
 @given(omega=st.floats(0.01, 100.0))

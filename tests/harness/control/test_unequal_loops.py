@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.control import margins
-from gough_stewart.harness.control.margins import Margins, loop_margins
+from gough_stewart.harness.control.margins import Margins, check_stable, closed_loop, loop_margins
 from gough_stewart.harness.control.structured import scaled_norm
+from gough_stewart.harness.errors import UnstableLoopError
 
 # k/(s/ω + 1)³ in a channel, or with ω/s in the place of s/ω: passes low frequencies, or high ones
 GAINS = np.array([1.5, 2.0, 3.0, 4.5, 6.0, 2.5])
@@ -69,6 +70,34 @@ def test_a_narrow_resonance_beyond_a_quarter_of_the_sample_rate_is_not_overlooke
     found = loop_margins(control.append(one, one))
     assert found.sensitivity_peak == pytest.approx((1 - r0) / (1 - r), rel=1e-3)
     assert found.disk.frequency == pytest.approx(theta / T / (2 * np.pi), rel=1e-5)
+
+
+def test_the_closed_loop_is_the_complementary_sensitivity() -> None:
+    """Expected: T = L (1 + L)⁻¹ at a frequency, of two channels that feel each other."""
+    L = control.ss(
+        [[0.5, 0.2], [-0.3, 0.4]], [[1.0, 0.3], [-0.2, 0.7]], [[0.6, -0.1], [0.2, 0.9]], np.diag([0.1, 0]), 0.1
+    )
+    z = np.exp(0.7j)
+    assert closed_loop(L)(z) == pytest.approx(L(z) @ np.linalg.inv(np.eye(2) + L(z)))
+
+
+@pytest.mark.parametrize(
+    ("pole", "T", "message"),
+    [
+        (1.1 * np.exp(0.5j), 0.02, r"\|z\| = 1\.1 at 4\.05 Hz, expected below 1"),  # √(0.5² + ln² 1.1)/(2 π T)
+        (2 + 3j, 0, r"eigenvalue 2[+-]3j 1/s at 0\.574 Hz, expected left of 0"),  # √13/2π
+        (1.0, 0.1, r"\|z\| = 1 at 0 Hz, expected below 1\), so .* no gains from"),
+        (0.0, 0, r"eigenvalue 0[+-]0j 1/s at 0 Hz, expected left of 0\), so .* no gains from"),
+    ],
+)
+def test_the_worst_eigenvalue_is_named_with_its_frequency(pole: complex, T: float, message: str) -> None:
+    """Expected: by hand, of a mode beside a stable one that no feedback reaches; on the edge is not stable."""
+    mode = np.array([[pole.real, pole.imag], [-pole.imag, pole.real]]) if np.imag(pole) else np.array([[pole.real]])
+    n = len(mode)
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n], A[n, n] = mode, 0.3 if T else -4.0
+    with pytest.raises(UnstableLoopError, match=message):
+        check_stable(control.ss(A, np.zeros((n + 1, 1)), np.zeros((1, n + 1)), 0.5, T))
 
 
 def test_a_peak_is_refined_between_the_neighbours_of_the_highest_point() -> None:

@@ -100,6 +100,15 @@ def test_the_start_value_of_an_input_may_be_set_element_by_element(theirs: Path)
         assert law.force(0, 0.0, np.full(30, 9.0), measured, np.zeros(6)) == pytest.approx(20 * (r - y))
 
 
+def test_flags_above_a_half_are_limited_forces(theirs: Path) -> None:
+    """Expected: u > 0.5 of the outputs that are named as flags, here the forces themselves."""
+    measured = np.zeros(24)
+    measured[12:18] = [-1.0, 0.4, -0.49, -0.51, 2.0, -0.7]
+    with UnitController(theirs, NAMES | {"force_limited": "u"}, {"gain": 1.0}, is_foreign=False).open(2e-3) as law:
+        law.force(0, 0.0, np.zeros(30), measured, np.zeros(6))
+        assert law.limited.tolist() == [True, False, False, True, False, True]
+
+
 def test_what_a_unit_refuses_without_a_word_is_named(theirs: Path) -> None:
     """Expected: the parameter or the time, and the status of the call, 3; it logs nothing."""
     with pytest.raises(ControllerError, match=rf"theirs\.fmu: gain = {2 * MOST} refused: .*3 \(error\)"):
