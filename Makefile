@@ -9,13 +9,15 @@ SEEN ?= results/pitch_sine
 SITE ?= build/site
 # make mutants MUTANTS="model --number 20 --seed 3": options of python -m tools.mutants
 MUTANTS ?=
+TESTS := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo view test check bench evidence mutants format docs figures lower-bounds clean
+.PHONY: help demo view test coverage check bench evidence mutants format docs figures lower-bounds clean
 help:
 	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), close the loop (in $(HEAVE))"
 	@echo "make view      run a closed loop and show it in the browser, moving (the page stays in $(SEEN))"
-	@echo "make test      run the tests, with coverage"
+	@echo "make test      run the tests, those of model with coverage"
+	@echo "make coverage  run them all with coverage of everything, which takes half as long again"
 	@echo "make check     formatting, ruff, mypy, import directions"
 	@echo "make bench     speed, as ratios"
 	@echo "make evidence  slow evidence: Pinocchio, long runs, long fuzz, other importers and processors"
@@ -35,8 +37,12 @@ view: $(VENV)/run
 	$(BIN)/gough-stewart view $(SEEN) --out $(SEEN)/report.html --open
 
 test: $(VENV)/dev
-	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --cov --cov-report=term
-	$(BIN)/python -m coverage report --include='model/*' --fail-under=95 --format=total
+	$(TESTS) tests/model --cov=model --cov-report=term
+	$(BIN)/python -m coverage report --fail-under=95 --format=total
+	$(TESTS) --ignore=tests/model
+
+coverage: $(VENV)/dev
+	$(TESTS) --cov --cov-report=term
 
 check: $(VENV)/dev
 	$(BIN)/ruff format --check .
