@@ -1,5 +1,6 @@
 """Plants by their contract: model, FMI 2.0 and FMI 3.0 give the same, and clean up after themselves."""
 
+import re
 import shutil
 import sys
 import tempfile
@@ -325,6 +326,36 @@ def test_the_fmu_of_another_model_is_refused(
     path = changed_copy(fmus[version], tmp_path / "other.fmu", rename)
     with pytest.raises(PlantError, match=r"other.fmu: is the FMU of another model.*leg_upper_com"):
         FmuPlant(path, paper)
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_an_fmu_without_co_simulation_is_refused(
+    version: str, fmus: dict[str, Fmu], paper: Platform, tmp_path: Path
+) -> None:
+    """Expected: a description with Model Exchange alone is named with its version and model."""
+
+    def drop(name: str, content: bytes) -> bytes:
+        if name != "modelDescription.xml":
+            return content
+        return re.sub(rb"<CoSimulation\b[^>]*/>|<CoSimulation\b.*?</CoSimulation>", b"", content, flags=re.DOTALL)
+
+    path = changed_copy(fmus[version], tmp_path / "half.fmu", drop)
+    with pytest.raises(
+        PlantError, match=rf"half.fmu: FMI {version}, .*; expected Co-Simulation of FMI 2.0 or 3.0; make"
+    ):
+        FmuPlant(path, paper)
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_parameter_is_set_as_a_whole(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: an element of it is refused, and changes nothing."""
+    with FmuPlant(fmus[version].path, UNEVEN, STATE) as plant:
+        before = plant.results()
+        with pytest.raises(
+            InterfaceError, match=r"gravity\[3\]: cannot be set during a run; expected one of .*gravity"
+        ):
+            plant.set_parameters({"gravity[3]": -1.6})
+        assert (plant.results() == before).all()
 
 
 def test_an_fmu_without_a_binary_for_this_machine_is_refused(
