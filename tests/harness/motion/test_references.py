@@ -284,6 +284,21 @@ def test_a_table_of_a_polynomial_of_fifth_degree_is_exact(coefficients: list[flo
         assert np.allclose(found[:, 2], 2 * expected, rtol=0, atol=2 * size)
 
 
+def test_the_pieces_of_a_table_of_polynomials_are_those_moved_to_where_each_begins() -> None:
+    """Expected: Taylor's coefficients of six polynomials of fifth degree, at rows of uneven times."""
+    rng = np.random.default_rng(8)
+    time, coefficients = np.cumsum(rng.uniform(0.1, 0.4, 12)), rng.normal(size=(6, 6))
+    polynomials = [np.polynomial.Polynomial(each) for each in coefficients]
+    pose = np.stack([polynomial(time) for polynomial in polynomials], axis=1)
+    begins, pieces = FromTable(time, pose[:, :3], pose[:, 3:]).pieces
+    assert begins[0] == time[0]
+    assert set(begins) < set(time[:-1])
+    expected = [
+        [[p.deriv(k)(t) / math.factorial(k) for k in (5, 4, 3, 2, 1)] + [p(t)] for p in polynomials] for t in begins
+    ]
+    np.testing.assert_allclose(pieces, expected, rtol=0, atol=1e-7)
+
+
 def test_a_table_goes_through_its_rows() -> None:
     rng = np.random.default_rng(3)
     time, pose = np.cumsum(rng.uniform(0.05, 0.15, 30)), rng.normal(size=(30, 6)) / 5
