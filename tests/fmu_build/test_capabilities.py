@@ -301,6 +301,8 @@ def test_rates_of_other_orders_or_other_variables_are_errors(fmu2: Fmu) -> None:
         assert refused(p.fmu.setRealInputDerivatives, force, [1], [np.nan]) == ERROR
         assert refused(p.fmu.getRealOutputDerivatives, force, [1]) == ERROR
         assert refused(p.fmu.getRealOutputDerivatives, p.references("position")[:1], [0]) == ERROR
+        assert refused(p.fmu.getRealOutputDerivatives, p.references("position"), [1, 1, 2]) == ERROR
+        assert "order 2" in p.messages[-1].text
 
 
 FEWER = [20.0, 28.0, 17.0, 33.0, 25.0, 12.0]

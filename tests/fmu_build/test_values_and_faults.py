@@ -394,6 +394,17 @@ def test_messages_respect_categories(fmu: Fmu) -> None:
         assert len(p.messages) == 3
 
 
+def test_each_category_can_be_chosen_alone(fmu: Fmu) -> None:
+    """Expected: of a refused value and a call out of order that category's message; that of an error always."""
+    for chosen in ("logStatusWarning", "logStatusDiscard", "logStatusError", "logAll"):
+        with plant(fmu, logging=False) as p:
+            p.fmu.setDebugLogging(True, [chosen])
+            refused(p.set, "platform_mass", -1.0)
+            refused(p.step, 0.0, 0.1)
+            discarded = ["logStatusDiscard"] if chosen in ("logStatusDiscard", "logAll") else []
+            assert [m.category for m in p.messages] == [*discarded, "logStatusError"], chosen
+
+
 def test_messages_leave_nothing_for_the_importer_to_format(fmu: Fmu) -> None:
     with plant(fmu) as p:
         refused(p.fmu.setDebugLogging, True, ["100%s%n"])

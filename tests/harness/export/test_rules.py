@@ -18,7 +18,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.trace import motion_function
-from gough_stewart.harness.motion.motion import Motion, extrapolated, motion_of
+from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError
@@ -63,18 +63,6 @@ def test_a_reference_that_comes_in_gives_the_forces_of_that_inside() -> None:
     made, run = designed(experiment, reference="inputs"), run_in_python(experiment)
     forces = Exported(made).forces(measured_by(run, made), wanted(run, made))
     assert 1e-9 < largest_difference(forces, commanded(run, made)) < 1e-4
-
-
-@given(
-    st.lists(st.floats(-0.5, 0.5), min_size=18, max_size=18),
-    st.floats(0.0, 0.2),
-)
-def test_a_motion_of_constant_second_derivatives_is_extrapolated_exactly(numbers: list[float], ahead: float) -> None:
-    """Expected: the quadratic itself, later."""
-    pose, rate, acceleration = np.array(numbers).reshape(3, 1, 6)
-    later = (pose + ahead * rate + ahead**2 / 2 * acceleration, rate + ahead * acceleration, acceleration)
-    found = extrapolated(motion_of(pose, rate, acceleration), ahead)
-    np.testing.assert_allclose(np.concatenate(found), np.concatenate(motion_of(*later)), atol=1e-13)
 
 
 VECTORS = st.tuples(*[st.floats(-0.3, 0.3)] * 3)

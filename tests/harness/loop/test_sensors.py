@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.loop.sensors import Readings, Sensors
+from gough_stewart.harness.loop.sensors import Encoders, Readings, Sensors
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray
 
@@ -54,6 +54,14 @@ def test_no_element_and_no_row_has_the_noise_of_another() -> None:
     noise = measured(Sensors(DEVIATIONS), np.zeros((n, signals.SIZE)))
     both = np.concatenate([noise[:-1], noise[1:]], axis=1)
     assert np.abs(np.corrcoef(both.T) - np.eye(48)).max() < 5 / np.sqrt(n)
+
+
+def test_a_longer_run_begins_with_the_noise_of_a_shorter_one() -> None:
+    def noise(n: int) -> list[FloatArray]:
+        encoders = Encoders(Sensors(DEVIATIONS), None, n)
+        return [encoders(k, np.zeros(signals.SIZE), True) for k in range(n)]
+
+    np.testing.assert_array_equal(noise(9)[:4], noise(4))
 
 
 @pytest.mark.parametrize("name", signals.NAMES)
