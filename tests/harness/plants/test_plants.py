@@ -380,6 +380,14 @@ def test_open_plant_builds_what_is_not_given_and_keeps_it(
     assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == names
 
 
+def test_open_plant_opens_the_model_where_it_starts() -> None:
+    """Expected: the state of the start, and of the platform its legs there."""
+    with open_plant("model", UNEVEN, STATE) as plant:
+        found = interface.unpack(interface.RESULTS, plant.results())
+    assert np.concatenate([found[name] for name in State._fields]) == pytest.approx(STATE.to_vector(), abs=0)
+    assert found["leg_length"] == pytest.approx(leg_geometry(UNEVEN, STATE.position, STATE.orientation).length)
+
+
 def test_open_plant_refuses_what_does_not_fit(fmus: dict[str, Fmu], paper: Platform) -> None:
     with (
         pytest.raises(PlantError, match=r"is FMI 3.0; expected FMI 2.0"),
