@@ -55,7 +55,8 @@ that importers cannot disagree about the delay of one sample. Until sample 1 the
 <li>Communication steps may be any fraction or multiple of the sample time, or neither. What is sampled within a step is
 held from its beginning, or {between}.</li>
 <li>As long as all inputs are exactly zero, as with importers that do not hand on start values, the forces are
-<code>start_force</code>, and the memory stays as it is.</li>
+<code>start_force</code>, and the memory stays as it is. Not so if nothing but velocities comes in: zeros are
+measurements then.</li>
 <li>Tunable parameters act from the next sample on.</li>
 <li>The state can be saved, restored and serialized; a restored unit repeats its future to the last bit. There are no
 continuous states, no events and no derivatives of outputs.</li>

@@ -84,6 +84,9 @@ class LinearController:
                 f"signals {', '.join(self.signals)} {sizes[0]} inputs (errors), {sizes[1]} (references, measurements) "
                 f"or {sizes[2]} (and what the limits cut off), and {N_LEGS} outputs (forces)"
             )
+        for name in "ABCD":
+            if not np.isfinite(getattr(self.system, name)).all():
+                raise ControllerError(f"the controller's matrix {name} has elements that are not finite")
         if self.system.nstates and not self.system.dt:
             raise ControllerError(
                 "controller is in continuous time; expected discrete time: sample it, for instance by "

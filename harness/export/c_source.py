@@ -127,7 +127,8 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "excess": uses_excess,
         "table": is_table and is_moving,
         "fixed_sample_time": any("DEFAULT_SAMPLE_TIME" in c for s in settings for c in s.conditions),
-        "sees": bool(designed.measured) or designed.reference_inputs,
+        "sees": designed.zeros_are_no_measurement,
+        "uses_coefficients": _uses(law, "coefficients") or (forward and (is_timed or designed.reference_inputs)),
         "sign": "sign(" in written,
     }
     return facts | conditions

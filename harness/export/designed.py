@@ -58,6 +58,19 @@ class Designed:
         """What comes in of the reference, under the interface's names; none where it is inside."""
         return tuple(interface.BY_NAME[name] for name in REFERENCE) if self.reference_inputs else ()
 
+    @property
+    def zeros_are_no_measurement(self) -> bool:
+        """Whether inputs that are all zero show that nothing came in yet.
+
+        Velocities are zero at rest; poses and leg lengths are not, unless the reference starts at zero.
+        """
+        ends = np.cumsum([v.size for v in self.measured])[:-1]
+        parts = zip(self.measured, np.split(self.first_measured, ends), strict=False)
+        places = [part for v, part in parts if not v.name.endswith("velocity")]
+        if self.reference_inputs:
+            places.append(self.first_reference[:6])
+        return any(bool(part.any()) for part in places)
+
     @cached_property
     def settings(self) -> tuple[Setting, ...]:
         """Its parameters: in C the fields of its struct, in this order."""

@@ -95,7 +95,7 @@ class FmuFile:
 
     def _read(self) -> Any:
         if not self.path.is_file():
-            raise self.refusal("no such file; expected an FMU")
+            raise self.refusal("no such file")
         check_archive(self.path)
         try:
             description = fmpy.read_model_description(str(self.path))

@@ -165,6 +165,8 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
     @CALL_FEEDFORWARD@
     for (k = 0; k < 6; ++k)
         command[k] += (double)known[k];
+@end
+@if uses_coefficients
 @else
     (void)coefficients;
 @end

@@ -23,9 +23,10 @@ from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointTo
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_geometry
-from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID
+from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, KP, PD, PID, SINE
 from tests.support.c_hosts import ZIG
 from tests.support.exported import (
+    COMPILER,
     GCC,
     TOLERANCE,
     WARNINGS,
@@ -128,6 +129,19 @@ def test_with_a_reference_that_comes_in_zeros_of_measurements_alone_are_measurem
     assert not np.array_equal(exported.step(np.zeros(6), made.first_reference)[0], made.start_force)
 
 
+def test_a_controller_of_velocities_takes_zeros_as_measurements() -> None:
+    """Expected: 200 N.s/m of the legs' velocities, by differences of the reference's leg lengths."""
+    damper = LinearController(control.ss([], [], [], 200 * np.eye(6), 0.0015), signals=("leg_velocity",))
+    tables = {"reference": {**SINE, "fade_in": 0}, "controller": {"type": "open_loop"}}
+    made = designed(uneven_experiment(**tables), damper)
+    assert made.reference is not None
+    around_sample_2 = made.reference(0.003 + np.array([-1e-5, 1e-5]))
+    lengths = leg_geometry(UNEVEN, around_sample_2.position, around_sample_2.orientation).length
+    force = Exported(made).forces(np.zeros((3, 6)))[2]
+    # the differences' error is of h² and the third derivative, below 1e-6 m/s
+    np.testing.assert_allclose(force, 200 * (lengths[1] - lengths[0]) / 2e-5, rtol=0, atol=2e-4)
+
+
 def test_a_measurement_that_is_no_number_leaves_the_memory_as_it_was() -> None:
     """Expected: the sample counts; the next gives what it gives where the memory came from elsewhere."""
     made = designed(uneven_experiment(reference=HOLD, controller=PID, actuators={"force_limit": 40.0}))
@@ -227,6 +241,7 @@ def test_a_motion_that_branches_is_refused() -> None:
             control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6)), 0.001),
             "the loop's 0.0015 s",
         ),
+        (control.ss([], [], [], np.diag([1, 2, np.nan, 3, 4, 5]), 0.0015), "D has elements that are not finite"),
     ],
 )
 def test_a_system_of_another_size_or_clock_is_refused(system: Any, message: str) -> None:
@@ -282,6 +297,14 @@ def test_the_sources_compile_without_a_warning_and_the_example_runs(compiler: st
     assert len(done.stdout.splitlines()) == 5
     expected, _ = Exported(made).start().step(made.first_measured)
     np.testing.assert_allclose(first, expected, rtol=1e-5)
+
+
+def test_matrices_with_a_motion_that_stands_still_compile_without_a_warning(tmp_path: Path) -> None:
+    """Such a step needs no coefficients."""
+    tables = {"reference": HOLD, "controller": {"type": "open_loop", "feedforward": "gravity"}}
+    made = designed(uneven_experiment(**tables), control.ss([], [], [], np.diag(KP), 0.0015))
+    write_sources(controller_sources(made), tmp_path)
+    compiled([*COMPILER, *WARNINGS, "-c", "controller.c"], tmp_path)
 
 
 def test_the_sources_keep_the_rules_of_plain_c() -> None:
