@@ -110,7 +110,7 @@ class ControllerUnit:
 
         class ControllerFile(FmuFile):
             error = ControllerError
-            remedy = "expected a controller, such as `gough-stewart export` makes"
+            remedy = "`gough-stewart export` makes controllers"
 
         with ExitStack() as stack:
             self._file = file = stack.enter_context(ControllerFile(path))

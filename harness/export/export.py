@@ -148,6 +148,8 @@ def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
     ExportError
         Another than "fmu", "c" and "ssp", or none.
     """
+    if not isinstance(forms, Iterable):
+        raise ExportError(f"forms is {forms!r}; expected some of {', '.join(FORMS)}")
     wanted = [forms] if isinstance(forms, str) else list(forms)
     for form in wanted:
         if form not in FORMS:

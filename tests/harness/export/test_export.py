@@ -48,3 +48,5 @@ def test_forms_come_once_and_in_order() -> None:
     assert chosen_forms(["ssp", "fmu", "ssp"]) == ("fmu", "ssp")
     with pytest.raises(ExportError, match="no form; expected some of fmu, c, ssp"):
         chosen_forms([])
+    with pytest.raises(ExportError, match="forms is 3; expected some of fmu, c, ssp"):
+        chosen_forms(3)  # type: ignore[arg-type]
