@@ -10,6 +10,7 @@
 #include "fmi2Functions.h"
 #include "kernel.h"
 #include "model.h"
+#include "plant_table.h"
 
 enum { STEPS = 1000, CALLS = 20000 };
 

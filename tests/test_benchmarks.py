@@ -1,5 +1,6 @@
 """Benchmarks are run by hand; here, that they still find what they measure."""
 
+import runpy
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -20,3 +21,20 @@ def test_a_benchmark_can_be_imported(name: str, interpreter: Interpreter, tmp_pa
     importing.write_text(f"import runpy; runpy.run_path({str(FOLDER / name)!r})")
     done = interpreter.script(importing, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_timers_in_c_compile(tmp_path: Path) -> None:
+    """Expected: programs, of the sources as they are today."""
+    for name in ("fmu.py", "coupled.py"):
+        folder = tmp_path / name
+        folder.mkdir()
+        assert runpy.run_path(str(FOLDER / name))["compiled_timer"](folder).is_file()
+
+
+def test_a_step_of_the_loop_is_timed_around_that_of_the_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: a part of the step is inside of the unit, and not all of it."""
+    measured = runpy.run_path(str(FOLDER / "loop.py"))
+    monkeypatch.setitem(measured["seconds_a_step"].__globals__, "ROUNDS", 1)
+    monkeypatch.setitem(measured["seconds_a_step"].__globals__, "SETTINGS", ["loop.duration=0.3"])
+    whole, inside = measured["seconds_a_step"]("3.0")
+    assert 0 < inside < whole
