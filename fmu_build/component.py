@@ -1,6 +1,6 @@
 """What a unit is made of: the description of a component, from which XML, C tables and archives derive."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -69,3 +69,30 @@ class Component:
     def has_states(self) -> bool:
         """Whether it has continuous states."""
         return bool(self.layout.of_role(Role.STATE))
+
+
+def terminals_of(
+    layout: Layout, fmi_version: str, actuator: Iterable[str], groups: Iterable[tuple[str, str, Iterable[str]]]
+) -> tuple[Terminal, ...]:
+    """The six actuators, and groups of variables as (name, description, variables); those without any are left out.
+
+    FMI 2.0 has a terminal for every actuator, with scalars; in FMI 3.0 a terminal cannot name an element of an
+    array, so that one terminal holds the six of them.
+    """
+    actuator, found = tuple(actuator), [(name, what, tuple(group)) for name, what, group in groups]
+    found = [each for each in found if each[2]]
+    if fmi_version == "3.0":
+        found.insert(0, ("actuators", "the six actuators", actuator))
+        return tuple(Terminal(name, what, {v: v for v in group}) for name, what, group in found)
+    legs = tuple(
+        Terminal(
+            f"actuator_{leg + 1}",
+            f"actuator of leg {leg + 1}",
+            {name: layout.by_name[name].scalar_names[leg] for name in actuator},
+        )
+        for leg in range(6)
+    )
+    return legs + tuple(
+        Terminal(name, what, {s: s for v in group for s in layout.by_name[v].scalar_names})
+        for name, what, group in found
+    )

@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 
-from gough_stewart.fmu_build.component import Code, Component, Kind, Terminal
+from gough_stewart.fmu_build.component import Code, Component, Kind, Terminal, terminals_of
 from gough_stewart.fmu_build.controller.controller import Controller, Parameter
 from gough_stewart.fmu_build.controller.documentation import documentation_page
 from gough_stewart.fmu_build.controller.tables import controller_header
@@ -78,23 +78,5 @@ def _terminals(layout: Layout, fmi_version: str) -> tuple[Terminal, ...]:
     names: list[str] = [row.variable.name for row in layout.rows if row.variable.causality in ("input", "output")]
     actuators, pose = ([name for name in group.split() if name in names] for group in (_ACTUATOR, _POSE))
     reference = [name for name in names if name.startswith("reference_")]
-    groups: list[tuple[str, str, list[str]]] = [
-        ("pose", "pose and its rates", pose),
-        ("reference", "where the platform should be", reference),
-    ]
-    if fmi_version == "3.0":
-        groups.insert(0, ("actuators", "the six actuators", actuators))
-        return tuple(Terminal(name, what, {v: v for v in group}) for name, what, group in groups if group)
-    legs = tuple(
-        Terminal(
-            f"actuator_{leg + 1}",
-            f"actuator of leg {leg + 1}",
-            {name: layout.by_name[name].scalar_names[leg] for name in actuators},
-        )
-        for leg in range(6)
-    )
-    return legs + tuple(
-        Terminal(name, what, {s: s for v in group for s in layout.by_name[v].scalar_names})
-        for name, what, group in groups
-        if group
-    )
+    groups = (("pose", "pose and its rates", pose), ("reference", "where the platform should be", reference))
+    return terminals_of(layout, fmi_version, actuators, groups)

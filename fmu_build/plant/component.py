@@ -6,7 +6,7 @@ import numpy as np
 
 from gough_stewart.fmu_build.archive import PLANT_STEM
 from gough_stewart.fmu_build.codegen import kernel_source
-from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal
+from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal, terminals_of
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.plant.dependencies import slot_dependencies
 from gough_stewart.fmu_build.plant.documentation import documentation_page
@@ -94,24 +94,6 @@ def _code(fixed_step_size: float, is_in_a_system: bool) -> Code:
 
 
 def _terminals(fmi_version: str) -> tuple[Terminal, ...]:
-    """Six actuators, the pose, the external wrench.
-
-    FMI 2.0 has a terminal for every actuator, with scalars; in FMI 3.0 a terminal cannot name an element of an
-    array, so that one terminal holds the six of them.
-    """
-    pose, wrench = ("pose", "pose and its rates", _POSE), ("external_wrench", "load at Op", _WRENCH)
-    if fmi_version == "3.0":
-        groups = (("actuators", "the six actuators", _ACTUATOR), pose, wrench)
-        return tuple(Terminal(name, what, {v: v for v in group}) for name, what, group in groups)
-    actuators = tuple(
-        Terminal(
-            f"actuator_{leg + 1}",
-            f"actuator of leg {leg + 1}",
-            {name: interface.BY_NAME[name].scalar_names[leg] for name in _ACTUATOR},
-        )
-        for leg in range(6)
-    )
-    return actuators + tuple(
-        Terminal(name, what, {s: s for v in group for s in interface.BY_NAME[v].scalar_names})
-        for name, what, group in (pose, wrench)
-    )
+    """Six actuators, the pose, the external wrench."""
+    groups = (("pose", "pose and its rates", _POSE), ("external_wrench", "load at Op", _WRENCH))
+    return terminals_of(PLANT, fmi_version, _ACTUATOR, groups)

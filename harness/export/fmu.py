@@ -1,10 +1,7 @@
 """A designed controller as FMU."""
 
 import re
-from collections.abc import Iterable
-from pathlib import Path
 
-from gough_stewart.fmu_build.builder import VERSIONS, build_units
 from gough_stewart.fmu_build.component import Code, Component, Icon
 from gough_stewart.fmu_build.controller.component import controller_component
 from gough_stewart.fmu_build.controller.controller import Controller, Parameter
@@ -12,46 +9,6 @@ from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.settings import Setting
-from gough_stewart.model.progress import StepProgress
-
-
-def controller_fmu(
-    designed: Designed,
-    out: Path | str,
-    fmi: Iterable[str] = VERSIONS,
-    targets: Iterable[str] = ("native",),
-    progress: StepProgress | None = None,
-    *,
-    name: str = "controller",
-    stop_time: float = 1.0,
-) -> list[Path]:
-    """Write `NAME_fmi2.fmu` and `NAME_fmi3.fmu`; all that are asked for, or none on an error.
-
-    Parameters
-    ----------
-    designed
-        The controller.
-    out
-        Folder, made if needed.
-    fmi
-        "2.0", "3.0".
-    targets
-        Systems that the units shall run on, as for the plant's.
-    progress
-        Called with what is being done.
-    name
-        How the names of the files begin.
-    stop_time
-        Of an experiment that asks for nothing [s].
-
-    Raises
-    ------
-    BuildError
-        An unknown version or target, or the compiler's complaint.
-    OutputError
-        The files cannot be written there.
-    """
-    return build_units(component_of(designed, name, stop_time), out, fmi=fmi, targets=targets, progress=progress)
 
 
 def component_of(designed: Designed, name: str = "controller", stop_time: float = 1.0) -> Component:

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from gough_stewart.fmu_build.builder import build_units
 from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.export.designed import Designed, designed
-from gough_stewart.harness.export.fmu import component_of, controller_fmu
+from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.loop.loop import Run
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.unit import FmuFile
@@ -51,7 +52,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Exported]:
     folder = tmp_path_factory.mktemp("controller")
     experiment = uneven_experiment(folder)
     chosen = designed(experiment)
-    files = {file.version: file for file in map(FmuFile, controller_fmu(chosen, folder, name="uneven"))}
+    files = {file.version: file for file in map(FmuFile, build_units(component_of(chosen, "uneven"), folder))}
     yield Exported(chosen, component_of(chosen).layout, files, run_of(experiment), folder)
     for file in files.values():
         file.close()

@@ -15,12 +15,12 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from gough_stewart.fmu_build.builder import unit_of
+from gough_stewart.fmu_build.builder import build_units, unit_of
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.export.designed import Designed, designed
-from gough_stewart.harness.export.fmu import component_of, controller_fmu
+from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants.unit import FmuFile
 from tests.support.c_hosts import FUZZ, INSTANCES, NEVER_OK, OF_STATES, ZIG, compile_host, fuzz, run_instances
 from tests.support.c_hosts import functions_of_the_standards as functions
@@ -41,7 +41,7 @@ class Exported(NamedTuple):
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Exported]:
     folder = tmp_path_factory.mktemp("controller")
     chosen = designed(uneven_experiment(folder), reference="inputs")
-    files = tuple(map(FmuFile, controller_fmu(chosen, folder, name="uneven", stop_time=0.25)))
+    files = tuple(map(FmuFile, build_units(component_of(chosen, "uneven", 0.25), folder)))
     yield Exported(chosen, component_of(chosen, "uneven", 0.25), files)
     for file in files:
         file.close()
@@ -54,7 +54,7 @@ def test_fmpy_and_the_schemas_find_no_problem(exported: Exported) -> None:
 
 
 def test_the_files_are_named_after_the_experiment_and_the_same_every_time(exported: Exported, tmp_path: Path) -> None:
-    again = controller_fmu(exported.designed, tmp_path, name="uneven", stop_time=0.25)
+    again = build_units(component_of(exported.designed, "uneven", 0.25), tmp_path)
     assert [path.name for path in again] == ["uneven_fmi2.fmu", "uneven_fmi3.fmu"]
     for path, file in zip(again, exported.files, strict=True):
         assert path.read_bytes() == file.path.read_bytes()
@@ -144,7 +144,7 @@ def test_matrices_keep_their_sample_time(tmp_path: Path) -> None:
     """Expected: another sample_time is refused before the start, with the one it was designed for."""
     proportional = LinearController(control.ss([], [], [], np.hstack([np.eye(6), -np.eye(6)]), SAMPLE_TIME))
     chosen = designed(uneven_experiment(tmp_path), proportional)
-    (path,) = controller_fmu(chosen, tmp_path, fmi=["2.0"])
+    (path,) = build_units(component_of(chosen), tmp_path, fmi=["2.0"])
     with FmuFile(path) as file, Plant(file, layout=component_of(chosen).layout) as unit:
         unit.set("sample_time", 0.005)
         with pytest.raises(Exception, match="fmi2ExitInitializationMode"):

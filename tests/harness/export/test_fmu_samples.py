@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart.fmu_build.builder import build_units
 from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.harness.export.designed import designed
-from gough_stewart.harness.export.fmu import component_of, controller_fmu
+from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants.unit import FmuFile
 from tests.fmu_build.test_saved_bytes import accepts, numbers_of, with_numbers
 from tests.support.controllers import FORCE_LIMIT, SAMPLE_TIME, uneven_experiment
@@ -42,7 +43,7 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
     names = ["time", "position", "memory"], ["actuator_force", "memory_next"]
     law = casadi.Function("law", [t, p, count], [force, count + 1], *names)
     chosen = designed(uneven_experiment(folder, feedforward="none"), law)
-    files = Units({file.version: file for file in map(FmuFile, controller_fmu(chosen, folder, name="samples"))})
+    files = Units({file.version: file for file in map(FmuFile, build_units(component_of(chosen, "samples"), folder))})
     files.layout, files.start_force = component_of(chosen).layout, chosen.start_force
     yield files
     for file in files.values():
