@@ -76,5 +76,14 @@ class StepError(GoughStewartError, ArithmeticError):
         self.time = time
 
 
+class MembersError(GoughStewartError, ArithmeticError):
+    """Some of many platforms could not be stepped: `failures` has the error of each, by its index."""
+
+    def __init__(self, failures: dict[int, StepError]) -> None:
+        first = min(failures)
+        super().__init__(f"{len(failures)} of the platforms could not be stepped; number {first}: {failures[first]}")
+        self.failures = failures
+
+
 class WorkspaceError(GoughStewartError, ValueError):
     """Coordinates, ranges or numbers of points that make no grid of poses."""

@@ -1,11 +1,10 @@
 """A plant with a closed form: six different masses on rails, L̈ = F/m, in the places of the legs."""
 
 from collections.abc import Mapping
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.vectors import FloatArray
@@ -32,7 +31,7 @@ def signals_of(length: FloatArray, velocity: FloatArray, acceleration: FloatArra
     return np.concatenate([pose, rate, length, velocity, change], axis=-1)
 
 
-class Masses:
+class Masses(Plant):
     """A `Plant`; its parameter `platform_mass` multiplies all masses."""
 
     def __init__(self, platform_mass: float = 1.0, fails_at: float = np.inf) -> None:
@@ -58,10 +57,3 @@ class Masses:
         self.x, self.v = self.x + self.v * step + a * step**2 / 2, self.v + a * step
 
     def close(self) -> None: ...
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
