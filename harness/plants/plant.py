@@ -46,7 +46,7 @@ class Plant(Protocol):
     def set_parameters(self, values: Mapping[str, object]) -> None:
         """Rules 3 and 9."""
 
-    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
+    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
         """The same of these members (N,) alone (rule 9); what the values say of others is not looked at."""
         raise _single(self)
 
@@ -60,7 +60,7 @@ class Plant(Protocol):
     def do_step(self, time: float, step: float) -> None:
         """Rules 5, 6 and 9; both in s."""
 
-    def freeze(self, members: BoolArray) -> None:
+    def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
         """Leave these members (N,) as they are from here on (rule 9)."""
         raise _single(self)
 
