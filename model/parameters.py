@@ -134,6 +134,7 @@ class PlatformFields(ParametersOf[FloatArray, float]):
         default=None,
         metadata=_row("rad", "joint angle from home, at most", "> 0"),
     )
+    leg_acceleration_max: float | None = field(default=None, metadata=_row("m/s2", "leg acceleration, at most", "> 0"))
     name: str = "unnamed"
     source: str = ""
 

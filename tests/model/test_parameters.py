@@ -65,6 +65,7 @@ OTHERS = {
     "actuator_force_max": Expected((), "N", None, "> 0"),
     "actuator_power_max": Expected((), "W", None, "> 0"),
     "joint_angle_max": Expected((), "rad", None, "> 0"),
+    "leg_acceleration_max": Expected((), "m/s2", None, "> 0"),
 }
 ALL = PHYSICAL | OTHERS
 LIMITS: dict[str, Any] = {
@@ -74,6 +75,7 @@ LIMITS: dict[str, Any] = {
     "actuator_force_max": 1 / 3,
     "actuator_power_max": 11.0,
     "joint_angle_max": 3.0,
+    "leg_acceleration_max": 19.0,
 }
 
 
