@@ -6,7 +6,7 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.parameters import TABLE, PlatformFields
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, FloatArray
 
 # Rounding of published inertias: relative slack of symmetry and of the triangle inequality.
 INERTIA_SLACK = 1e-9
@@ -26,13 +26,24 @@ def check(platform: PlatformFields) -> None:
 
 def check_bounds(platform: PlatformFields) -> None:
     """No number lies below the bound that the table gives it."""
-    for name, row in TABLE.items():
+    for name in TABLE:
         value = getattr(platform, name)
-        if value is None or row.lower_bound is None:
-            continue
-        if not (value > 0 if row.lower_bound == "> 0" else value >= 0):
+        if value is not None:
+            check_bound(name, value)
+
+
+def check_bound(name: str, value: float | FloatArray) -> None:
+    """Raise `PlatformError` at the first number of a parameter below the bound that the table gives it."""
+    row = TABLE[name]
+    if row.lower_bound is None:
+        return
+    numbers = np.ravel(value)
+    for k, number in enumerate(numbers.tolist()):
+        if not (number > 0 if row.lower_bound == "> 0" else number >= 0):
             remedy = ", or leave it out" if row.is_optional else ""
-            raise PlatformError(name, f"is {value:g} {row.unit}; expected {row.lower_bound}{remedy}: {row.description}")
+            which = f"{name}[{k + 1}]" if numbers.size > 1 else name
+            unit = "" if row.unit == "1" else f" {row.unit}"
+            raise PlatformError(which, f"is {number:g}{unit}; expected {row.lower_bound}{remedy}: {row.description}")
 
 
 def check_inertia(platform: PlatformFields) -> None:

@@ -23,6 +23,7 @@ from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion, end_of
 from gough_stewart.harness.motion.reach import LegMotion, check_reach, legs_of
+from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError
 from gough_stewart.model.interface import TUNABLE, nearest
@@ -177,7 +178,7 @@ def _changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
     for name in parameters:
         if name not in TABLE:
             raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
-    return replace(platform, **parameters) if parameters else platform
+    return replace(platform, **by_leg(parameters)) if parameters else platform
 
 
 def _check_frequency(highest: float, timing: Timing) -> None:
@@ -234,6 +235,7 @@ def _parameter_changes(experiment: Experiment, platform: Platform) -> list[Chang
             if name in values:
                 raise PlatformError(name, "is in parameters and in factors; expected one of both")
             values[name] = np.asarray(getattr(platform, name, np.nan)) * factor
+        values = by_leg(values)
         for name in values:
             if name not in _TUNABLE:
                 raise PlatformError(name, f"cannot change during a run{nearest(name, _TUNABLE)}")
