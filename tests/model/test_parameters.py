@@ -203,8 +203,9 @@ def test_a_platform_file_may_have_six_values_of_friction_but_not_beside_factors(
     assert platform_from_toml(six) == replace(uneven, leg_viscous_friction=SIX)
     with pytest.raises(PlatformFileError, match=r"leg_viscous_friction: has six values beside leg_viscous_friction_f"):
         platform_from_toml(f"{six}\nleg_viscous_friction_factor = [1, 1, 1, 1, 1, 1]")
+    negative: Any = [*SIX[:2], -2, *SIX[3:]]
     with pytest.raises(PlatformError, match=r"leg_coulomb_friction\[3\]: is -2 N; expected >= 0"):
-        replace(uneven, leg_coulomb_friction=[*SIX[:2], -2, *SIX[3:]])
+        replace(uneven, leg_coulomb_friction=negative)
     with pytest.raises(PlatformError, match=r"has shape \(5,\); expected one number"):
         replace(uneven, leg_coulomb_friction=SIX[:5])
 
