@@ -94,6 +94,8 @@ Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n---------
 
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:
     """A float, or a read-only float64 array of this shape."""
+    if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, at once
+        return value
     try:
         array = real_array(value, shape)
     except ValueError as error:
