@@ -1,7 +1,8 @@
-"""A native FMU that is built once for a state of this package, for those who only want to run one."""
+"""What is built once for a state of this package: a native FMU, for those who only want to run one."""
 
 import hashlib
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from importlib import resources
 from importlib.metadata import version
@@ -12,7 +13,7 @@ from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.targets import native
-from gough_stewart.model.files import write_files
+from gough_stewart.model.files import write_whole
 from gough_stewart.model.progress import StepProgress
 
 # What the bytes of an FMU depend on beside this package's own files.
@@ -38,34 +39,55 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
     OSError
         The cache cannot be written.
     """
-    path = cache_folder() / "fmus" / f"{_digest()}-{native().name}" / file_name(fmi_version)
-    kept = path.with_name(f"{path.name}.sha256")
-    if not _is_whole(path, kept):
+
+    def built() -> bytes:
         from gough_stewart.fmu_build.build import build  # CasADi, and all else that a unit of the cache needs no more
 
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            (built,) = build(folder, fmi=[fmi_version], progress=progress)
-            content = built.read_bytes()
-        write_files(path.parent, {path.name: content, kept.name: _digest_of(content).encode()})
-        if not _is_whole(path, kept):
+            return build(folder, fmi=[fmi_version], progress=progress)[0].read_bytes()
+
+    return kept(cache_folder() / "fmus" / f"{state_of_sources()}-{native().name}" / file_name(fmi_version), built)
+
+
+def kept(path: Path, make: Callable[[], bytes]) -> Path:
+    """A file of the cache, made unless it is there; its digest lies beside it, and a damaged one is made anew.
+
+    Several processes may make it at once, if the content depends on nothing else: each writes beside and renames, so
+    that the file never goes while another one uses it.
+
+    Raises
+    ------
+    BuildError
+        The cache does not keep what is written there.
+    OSError
+        The cache cannot be written.
+    """
+    digest = path.with_name(f"{path.name}.sha256")
+    if not _is_whole(path, digest):
+        content = make()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, content)
+        write_whole(digest, digest_of(content).encode())
+        if not _is_whole(path, digest):
             raise BuildError(f"{path} is not what was written there; delete the folder {path.parent}, or free its disk")
     return path
 
 
-def _is_whole(path: Path, kept: Path) -> bool:
+def digest_of(content: bytes) -> str:
+    """SHA-256 in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _is_whole(path: Path, digest: Path) -> bool:
     try:
-        return kept.read_bytes() == _digest_of(path.read_bytes()).encode()
+        return digest.read_bytes() == digest_of(path.read_bytes()).encode()
     except OSError:
         return False
 
 
-def _digest_of(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
 @cache
-def _digest() -> str:
-    """Of every file of the packages that FMUs are made from, and of the versions of what makes them."""
+def state_of_sources() -> str:
+    """Digest of every file of the packages that FMUs are made from, and of the versions of what makes them."""
     state = hashlib.sha256()
     for package in _PACKAGES:
         state.update(f"{package} {version(package)}\n".encode())

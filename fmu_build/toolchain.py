@@ -36,7 +36,12 @@ _ROOM = 16_000_000
 
 
 def compile_library(
-    name: str, units: Mapping[str, str], headers: Mapping[str, str], target: Target, stop: Event | None = None
+    name: str,
+    units: Mapping[str, str],
+    headers: Mapping[str, str],
+    target: Target,
+    stop: Event | None = None,
+    flags: Sequence[str] = FLAGS,
 ) -> bytes:
     """The shared library `name` of some C files, the same bytes for the same sources.
 
@@ -53,7 +58,7 @@ def compile_library(
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library = Path(scratch, name + target.suffix)
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *target.flags_of(name)]
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *flags, *target.flags_of(name)]
         command += ["-I", str(include), *files, "-o", str(library), "-lm"]
         stop = stop or Event()
         code, message = _run(command, scratch, stop, in_use)

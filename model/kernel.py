@@ -11,6 +11,7 @@ The Functions are made by calling the very functions of `dynamics`, `kinematics`
 
 from collections.abc import Iterable
 from functools import cache
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import casadi
@@ -22,12 +23,14 @@ from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, cross, dot
 
 N_STATES = interface.size_of(interface.STATES)
 N_INPUTS = interface.size_of(interface.INPUTS)
 N_PARAMETERS = interface.size_of(interface.PLATFORM_PARAMETERS)
 N_RESULTS = interface.size_of(interface.RESULTS)
+# What results begin with, and what no force changes at once.
+SIGNALS = interface.RESULTS[: interface.RESULTS.index(interface.BY_NAME["leg_velocity"]) + 1]
 
 
 class Linearisation(NamedTuple):
@@ -114,6 +117,34 @@ def legs_function() -> casadi.Function:
     scaled, rho = kinematics.scaled_jacobian_of_legs(legs)
     results = casadi.cse([_column(v) for v in (legs.length, rates, scaled, rho)])
     return casadi.Function("legs", [x, p], results, ["x", "p"], ["length", "length_rate", "jacobian", "rho"])
+
+
+@cache
+@interrupts_held_back()
+def signals_function() -> casadi.Function:
+    """CasADi Function `signals`: (x, p) -> y, the head of `outputs` that no force changes at once: `SIGNALS`."""
+    x, u, p = _arguments()
+    _, y = _trace(x, u, p)
+    return casadi.Function("signals", [x, p], casadi.cse([y[: interface.size_of(SIGNALS)]]), ["x", "p"], ["y"])
+
+
+@cache
+@interrupts_held_back()
+def margins_function() -> casadi.Function:
+    """CasADi Function `margins`: (x, p) -> square (6), determinant, size: how far from poses that none may pass.
+
+    L_i², det K, and ρ²: K has the rows (l_i, c_i × l_i), so that det K = det J L_1 ⋯ L_6. No root and no quotient: for
+    a test at the end of every integration step.
+    """
+    x, _, p = _arguments()
+    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
+    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    halves = [
+        [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
+    ]
+    size = dot(parameters.platform_points, parameters.platform_points).sum(axis=-1) / 6
+    results = casadi.cse([_column(dot(legs.vector, legs.vector)), _determinant(*halves), _column(size)])
+    return casadi.Function("margins", [x, p], results, ["x", "p"], ["square", "determinant", "size"])
 
 
 class Kernel:
@@ -216,6 +247,25 @@ def _symbols(vector: casadi.SX) -> Array:
 def _column(array: Array) -> Any:
     """casadi.SX (n, 1) of an object array's elements, row by row."""
     return casadi.vertcat(*array.reshape(-1))
+
+
+def _determinant(left: list[list[Any]], right: list[list[Any]]) -> Any:
+    """Of [left, right], each (6, 3), by Laplace: Σ ± (minor of three rows of left) (that of the others of right)."""
+    terms = []
+    for rows in combinations(range(6), 3):
+        others = [i for i in range(6) if i not in rows]
+        sign = (-1) ** (sum(rows) - 3)
+        terms.append(sign * _minor([left[i] for i in rows]) * _minor([right[i] for i in others]))
+    return sum(terms)
+
+
+def _minor(m: list[list[Any]]) -> Any:
+    """Determinant of (3, 3), from 2×2 minors of the first two columns, which others share."""
+
+    def second(i: int, k: int) -> Any:
+        return m[i][0] * m[k][1] - m[k][0] * m[i][1]
+
+    return m[0][2] * second(1, 2) - m[1][2] * second(0, 2) + m[2][2] * second(0, 1)
 
 
 def _solve_symbolically(matrix: Array, vector: Array) -> Array:

@@ -33,24 +33,39 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
     """
     position, orientation = x[0:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:
-        raise StepError("orientation[2]", float(orientation[1]), time, "the pitch has reached ±90°")
+        raise pitch_reached(float(orientation[1]), time)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction; that is for the next line to say
         legs = leg_geometry(platform, position, orientation)
     leg = int(legs.length.argmin())
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
-        raise StepError(f"leg_length[{leg + 1}]", float(legs.length[leg]), time, "the leg has collapsed")
+        raise leg_collapsed(leg, float(legs.length[leg]), time)
     number = float(conditioning_of_legs(legs).condition_number)
     sign = float(handedness_of_legs(legs))
     passed = handedness is not None and sign != handedness
     if passed or not number < SINGULAR_CONDITION_NUMBER:
-        since = " (passed since the last internal step)" if passed else ""
-        raise StepError(
-            "condition number of the leg Jacobian",
-            number,
-            time,
-            f"the platform has reached a singular pose, where the legs cannot hold it{since}",
-        )
+        raise singular_pose(number, time, passed=passed)
     return sign
+
+
+def pitch_reached(pitch: float, time: float) -> StepError:
+    """The error of a pitch [rad] of ±90°."""
+    return StepError("orientation[2]", pitch, time, "the pitch has reached ±90°")
+
+
+def leg_collapsed(leg: int, length: float, time: float) -> StepError:
+    """The error of a leg, from 0, without length [m]."""
+    return StepError(f"leg_length[{leg + 1}]", length, time, "the leg has collapsed")
+
+
+def singular_pose(condition_number: float, time: float, *, passed: bool) -> StepError:
+    """The error of a singular pose, or of one that was `passed` since the last integration step."""
+    since = " (passed since the last internal step)" if passed else ""
+    return StepError(
+        "condition number of the leg Jacobian",
+        condition_number,
+        time,
+        f"the platform has reached a singular pose, where the legs cannot hold it{since}",
+    )
 
 
 def side_of_singular_poses(platform: PlatformFields, legs: LegGeometry) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import interface
-from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.integrator import integrate
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
@@ -20,6 +20,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.real import real_array
+from gough_stewart.model.step_times import end_of_step
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
 
@@ -208,15 +209,7 @@ class SteppingModel:
             Rule 7; the model is as before.
         """
         time, step = _number("time", time), _number("step", step)
-        if not step > 0:
-            raise StepError("step", step, self._time, "expected a communication step > 0 s")
-        # rounding of a master's clock, but never a noticeable share of the step
-        rounding = max(min(1e-9 * max(1.0, self._time), 1e-3 * step), 4 * float(np.spacing(self._time)))
-        if not abs(time - self._time) <= rounding:
-            raise StepError("time", time, self._time, "expected the model's present time; steps follow each other")
-        end = time + step
-        if not end > self._time:
-            raise StepError("step", step, self._time, "too small to advance the time in double precision")
+        end = end_of_step(time, step, self._time)
         # known from the step before, unless somebody has set something since
         handedness = self._handedness or check_pose(self._platform, self._x, self._time)
         if not self._started:

@@ -1,0 +1,155 @@
+/* Elementary functions of eight numbers at once, for the generated kernels. NaN stays NaN; no call, no branch.
+
+   Errors, measured against long double over the ranges where they are used (tests/fmu_build/test_lanes.py), in units of
+   2^-53 = 1.1e-16: sin and cos 1.5 absolute for angles up to LARGEST_ANGLE, NaN beyond; tanh 4 relative for all
+   numbers; 1/x and sqrt 2 relative.
+
+   Polynomials: interpolation at Chebyshev nodes in exact fractions, rounded once. */
+#ifndef ELEMENTARY_H
+#define ELEMENTARY_H
+
+#include <math.h>
+#include <stdint.h>
+#ifdef __AVX512F__
+#include <immintrin.h>
+#endif
+
+#define WIDTH 8
+typedef double lanes __attribute__((ext_vector_type(WIDTH)));
+typedef int64_t mask __attribute__((ext_vector_type(WIDTH))); /* -1 where something holds, 0 elsewhere */
+
+/* beyond, a quarter of a turn could be miscounted */
+#define LARGEST_ANGLE 1e6
+
+static inline mask bits(lanes x)
+{
+    return __builtin_bit_cast(mask, x);
+}
+
+static inline lanes number(mask x)
+{
+    return __builtin_bit_cast(lanes, x);
+}
+
+static inline lanes choose(mask which, lanes yes, lanes no)
+{
+    return number((which & bits(yes)) | (~which & bits(no)));
+}
+
+static inline lanes sq(lanes x)
+{
+    return x * x;
+}
+
+#ifdef __AVX512F__
+/* an estimate of 14 bits, twice Newton's method: a division keeps the processor four times as long */
+static inline lanes reciprocal(lanes x)
+{
+    lanes r = (lanes)_mm512_rcp14_pd((__m512d)x);
+    r = r + r * (1 - x * r);
+    return r + r * (1 - x * r);
+}
+
+/* 0 as it is, since its estimate is infinite */
+static inline lanes square_root(lanes x)
+{
+    lanes r = (lanes)_mm512_rsqrt14_pd((__m512d)x);
+    lanes s = x * r, half = 0.5 * r;
+    lanes e = 0.5 - s * half;
+    s = s + s * e;
+    half = half + half * e;
+    s = s + half * (x - s * s);
+    return choose(x == 0, x, s);
+}
+#else
+static inline lanes reciprocal(lanes x)
+{
+    return 1 / x;
+}
+
+static inline lanes square_root(lanes x)
+{
+    return __builtin_elementwise_sqrt(x);
+}
+#endif
+
+/* The sum with it ends with the nearest whole number in its last bits. */
+#define ROUNDER 0x1.8p52
+
+/* x less the nearest quarters of a turn, |r| <= pi/4; how many, in the last bits */
+static inline lanes without_quarters(lanes x, mask *quarters)
+{
+    lanes sum = x * 0.6366197723675814 + ROUNDER, k = sum - ROUNDER;
+    lanes r = x - k * 1.5707963267948966;
+    r = r - k * 6.123233995736766e-17;
+    r = r - k * -1.4973849048591698e-33;
+    *quarters = bits(sum);
+    return choose(__builtin_elementwise_abs(x) <= LARGEST_ANGLE, r, (lanes)NAN);
+}
+
+/* sin r + (number of quarters) pi/2 */
+static inline lanes wave(lanes r, mask quarters)
+{
+    lanes z = r * r;
+    lanes s = r + r * z *
+                      (-0.16666666666666666 +
+                       z * (0.008333333333330948 +
+                            z * (-0.00019841269836756774 +
+                                 z * (2.7557316101617874e-06 +
+                                      z * (-2.505113165023518e-08 + z * 1.5918115263265974e-10)))));
+    lanes c = 1 - 0.5 * z +
+              z * z *
+                  (0.041666666666666664 +
+                   z * (-0.0013888888888887398 +
+                        z * (2.480158729876456e-05 +
+                             z * (-2.7557317271145144e-07 + z * (2.087614614655861e-09 + z * -1.1382623647474604e-11)))));
+    lanes w = choose((quarters & 1) != 0, c, s);
+    return number(bits(w) ^ ((quarters & 2) << 62));
+}
+
+static inline lanes sine(lanes x)
+{
+    mask quarters;
+    lanes r = without_quarters(x, &quarters);
+    return wave(r, quarters);
+}
+
+static inline lanes cosine(lanes x)
+{
+    mask quarters;
+    lanes r = without_quarters(x, &quarters);
+    return wave(r, quarters + 1);
+}
+
+/* e / (e + 2) with e = exp(2 |x|) - 1 = 2^k (exp(r) - 1) + 2^k - 1, |r| <= ln(2)/2; 1 to the last bit from 20 on */
+static inline lanes hyperbolic_tangent(lanes x)
+{
+    lanes size = __builtin_elementwise_abs(x);
+    lanes y = 2 * choose(size > 20, (lanes)20.0, size);
+    lanes sum = y * 1.4426950408889634 + ROUNDER, k = sum - ROUNDER;
+    lanes r = y - k * 0.6931471805599453;
+    r = r - k * 2.3190468138462996e-17;
+    lanes p = r + r * r *
+                      (0.5000000000000001 +
+                       r * (0.16666666666666669 +
+                            r * (0.04166666666662413 +
+                                 r * (0.008333333333330062 +
+                                      r * (0.0013888888917213717 +
+                                           r * (0.00019841269863053618 +
+                                                r * (2.4801521295954376e-05 +
+                                                     r * (2.7557268459997064e-06 +
+                                                          r * (2.7620088445409746e-07 +
+                                                               r * 2.510038549551032e-08)))))))));
+    lanes power = number((bits(sum) + 1023) << 52);
+    lanes e = power * p + (power - 1);
+    lanes t = e * reciprocal(e + 2);
+    return number(bits(t) | (bits(x) & INT64_MIN));
+}
+
+/* the names in the generated text */
+#define sqrt(x) square_root(x)
+#define sin(x) sine(x)
+#define cos(x) cosine(x)
+#define tanh(x) hyperbolic_tangent(x)
+
+#endif

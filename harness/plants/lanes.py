@@ -1,0 +1,229 @@
+"""A plant of many platforms, stepped together: fixed steps of RK4, members side by side in vectors.
+
+A member's bits depend on nothing but its own numbers: not on how many others there are, nor on which.
+"""
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from importlib.util import find_spec
+
+import numpy as np
+
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.lanes import Failure, lanes_library
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.compiled_lanes import CompiledLanes
+from gough_stewart.harness.plants.lane_batch import N_INPUTS, N_STATES, Batch, LaneKernel, rows
+from gough_stewart.harness.plants.lane_failures import failure_of, short_legs
+from gough_stewart.harness.plants.numpy_lanes import NumpyLanes
+from gough_stewart.harness.plants.parameter_changes import changed_parameter, refuse_impossible
+from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.model import interface
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.errors import InterfaceError, MembersError, StepError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.step_times import end_of_step
+from gough_stewart.model.vectors import FloatArray
+
+# Beyond, a motion is not for fixed steps.
+MOST_SUBSTEPS = 1024
+# A plant step in so many is estimated, each at the cost of two more.
+ESTIMATE_EVERY = 64
+
+
+class LanesPlant(Plant):
+    """N platforms as a `Plant` of shape (N,); see `lanes_plant`.
+
+    Attributes
+    ----------
+    substeps
+        Steps of RK4 in a plant step.
+    compiled, features
+        Whether machine code steps it, and what that was made for: the same text means the same bits.
+    integration_error
+        The largest estimate so far (N,): the plant step of `substeps` against one of twice as many,
+        max |x − x'| / (1 + |x|), to be compared with a tolerance that is relative, and absolute in SI units.
+    estimate_every
+        A plant step in so many is estimated, the first always.
+    """
+
+    def __init__(
+        self, kernel: LaneKernel, platforms: Sequence[Platform], starts: Sequence[State], substeps: int
+    ) -> None:
+        self.shape = (len(platforms),)
+        self.substeps, self.estimate_every = substeps, ESTIMATE_EVERY
+        self.compiled, self.features = isinstance(kernel, CompiledLanes), kernel.features
+        self.integration_error = np.zeros(self.shape)
+        self._kernel, self._platforms = kernel, platforms
+        self._batch = batch = Batch.of(len(platforms))
+        self._fine = replace(batch, states=rows(N_STATES, batch.blocks))
+        self._signals = rows(signals.SIZE, batch.blocks)
+        self._time, self._steps = 0.0, 0
+        for name in (v.name for v in interface.PLATFORM_PARAMETERS):
+            batch.put_parameter(name, np.stack([np.asarray(getattr(platform, name)) for platform in platforms]))
+        batch.states[:] = batch.padded(np.stack([start.to_vector() for start in starts]))
+        home = batch.padded(np.stack([_home_pose(platform) for platform in platforms])).T
+        batch.inputs[:6] = static_leg_forces(batch.parameters_of(), home[:, :3], home[:, 3:]).T
+        batch.running[: len(platforms)] = -1
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        """Rule 2; what is not finite fails in the step, for its member alone."""
+        if inputs.shape != (*self.shape, N_INPUTS):
+            raise InterfaceError("inputs", f"have shape {inputs.shape}; expected {(*self.shape, N_INPUTS)}")
+        self._batch.inputs[:, : self.shape[0]] = inputs.T
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        """Rules 3 and 9."""
+        self.set_parameters_of(np.ones(self.shape, dtype=bool), values)
+
+    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
+        """Rule 9."""
+        present = self._batch.parameters_of(slice(self.shape[0]))
+        known = {name: changed_parameter(present, name, value, members) for name, value in values.items()}
+        refuse_impossible(self._platforms, members, known)
+        for name, value in known.items():
+            self._batch.put_parameter(name, value)
+
+    def signals(self) -> FloatArray:
+        """Rule 10: a view."""
+        self._kernel.signals(self._batch, self._signals)
+        return self._signals[:, : self.shape[0]].T
+
+    def results(self) -> FloatArray:
+        """Rule 4."""
+        found = rows(len(interface.RESULT_COLUMNS), self._batch.blocks)
+        self._kernel.results(self._batch, found)
+        return found[:, : self.shape[0]].T
+
+    def do_step(self, time: float, step: float) -> None:
+        """Rules 5, 6 and 9."""
+        end = end_of_step(time, step, self._time)
+        batch, substep = self._batch, step / self.substeps
+        failures = self._begin() if self._steps == 0 else {}
+        is_estimated = self._steps % self.estimate_every == 0
+        if is_estimated:
+            self._fine.states[:] = batch.states
+            self._kernel.step(self._fine, substep / 2, 2 * self.substeps, checked=False)
+        failed = self._kernel.step(batch, substep, self.substeps)
+        if failed:
+            failures |= self._stop_failed(substep)
+        if is_estimated:
+            self._estimate()
+        self._time, self._steps = end, self._steps + 1
+        if failures:
+            raise MembersError(failures)
+
+    def freeze(self, members: BoolArray) -> None:
+        """Rule 9."""
+        self._batch.running[: self.shape[0]][members] = 0
+
+    def close(self) -> None:
+        """Rule 8; there is nothing to free."""
+
+    def _begin(self) -> dict[int, StepError]:
+        """Failures of those that cannot begin where they are."""
+        failures = self._stop_failed(0.0) if self._kernel.check(self._batch) else {}
+        running = self._batch.running[: self.shape[0]]
+        for k, error in short_legs(self._batch, self._platforms, running != 0, self._time).items():
+            failures[k], running[k] = error, 0
+        return failures
+
+    def _stop_failed(self, substep: float) -> dict[int, StepError]:
+        batch = self._batch
+        found = {
+            int(k): failure_of(batch, int(k), self._time, substep, self.substeps) for k in np.flatnonzero(batch.failure)
+        }
+        batch.running[batch.failure != Failure.GOES_ON] = 0
+        batch.failure[:] = Failure.GOES_ON
+        return found
+
+    def _estimate(self) -> None:
+        n = self.shape[0]
+        x, fine = self._batch.states[:, :n], self._fine.states[:, :n]
+        with np.errstate(all="ignore"):
+            error = (np.abs(x - fine) / (1 + np.abs(x))).max(axis=0)
+        larger = (self._batch.running[:n] != 0) & ~(error <= self.integration_error)
+        self.integration_error[larger] = error[larger]
+
+
+def lanes_plant(
+    platforms: Sequence[Platform], starts: Sequence[State], *, substeps: int, compiler: bool | None = None
+) -> LanesPlant:
+    """Many platforms as a plant, each from its own start, at time 0.
+
+    Parameters
+    ----------
+    substeps
+        Steps of RK4 in each plant step; see `substeps_for`.
+    compiler
+        True: machine code for this processor, built with `zig cc` or taken from the cache. False: NumPy, slower. None:
+        NumPy where there is no compiler, with a warning.
+
+    Raises
+    ------
+    PlantError
+        No platforms, not as many starts, or no possible number of substeps.
+    BuildError
+        `compiler` is true, and the library cannot be built.
+    """
+    if not platforms or len(platforms) != len(starts):
+        raise PlantError(
+            f"{len(platforms)} platforms and {len(starts)} starts; expected a start for each, one at least"
+        )
+    if not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
+        raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
+    return LanesPlant(_kernel(compiler), platforms, starts, substeps)
+
+
+def substeps_for(integration_error: float, substeps: int, tolerance: float) -> int:
+    """How many substeps bring an error down (or up) to a tolerance: order 4, the next power of two.
+
+    Raises
+    ------
+    PlantError
+        The error is not finite, or it takes more than `MOST_SUBSTEPS`.
+    """
+    if not math.isfinite(integration_error):
+        raise PlantError(f"the integration error is {integration_error} with {substeps} substeps; begin with more")
+    needed = substeps * (integration_error / tolerance) ** (1 / 4)
+    power = 1 << math.ceil(math.log2(max(needed, 1.0)))
+    if power > MOST_SUBSTEPS:
+        raise PlantError(
+            f"the tolerance {tolerance:g} takes {power} substeps; expected at most {MOST_SUBSTEPS}: shorten the plant "
+            "step, smooth the friction (leg_friction_velocity), or ask for less"
+        )
+    return power
+
+
+def _kernel(compiler: bool | None) -> LaneKernel:
+    if compiler is False:
+        return NumpyLanes()
+    if compiler is None and find_spec("ziglang") is None:
+        _warn("the package ziglang is not installed")
+        return NumpyLanes()
+    try:
+        return _compiled()
+    except (BuildError, OSError) as error:
+        if compiler:
+            raise
+        _warn(str(error))
+        return NumpyLanes()
+
+
+@cache
+def _compiled() -> CompiledLanes:
+    return CompiledLanes(lanes_library())
+
+
+@cache
+def _warn(reason: str) -> None:
+    warnings.warn(f"many platforms are stepped by NumPy, some thirty times slower: {reason}", stacklevel=2)
+
+
+def _home_pose(platform: Platform) -> FloatArray:
+    return np.concatenate([platform.home_position, platform.home_orientation])

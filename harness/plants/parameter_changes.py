@@ -1,0 +1,72 @@
+"""Parameters of many platforms that change during a run: read and checked for all at once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model import interface
+from gough_stewart.model.errors import InterfaceError, PlatformError
+from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.platform import LARGEST_NUMBER, Platform
+from gough_stewart.model.platform_checks import INERTIA_SLACK
+from gough_stewart.model.real import real_array
+from gough_stewart.model.vectors import FloatArray
+
+
+def changed_parameter(present: Parameters, name: str, value: object, members: BoolArray) -> FloatArray:
+    """A tunable parameter of all (N, *shape), with another value for some members (N,).
+
+    Parameters
+    ----------
+    present
+        Those of all now.
+    value
+        One for all, or (N, *shape), of which only that of `members` counts.
+
+    Raises
+    ------
+    InterfaceError
+        No tunable parameter, another shape, or not finite.
+    """
+    variable = interface.BY_NAME.get(name)
+    if variable is None or variable not in interface.TUNABLE:
+        tunable = ", ".join(v.name for v in interface.TUNABLE)
+        raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
+    new = np.array(getattr(present, name))
+    try:
+        found = np.array(value)
+        is_own = found.ndim > len(variable.shape) and len(found) == len(members)
+        new[members] = real_array(found[members] if is_own else value, new[members].shape if is_own else variable.shape)
+    except ValueError as error:
+        raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
+    return new
+
+
+def refuse_impossible(platforms: Sequence[Platform], members: BoolArray, values: Mapping[str, FloatArray]) -> None:
+    """Raise what `Platform` says of the first of these members that cannot be with these values (N, *shape).
+
+    A platform takes a millisecond, so that only those are made which a look at all of them leaves in doubt.
+    """
+    doubtful = np.zeros(len(platforms), dtype=bool)
+    for name, value in values.items():
+        flat = value.reshape(len(value), -1)
+        bound = interface.BY_NAME[name].lower_bound
+        if bound is not None:
+            doubtful |= ~(flat > 0 if bound == "> 0" else flat >= 0).all(axis=-1)
+        doubtful |= ~(np.abs(flat) < LARGEST_NUMBER).all(axis=-1)
+    if "platform_inertia" in values:
+        J = values["platform_inertia"]
+        a, b, c = np.moveaxis(np.linalg.eigvalsh(J), -1, 0)
+        asymmetry = np.abs(J - np.swapaxes(J, -1, -2)).max(axis=(-1, -2))
+        doubtful |= ~((a > 0) & (c <= a + b) & (asymmetry <= INERTIA_SLACK * c))
+    if "platform_com" in values:
+        reach = np.array([np.abs(platform.platform_points).max() for platform in platforms])
+        doubtful |= ~(np.linalg.norm(values["platform_com"], axis=-1) < reach)
+    for k in map(int, np.flatnonzero(doubtful & members)):
+        try:
+            replace(platforms[k], **{name: value[k] for name, value in values.items()})
+        except PlatformError as error:
+            text = str(error).partition(": ")[2]
+            raise PlatformError(error.field, f"{text} (number {k} of the platforms)") from None

@@ -1,0 +1,401 @@
+"""Many platforms at once: each as the stepping model has it, whatever the others are and do."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants import lanes, signals
+from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant, substeps_for
+from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.model import interface
+from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, StepError
+from gough_stewart.model.kinematics import leg_geometry, scaled_jacobian_of_legs
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+from tests.support.random_platforms import random_inputs, random_platform
+from tests.support.uneven import INPUTS, STATE, UNEVEN
+
+STEP = 2e-3
+# Members of which no two are alike; one vector and a part of another.
+N = 11
+
+
+@pytest.fixture(params=[True, False], ids=["compiled", "numpy"])
+def compiler(request: pytest.FixtureRequest) -> bool:
+    """Either kernel."""
+    return bool(request.param)
+
+
+def _members(n: int, seed: int = 7) -> tuple[list[Platform], list[State], FloatArray]:
+    """The uneven platform and random ones, moving gently, each under forces of its own."""
+    rng = np.random.default_rng(seed)
+    platforms = [UNEVEN, *(random_platform(rng) for _ in range(min(n, 12) - 1))]
+    # a random platform takes long: the further ones are the first with other payloads
+    platforms += [
+        replace(platforms[k % 12], platform_mass=platforms[k % 12].platform_mass * 1.01) for k in range(12, n)
+    ]
+    starts, inputs = [], []
+    for platform in platforms:
+        size = platform.characteristic_length
+        starts.append(
+            State(
+                platform.home_position + size * rng.uniform(-0.1, 0.1, 3),
+                platform.home_orientation + rng.uniform(-0.1, 0.1, 3),
+                size * rng.uniform(-0.3, 0.3, 3),
+                rng.uniform(-0.3, 0.3, 3),
+            )
+        )
+        inputs.append(_held(platform) + 0.1 * random_inputs(platform, rng).to_vector())
+    return platforms, starts, np.array(inputs)
+
+
+@cache
+def _held(platform: Platform) -> FloatArray:
+    return np.concatenate([platform.home_actuator_force, np.zeros(6)])
+
+
+def _run(plant: LanesPlant, inputs: FloatArray, steps: int = 20, first: int = 0) -> FloatArray:
+    """Forces that change in every step; all results at the end."""
+    for k in range(first, first + steps):
+        plant.set_inputs((1 + 0.1 * np.sin(k)) * inputs)
+        plant.do_step(k * STEP, STEP)
+    return plant.results()
+
+
+@pytest.fixture(scope="module")
+def reference() -> FloatArray:
+    """Results of the members by the error-controlled integration of another order, each alone."""
+    found = []
+    for platform, start, own in zip(*_members(N), strict=True):
+        model = ModelPlant(platform, start, tolerance=1e-12)
+        for k in range(10):
+            model.set_inputs((1 + 0.1 * np.sin(k)) * own)
+            model.do_step(k * STEP, STEP)
+        found.append(model.results())
+    return np.array(found)
+
+
+def test_a_run_is_that_of_the_stepping_model(compiler: bool, reference: FloatArray) -> None:
+    """Expected: the reference, states and signals within 1e-8."""
+    platforms, starts, inputs = _members(N)
+    plant = lanes_plant(platforms, starts, substeps=16, compiler=compiler)
+    found = _run(plant, inputs, 10)
+    for member, expected in enumerate(reference):
+        n = signals.SIZE
+        assert np.abs(found[member, :n] - expected[:n]).max() < 1e-8
+        # accelerations, forces and energies follow from the state, each in the size of its kind
+        for name, value in interface.unpack(interface.RESULTS, expected).items():
+            own_value = interface.unpack(interface.RESULTS, found[member])[name]
+            assert np.abs(own_value - value).max() < 1e-7 * (1 + np.abs(value).max()), name
+
+
+def test_signals_are_the_head_of_the_results(compiler: bool) -> None:
+    """Expected: two functions, the one without the dynamics."""
+    platforms, starts, inputs = _members(N)
+    plant = lanes_plant(platforms, starts, substeps=2, compiler=compiler)
+    results = _run(plant, inputs, 3)
+    assert plant.signals().shape == (N, signals.SIZE)
+    np.testing.assert_allclose(plant.signals(), results[:, : signals.SIZE], rtol=1e-13, atol=1e-14)
+    assert plant.shape == (N,)
+    assert plant.compiled == compiler
+
+
+def test_it_begins_in_its_starts_held_as_at_home(compiler: bool) -> None:
+    """Expected: the starts, and of members at home the accelerations of a platform that is held: none."""
+    platforms, starts, _ = _members(N)
+    rest = np.zeros(3)
+    starts[3] = State(platforms[3].home_position, platforms[3].home_orientation, rest, rest)
+    results = lanes_plant(platforms, starts, substeps=1, compiler=compiler).results()
+    np.testing.assert_array_equal(results[:, :12], [start.to_vector() for start in starts])
+    acceleration = slice(signals.SIZE, signals.SIZE + 6)
+    assert np.abs(results[3, acceleration]).max() < 1e-9 < np.abs(results[4, acceleration]).max()
+
+
+def test_a_member_has_the_same_bits_in_any_company(compiler: bool) -> None:
+    """Expected: those of the member alone; in ten, in a thousand and in another order."""
+    n = 1000 if compiler else 100
+    platforms, starts, inputs = _members(n)
+
+    def run(members: Sequence[int]) -> tuple[FloatArray, ...]:
+        chosen = [platforms[k] for k in members], [starts[k] for k in members]
+        plant = lanes_plant(*chosen, substeps=2, compiler=compiler)
+        return plant.results(), _run(plant, inputs[list(members)], 4), plant.integration_error
+
+    everyone = run(range(n))
+    for members in ([0], [n - 1], list(range(3, 13)), list(reversed(range(n)))):
+        for found, expected in zip(run(members), everyone, strict=True):
+            np.testing.assert_array_equal(found, expected[members])
+
+
+def test_frozen_members_stay_to_the_last_bit_while_others_go_on(compiler: bool) -> None:
+    """Expected: states as they were, and the run of the others as if nobody had been frozen."""
+    platforms, starts, inputs = _members(N)
+    plant, free = (lanes_plant(platforms, starts, substeps=2, compiler=compiler) for _ in range(2))
+    before = _run(plant, inputs, 3)[:, : signals.SIZE]
+    frozen = np.arange(N) % 3 == 1
+    plant.freeze(frozen)
+    error = plant.integration_error.copy()
+    plant.estimate_every = 1
+    after = _run(plant, inputs, 3, first=3)[:, : signals.SIZE]
+    np.testing.assert_array_equal(after[frozen], before[frozen])
+    np.testing.assert_array_equal(plant.integration_error[frozen], error[frozen])
+    np.testing.assert_array_equal(after[~frozen], _run(free, inputs, 6)[~frozen, : signals.SIZE])
+
+
+def _bad(kind: str) -> tuple[State, FloatArray]:
+    """The uneven platform on its way to a pose that no motion may pass, and its inputs."""
+    rest, u = np.zeros(3), np.concatenate([UNEVEN.home_actuator_force, np.zeros(6)])
+    if kind == "pitch":
+        return State(UNEVEN.home_position, np.array([0.0, 1.568, 0.0]), rest, np.array([0.0, 4.0, 0.0])), u
+    if kind == "singular":  # turned by a quarter and more, a way on which the legs lose hold
+        return State(UNEVEN.home_position, UNEVEN.home_orientation, rest, np.array([0.0, 0.0, 900.0])), u
+    if kind == "collapsed":
+        # joint 1 on its base point
+        position = UNEVEN.base_points[0] - UNEVEN.platform_points[0] + np.array([1e-4, 0.0, 1e-4])
+        return State(position, rest, rest, rest), u
+    start = State(UNEVEN.home_position, UNEVEN.home_orientation, rest, rest)
+    u[{"nan": 4, "infinite": 7}[kind]] = {"nan": np.nan, "infinite": -np.inf}[kind]
+    return start, u
+
+
+@pytest.fixture
+def quiet() -> Iterator[None]:
+    """Numbers that are not finite are what is tested."""
+    with np.errstate(all="ignore"):
+        yield
+
+
+QUANTITIES = {
+    "pitch": "orientation[2]",
+    "singular": "condition number of the leg Jacobian",
+    "collapsed": "leg_length[1]",
+    "nan": "actuator_force[5]",
+    "infinite": "external_force[2]",
+}
+
+
+@pytest.mark.usefixtures("quiet")
+@pytest.mark.parametrize("kind", QUANTITIES)
+def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(kind: str, compiler: bool) -> None:
+    """Expected: an error with quantity and time of this member alone, once; the run of the others without it."""
+    platforms, starts, inputs = _members(N)
+    free = lanes_plant(platforms, starts, substeps=4, compiler=compiler)
+    expected = _run(free, inputs, 2)
+    platforms[5] = UNEVEN
+    starts[5], inputs[5] = _bad(kind)
+    plant = lanes_plant(platforms, starts, substeps=4, compiler=compiler)
+    plant.set_inputs(inputs)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, STEP)
+    (error,) = caught.value.failures.values()
+    assert list(caught.value.failures) == [5]
+    assert error.quantity == QUANTITIES[kind]
+    assert 0 <= error.time <= STEP
+    np.testing.assert_array_equal(plant.signals()[5, :12], starts[5].to_vector())
+    # it is frozen now; forces of the first step were those of the others
+    others = np.arange(N) != 5
+    again = lanes_plant(platforms, starts, substeps=4, compiler=compiler)
+    again.freeze(~others)
+    found = _run(again, inputs, 2)
+    np.testing.assert_array_equal(found[others], expected[others])
+    plant.do_step(STEP, STEP)
+    np.testing.assert_array_equal(plant.signals()[5, :12], starts[5].to_vector())
+
+
+@pytest.mark.usefixtures("quiet")
+def test_a_motion_that_overflows_says_so(compiler: bool) -> None:
+    """Expected: a motion that is not finite, under forces that are finite."""
+    start, u = _bad("nan")
+    u[4] = 1e300
+    plant = lanes_plant([UNEVEN], [start], substeps=2, compiler=compiler)
+    plant.set_inputs(u[None])
+    with pytest.raises(MembersError, match="the motion is not finite; it needs more than 2 substeps"):
+        plant.do_step(0.0, STEP)
+
+
+def test_poses_near_a_singular_one_are_refused_from_the_limit_on(compiler: bool) -> None:
+    """Expected: condition numbers from NumPy's inverse, of poses on both sides of where det J changes its sign."""
+
+    def jacobian(yaw: float) -> FloatArray:
+        legs = leg_geometry(UNEVEN, UNEVEN.home_position, np.array([0.0, 0.0, yaw]))
+        return np.asarray(scaled_jacobian_of_legs(legs)[0])
+
+    singular = brentq(lambda yaw: np.linalg.det(jacobian(yaw)), 1.0, 2.5, xtol=1e-15)
+    yaws = singular + np.concatenate([sign * np.geomspace(1e-11, 1e-2, 40) for sign in (-1, 1)])
+    numbers = np.array([np.linalg.norm(J) * np.linalg.norm(np.linalg.inv(J)) for J in map(jacobian, yaws)])
+    clear = np.abs(np.log10(numbers / 1e8)) > 0.01  # rounding decides at the limit itself
+    rest = np.zeros(3)
+    starts = [State(UNEVEN.home_position, np.array([0.0, 0.0, yaw]), rest, rest) for yaw in yaws]
+    plant = lanes_plant([UNEVEN] * len(yaws), starts, substeps=1, compiler=compiler)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, 1e-9)
+    refused = np.isin(np.arange(len(yaws)), [k for k, error in caught.value.failures.items() if error.time == 0])
+    np.testing.assert_array_equal(refused[clear], (numbers >= 1e8)[clear])
+    assert 5 < refused.sum() < 60
+
+
+@pytest.mark.usefixtures("quiet")
+def test_a_singular_pose_that_is_passed_within_a_substep_is_noticed(compiler: bool) -> None:
+    """Expected: a turn by two radians, across the singular pose of the test above, leaves legs on the other side."""
+    start, u = _bad("singular")
+    plant = lanes_plant([UNEVEN], [start], substeps=1, compiler=compiler)
+    plant.set_inputs(u[None])
+    with pytest.raises(MembersError, match=r"passed since the last internal step"):
+        plant.do_step(0.0, STEP)
+
+
+def test_a_start_with_a_leg_too_short_for_its_parts_fails_in_the_first_step(compiler: bool) -> None:
+    """Expected: the stepping model's words, of this member alone."""
+    rest = np.zeros(3)
+    low = State(np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.3]), rest, rest)
+    home = State(UNEVEN.home_position, UNEVEN.home_orientation, rest, rest)
+    longer = replace(UNEVEN, leg_lower_com=2.2)
+    with pytest.raises(PlatformError, match="leg_lower_com") as expected:
+        ModelPlant(longer, low).do_step(0.0, STEP)
+    plant = lanes_plant([UNEVEN, longer], [home, low], substeps=4, compiler=compiler)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, STEP)
+    assert list(caught.value.failures) == [1]
+    assert str(expected.value).partition(": ")[2] in str(caught.value)
+
+
+def test_parameters_change_in_mid_run_for_those_that_are_meant(compiler: bool) -> None:
+    """Expected: the runs of stepping models that get the same changes."""
+    platforms, starts, inputs = _members(N)
+    plant = lanes_plant(platforms, starts, substeps=16, compiler=compiler)
+    heavier = np.array([1.5 * platform.platform_mass for platform in platforms])
+    some = np.arange(N) % 2 == 0
+    heavier_of_some = np.where(some, 2.0 * heavier, np.nan)
+    models = [ModelPlant(platform, start, 1e-12) for platform, start in zip(platforms, starts, strict=True)]
+
+    def changes(step: int, k: int) -> dict[str, object]:
+        if step == 2:
+            return {"platform_mass": heavier[k], "gravity": [0.3, -0.2, -5.0]}
+        if step == 4 and some[k]:
+            return {"platform_mass": heavier_of_some[k]}
+        return {"platform_com": [0.0, 0.01 * k, 0.02]} if step == 5 else {}
+
+    for step in range(8):
+        if step == 2:
+            plant.set_parameters({"platform_mass": heavier, "gravity": [0.3, -0.2, -5.0]})
+        if step == 4:
+            plant.set_parameters_of(some, {"platform_mass": heavier_of_some})
+        if step == 5:
+            plant.set_parameters({"platform_com": np.array([[0.0, 0.01 * k, 0.02] for k in range(N)])})
+        plant.set_inputs(inputs)
+        plant.do_step(step * STEP, STEP)
+        for k, model in enumerate(models):
+            model.set_parameters(changes(step, k))
+            model.set_inputs(inputs[k])
+            model.do_step(step * STEP, STEP)
+    expected = np.array([model.results() for model in models])
+    assert np.abs(plant.signals() - expected[:, : signals.SIZE]).max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "message"),
+    [
+        ({"platform_mass": [1.0, -2.0, 3.0]}, PlatformError, r"platform_mass: is -2 kg; .*number 1 of the platforms"),
+        ({"platform_inertia": np.diag([1.0, 1.0, 3.0])}, PlatformError, "triangle inequality.*number 0"),
+        ({"platform_com": [100.0, 0.0, 0.0]}, PlatformError, "more than ten times"),
+        ({"gravity": [[0.0, 0.0, np.nan]] * 3}, InterfaceError, "gravity: .*finite"),
+        ({"platform_mass": [1.0, 2.0]}, InterfaceError, r"platform_mass: has shape \(2,\)"),
+        ({"platform_mass": 2.0, "base_points": np.zeros((6, 3))}, InterfaceError, "cannot be set during a run"),
+        ({"nonsense": 2.0}, InterfaceError, "nonsense: cannot be set"),
+        ({"platform_mass": "heavy"}, InterfaceError, "heavy"),
+    ],
+)
+def test_impossible_parameters_are_refused_and_change_nothing(
+    values: dict[str, object], error: type[Exception], message: str
+) -> None:
+    """Expected: what is wrong, and the run of a plant that was not asked."""
+    platforms, starts, inputs = _members(3)
+    plant, untouched = (lanes_plant(platforms, starts, substeps=2) for _ in range(2))
+    with pytest.raises(error, match=message):
+        plant.set_parameters({"leg_viscous_friction": 3.0, **values})
+    np.testing.assert_array_equal(_run(plant, inputs, 2), _run(untouched, inputs, 2))
+
+
+def test_the_error_is_estimated_and_falls_with_the_fourth_order(compiler: bool) -> None:
+    """Expected: the distance from the stepping model at a tight tolerance; a sixteenth with twice the substeps."""
+    smooth = replace(UNEVEN, leg_coulomb_friction=0.0)
+    model = ModelPlant(smooth, STATE, tolerance=1e-13)
+    model.set_inputs(INPUTS.to_vector())
+    model.do_step(0.0, 0.1)
+    exact = model.results()[:12]
+    true, estimated = [], []
+    for substeps in (4, 8, 16):
+        plant = lanes_plant([smooth], [STATE], substeps=substeps, compiler=compiler)
+        plant.set_inputs(INPUTS.to_vector()[None])
+        plant.do_step(0.0, 0.1)
+        found = plant.signals()[0, :12]
+        true.append(float((np.abs(found - exact) / (1 + np.abs(exact))).max()))
+        estimated.append(float(plant.integration_error[0]))
+    # one step against two halves sees 15/16 of the error
+    np.testing.assert_allclose(estimated, 15 / 16 * np.array(true), rtol=0.1)
+    np.testing.assert_allclose(np.array(true[:-1]) / true[1:], 16, rtol=0.25)
+    assert substeps_for(estimated[0], 4, 1.01 * estimated[0] / 16) == 8
+    assert substeps_for(estimated[0], 4, 0.9 * estimated[0] / 16) == 16
+    assert substeps_for(1e-12, 4, 1e-8) == 1
+
+
+def test_the_largest_estimate_along_the_run_is_kept() -> None:
+    """Expected: of a member that is let go late, the estimate of then; between two estimates nothing changes."""
+    rest = State(UNEVEN.home_position, UNEVEN.home_orientation, np.zeros(3), np.zeros(3))
+    plant = lanes_plant([UNEVEN], [rest], substeps=1)
+    plant.estimate_every = 3
+    seen = []
+    for k in range(4):
+        if k == 1:
+            plant.set_inputs(INPUTS.to_vector()[None])
+        plant.do_step(k * 0.02, 0.02)
+        seen.append(float(plant.integration_error[0]))
+    assert seen[0] < 1e-12
+    assert seen[2] == seen[0] < 1e-3 * seen[3]
+
+
+@pytest.mark.parametrize("error", [np.nan, np.inf, 1e12])
+def test_an_error_that_no_number_of_substeps_brings_down_is_refused(error: float) -> None:
+    with pytest.raises(PlantError, match=r"expected at most 1024|begin with more"):
+        substeps_for(error, 4, 1e-8)
+
+
+@pytest.mark.parametrize(("time", "step"), [(0.0, 0.0), (0.0, -1.0), (0.5, 1e-3), (0.0, np.nan)])
+def test_wrong_times_are_refused_and_change_nothing(time: float, step: float) -> None:
+    plant = lanes_plant([UNEVEN], [STATE], substeps=1)
+    before = plant.results()
+    with pytest.raises(StepError, match=r"step|time"):
+        plant.do_step(time, step)
+    np.testing.assert_array_equal(plant.results(), before)
+
+
+def test_wrong_use_is_refused() -> None:
+    with pytest.raises(PlantError, match="1 platforms and 2 starts"):
+        lanes_plant([UNEVEN], [STATE, STATE], substeps=1)
+    with pytest.raises(PlantError, match="substeps is 0"):
+        lanes_plant([UNEVEN], [STATE], substeps=0)
+    with pytest.raises(InterfaceError, match=r"inputs: have shape \(12,\)"):
+        lanes_plant([UNEVEN], [STATE], substeps=1).set_inputs(np.zeros(12))
+
+
+def test_without_a_compiler_numpy_steps_and_says_so_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: a warning with the reason, one for all plants; with `compiler=True` the error itself."""
+
+    def failing() -> None:
+        raise BuildError("no compiler today")
+
+    monkeypatch.setattr(lanes, "_compiled", failing)
+    lanes._warn.cache_clear()
+    with pytest.warns(UserWarning, match="NumPy.*no compiler today") as warned:
+        plants = [lanes_plant([UNEVEN], [STATE], substeps=1) for _ in range(2)]
+    assert len(warned) == 1
+    assert not any(plant.compiled for plant in plants)
+    with pytest.raises(BuildError):
+        lanes_plant([UNEVEN], [STATE], substeps=1, compiler=True)
