@@ -32,6 +32,7 @@ UNITS = (
     Unit("s", {"s": 1}),
     Unit("N/m", {"kg": 1, "s": -2}),
     Unit("N/(m.s)", {"kg": 1, "s": -3}),
+    Unit("1", {}),
     Unit("N/s", {"kg": 1, "m": 1, "s": -3}),
 )
 BY_NAME = {unit.name: unit for unit in UNITS}

@@ -1,5 +1,7 @@
 """Errors of the harness."""
 
+from collections.abc import Sequence
+
 from gough_stewart.model.errors import GoughStewartError
 
 
@@ -21,6 +23,18 @@ class ExportError(GoughStewartError, ValueError):
 
 class RecordError(GoughStewartError, ValueError):
     """A file that is no record of a run, or a column that a record has not."""
+
+
+class LogError(GoughStewartError, ValueError):
+    """A log of a machine that cannot be read, or that no such machine can have recorded; names column and row."""
+
+
+class IdentificationError(GoughStewartError, ValueError):
+    """Parameters that a log cannot tell; `names` are those, as far as they are known."""
+
+    def __init__(self, message: str, names: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.names = tuple(names)
 
 
 class MotionError(GoughStewartError, ValueError):

@@ -8,13 +8,13 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BeforeValidator, GetCoreSchemaHandler
+from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema
-from pydantic_core.core_schema import no_info_plain_validator_function
+from pydantic_core.core_schema import no_info_before_validator_function, no_info_plain_validator_function
 
 from gough_stewart.model.real import real_array
 
@@ -32,8 +32,14 @@ UNITS: dict[str, dict[str, float]] = {
     "N/m": {"N/m": 1, "kN/m": 1e3, "N/mm": 1e3},
     "N.s/m": {"N.s/m": 1, "N s/m": 1, "kN.s/m": 1e3},
     "N/(m.s)": {"N/(m.s)": 1, "N/(m s)": 1, "kN/(m.s)": 1e3},
+    "kg": {"kg": 1, "g": 1e-3, "t": 1e3},
+    "kg.m2": {"kg.m2": 1, "kg m2": 1, "kg m²": 1},
+    "m/s2": {"m/s2": 1, "m/s²": 1},
+    "W": {"W": 1, "kW": 1e3},
 }
 
+# The unit of plain numbers, which is never written.
+PLAIN = ""
 LARGEST = 1e12
 # A number and its unit, with or without a space between them.
 _QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
@@ -48,6 +54,8 @@ def number(value: object, unit: str) -> float:
     ValueError
         Neither a finite number nor a text of a number and a unit of this kind.
     """
+    if unit == PLAIN:
+        return plain_number(value)
     expected = f"expected a number of {unit}, or a text with one of the units {', '.join(UNITS[unit])}"
     if not isinstance(value, str):
         try:
@@ -126,18 +134,25 @@ def plain_number(value: object) -> float:
         raise ValueError("expected a number") from None
 
 
-def _quantity(unit: str, bound: str | None = None) -> BeforeValidator:
-    def parse(value: Any) -> float:
-        size = number(value, unit)
-        if (bound == "> 0" and not size > 0) or (bound == ">= 0" and not size >= 0):
-            raise ValueError(f"expected {bound} {unit}")
-        return size
+@dataclass(frozen=True)
+class Quantity:
+    """Annotates what may be written as a text with a unit; what is kept is a number in SI units."""
 
-    return BeforeValidator(parse)
+    unit: str
+    bound: Literal["> 0", ">= 0"] | None = None
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_before_validator_function(self._parsed, handler(source))
+
+    def _parsed(self, value: object) -> float:
+        size = number(value, self.unit)
+        if (self.bound == "> 0" and not size > 0) or (self.bound == ">= 0" and not size >= 0):
+            raise ValueError(f"expected {self.bound} {self.unit}")
+        return size
 
 
 @dataclass(frozen=True)
-class _Vector:
+class Vector:
     """Annotates what may be written as any list or array; what is kept is a tuple of numbers in SI units."""
 
     unit: str
@@ -148,22 +163,38 @@ class _Vector:
         return no_info_plain_validator_function(lambda value: self.parse(value, self.unit, self.size))
 
 
-Number = Annotated[float, BeforeValidator(plain_number)]
-AnyTime = Annotated[float, _quantity("s")]
-Time = Annotated[float, _quantity("s", ">= 0")]
-PositiveTime = Annotated[float, _quantity("s", "> 0")]
-PositiveLength = Annotated[float, _quantity("m", "> 0")]
-Angle = Annotated[float, _quantity("rad")]
-Frequency = Annotated[float, _quantity("Hz", "> 0")]
-PositiveForceRate = Annotated[float, _quantity("N/s", "> 0")]
-Position = Annotated[ArrayLike, _Vector("m", 3)]
-Orientation = Annotated[ArrayLike, _Vector("rad", 3)]
-Velocity = Annotated[ArrayLike, _Vector("m/s", 3)]
-AngularVelocity = Annotated[ArrayLike, _Vector("rad/s", 3)]
-Force = Annotated[ArrayLike, _Vector("N", 3)]
-Torque = Annotated[ArrayLike, _Vector("N.m", 3)]
-LegForces = Annotated[ArrayLike, _Vector("N", 6)]
+@dataclass(frozen=True)
+class Unit:
+    """Annotates the unit of what has a parser of its own."""
+
+    unit: str
+
+
+def quantity_in(*annotations: object) -> Quantity | Vector | Unit | None:
+    """What annotates a field of a table as a quantity, also where the field may have none."""
+    for each in annotations:
+        found = each if isinstance(each, Quantity | Vector | Unit) else quantity_in(*get_args(each))
+        if found is not None:
+            return found
+    return None
+
+
+Number = Annotated[float, Quantity(PLAIN)]
+AnyTime = Annotated[float, Quantity("s")]
+Time = Annotated[float, Quantity("s", ">= 0")]
+PositiveTime = Annotated[float, Quantity("s", "> 0")]
+PositiveLength = Annotated[float, Quantity("m", "> 0")]
+Angle = Annotated[float, Quantity("rad")]
+Frequency = Annotated[float, Quantity("Hz", "> 0")]
+PositiveForceRate = Annotated[float, Quantity("N/s", "> 0")]
+Position = Annotated[ArrayLike, Vector("m", 3)]
+Orientation = Annotated[ArrayLike, Vector("rad", 3)]
+Velocity = Annotated[ArrayLike, Vector("m/s", 3)]
+AngularVelocity = Annotated[ArrayLike, Vector("rad/s", 3)]
+Force = Annotated[ArrayLike, Vector("N", 3)]
+Torque = Annotated[ArrayLike, Vector("N.m", 3)]
+LegForces = Annotated[ArrayLike, Vector("N", 6)]
 # In task space the last three channels are torques over angles: N.m/rad and so on, plain numbers.
-ProportionalGains = Annotated[ArrayLike, _Vector("N/m", 6, channels)]
-DerivativeGains = Annotated[ArrayLike, _Vector("N.s/m", 6, channels)]
-IntegralGains = Annotated[ArrayLike, _Vector("N/(m.s)", 6, channels)]
+ProportionalGains = Annotated[ArrayLike, Vector("N/m", 6, channels)]
+DerivativeGains = Annotated[ArrayLike, Vector("N.s/m", 6, channels)]
+IntegralGains = Annotated[ArrayLike, Vector("N/(m.s)", 6, channels)]

@@ -35,15 +35,14 @@ def leg_moments(parameters: Parameters, length: Array) -> LegMoments:
 
 
 def friction_force(parameters: Parameters, length_rate: Array) -> Array:
-    """Friction (..., 6) [N] against the sliding velocity (..., 6) [m/s]: c L̇ + C tanh(L̇/v_s).
+    """Friction (..., 6) [N] against the sliding velocity (..., 6) [m/s]: c_i L̇_i + C_i tanh(L̇_i/v_s).
 
-    `leg_viscous_friction` c, `leg_coulomb_friction` C, `leg_friction_velocity` v_s, over which the sign of the
-    Coulomb part is smoothed.
+    c_i is `leg_viscous_friction` times the leg's `leg_viscous_friction_factor`, C_i likewise `leg_coulomb_friction`
+    times its factor; `leg_friction_velocity` v_s smooths the sign of the Coulomb part.
     """
-    return np.asarray(
-        per_leg(parameters.leg_viscous_friction) * length_rate
-        + per_leg(parameters.leg_coulomb_friction) * np.tanh(length_rate / per_leg(parameters.leg_friction_velocity))
-    )
+    c = per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor
+    C = per_leg(parameters.leg_coulomb_friction) * parameters.leg_coulomb_friction_factor
+    return np.asarray(c * length_rate + C * np.tanh(length_rate / per_leg(parameters.leg_friction_velocity)))
 
 
 def transverse_mass(parameters: Parameters, length: Array) -> Array:

@@ -105,6 +105,14 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         default=_number(0.0),
         metadata=_row("kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0"),
     )
+    leg_viscous_friction_factor: _Array_co = field(
+        default_factory=_vector(*[1.0] * 6),
+        metadata=_row("1", "each leg's viscous friction over leg_viscous_friction", ">= 0", shape=(6,), tunable=True),
+    )
+    leg_coulomb_friction_factor: _Array_co = field(
+        default_factory=_vector(*[1.0] * 6),
+        metadata=_row("1", "each leg's Coulomb friction over leg_coulomb_friction", ">= 0", shape=(6,), tunable=True),
+    )
 
 
 # What the equations take: a `Platform`, a batch of platforms, or CasADi symbols.
@@ -162,6 +170,9 @@ TABLE = _rows(PlatformFields)
 LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
 PHYSICAL = tuple(_rows(ParametersOf).values())
+_FACTOR = "_factor"
+# Numbers that may be six, one a leg, by the parameter that then holds how the legs differ: see `by_leg`.
+FACTOR_OF = {name.removesuffix(_FACTOR): name for name in TABLE if name.endswith(_FACTOR)}
 
 
 def stack(parameters: Sequence[Parameters]) -> Parameters:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.model import platform_checks
+from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.parameters import TABLE, TEXTS, PlatformFields
+from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
 from gough_stewart.model.platform_display import platform_html, platform_text
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
@@ -41,6 +42,9 @@ class Platform(PlatformFields):
         for text in TEXTS:
             if not isinstance(getattr(self, text), str):
                 raise PlatformError(text, f"is {getattr(self, text)!r}; expected a text")
+        for name in FACTOR_OF:
+            for of, value in by_leg({name: getattr(self, name)}).items():
+                object.__setattr__(self, of, value)
         for name, row in TABLE.items():
             value = getattr(self, name)
             if value is not None or not row.is_optional:
@@ -90,6 +94,8 @@ Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n---------
 
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:
     """A float, or a read-only float64 array of this shape."""
+    if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, at once
+        return value
     try:
         array = real_array(value, shape)
     except ValueError as error:

@@ -1,17 +1,28 @@
 """What makes a platform impossible: every check with its own message (value, expectation, remedy)."""
 
+from functools import lru_cache
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.kinematics import conditioning, leg_geometry
+from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import TABLE, PlatformFields
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, FloatArray, dot
 
 # Rounding of published inertias: relative slack of symmetry and of the triangle inequality.
 INERTIA_SLACK = 1e-9
 # Joints closer than this fraction of their circle are one joint.
 COINCIDENCE = 1e-6
+_BOUNDED = [name for name, row in TABLE.items() if row.lower_bound is not None]
+
+
+class _Joints(NamedTuple):
+    """What the geometry of legs takes of a platform."""
+
+    base_points: FloatArray
+    platform_points: FloatArray
 
 
 def check(platform: PlatformFields) -> None:
@@ -26,13 +37,24 @@ def check(platform: PlatformFields) -> None:
 
 def check_bounds(platform: PlatformFields) -> None:
     """No number lies below the bound that the table gives it."""
-    for name, row in TABLE.items():
+    for name in _BOUNDED:
         value = getattr(platform, name)
-        if value is None or row.lower_bound is None:
-            continue
-        if not (value > 0 if row.lower_bound == "> 0" else value >= 0):
+        if value is not None:
+            check_bound(name, value)
+
+
+def check_bound(name: str, value: float | FloatArray) -> None:
+    """Raise `PlatformError` at the first number of a parameter below the bound that the table gives it."""
+    row = TABLE[name]
+    if row.lower_bound is None or (type(value) is float and value > 0):  # the usual case, at once
+        return
+    numbers = np.ravel(value)
+    for k, number in enumerate(numbers.tolist()):
+        if not (number > 0 if row.lower_bound == "> 0" else number >= 0):
             remedy = ", or leave it out" if row.is_optional else ""
-            raise PlatformError(name, f"is {value:g} {row.unit}; expected {row.lower_bound}{remedy}: {row.description}")
+            which = f"{name}[{k + 1}]" if numbers.size > 1 else name
+            unit = "" if row.unit == "1" else f" {row.unit}"
+            raise PlatformError(which, f"is {number:g}{unit}; expected {row.lower_bound}{remedy}: {row.description}")
 
 
 def check_inertia(platform: PlatformFields) -> None:
@@ -47,7 +69,7 @@ def check_inertia(platform: PlatformFields) -> None:
             f"is not symmetric: [{a},{b}] = {J[a - 1, b - 1]:g} but [{b},{a}] = {J[b - 1, a - 1]:g} kg m²; "
             "give both the same value (minus the product of inertia)",
         )
-    moments = np.linalg.eigvalsh(J)
+    moments = _principal_moments(J.tobytes())
     if not moments[0] > 0:
         raise PlatformError(
             field, f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0"
@@ -64,9 +86,8 @@ def check_joints(platform: PlatformFields) -> None:
     """No two joints of one side are in the same place."""
     for field in ("base_points", "platform_points"):
         points = getattr(platform, field)
-        distance = np.linalg.norm(points[:, None] - points[None, :], axis=-1)
-        i, j = np.unravel_index((distance + np.diag(np.full(6, np.inf))).argmin(), (6, 6))
-        if distance[i, j] <= COINCIDENCE * distance.max():
+        i, j, share = _closest_joints(points.tobytes())
+        if share <= COINCIDENCE:
             raise PlatformError(
                 field,
                 f"joints {i + 1} and {j + 1} coincide at {_list(points[i])} m; expected six places apart "
@@ -79,14 +100,13 @@ def check_home_pose(platform: PlatformFields) -> None:
     pitch = platform.home_orientation[1]
     if not abs(pitch) < LARGEST_PITCH:
         raise PlatformError("home_orientation", f"has pitch {pitch:g} rad; expected less than ±90°")
-    lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    lengths, worst = _home_pose(platform)
     shortest = int(lengths.argmin())
     if lengths[shortest] <= COINCIDENCE * np.abs(platform.base_points).max():
         raise PlatformError(
             "home_position",
             f"base joint and platform joint {shortest + 1} coincide in the home pose; raise home_position",
         )
-    worst = float(conditioning(platform, platform.home_position, platform.home_orientation).condition_number)
     if not worst < SINGULAR_CONDITION_NUMBER:
         raise PlatformError(
             "base_points, platform_points, home_position, home_orientation",
@@ -98,10 +118,9 @@ def check_home_pose(platform: PlatformFields) -> None:
 
 def check_com_offsets(platform: PlatformFields) -> None:
     """Centres of mass lie on the legs, and near the platform."""
-    lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    check_leg_com_offsets(platform, float(lengths.min()), "home")
-    reach = float(np.linalg.norm(platform.platform_points, axis=1).max())
-    offset = float(np.linalg.norm(platform.platform_com))
+    check_leg_com_offsets(platform, float(_home_pose(platform)[0].min()), "home")
+    reach = float(np.sqrt(dot(platform.platform_points, platform.platform_points)).max())
+    offset = float(np.sqrt(dot(platform.platform_com, platform.platform_com)))
     if offset > 10 * reach:
         raise PlatformError(
             "platform_com",
@@ -124,7 +143,7 @@ def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) 
 def check_limits(platform: PlatformFields) -> None:
     """Limits of stroke and joints admit the home pose."""
     low, high = platform.leg_length_min, platform.leg_length_max
-    lengths = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    lengths, _ = _home_pose(platform)
     if low is not None and high is not None and not low < high:
         raise PlatformError("leg_length_min", f"is {low:g} m; expected below leg_length_max = {high:g} m")
     if low is not None and lengths.min() < low:
@@ -136,6 +155,43 @@ def check_limits(platform: PlatformFields) -> None:
             "joint_angle_max",
             f"is {platform.joint_angle_max:g} rad; expected at most π (radians, not degrees)",
         )
+
+
+# Many platforms in a row differ in some parameters only: what follows from equal ones is computed once. By their bytes,
+# since arrays are no keys.
+_REMEMBERED = 64
+
+
+def _home_pose(platform: PlatformFields) -> tuple[FloatArray, float]:
+    """Leg lengths (6,) [m] of the home pose, and the condition number of its leg Jacobian."""
+    parts = (platform.base_points, platform.platform_points, platform.home_position, platform.home_orientation)
+    return _pose(*(part.tobytes() for part in parts))
+
+
+@lru_cache(_REMEMBERED)
+def _pose(base: bytes, platform: bytes, position: bytes, orientation: bytes) -> tuple[FloatArray, float]:
+    joints: Any = _Joints(_points(base), _points(platform))  # all that the geometry looks at
+    legs = leg_geometry(joints, np.frombuffer(position), np.frombuffer(orientation))
+    return np.asarray(legs.length), float(conditioning_of_legs(legs).condition_number)
+
+
+@lru_cache(_REMEMBERED)
+def _closest_joints(joints: bytes) -> tuple[int, int, float]:
+    """The two joints (6, 3) that are closest to each other, and their distance as a share of the largest."""
+    points = _points(joints)
+    distance = np.linalg.norm(points[:, None] - points[None, :], axis=-1)
+    i, j = divmod(int((distance + np.diag(np.full(6, np.inf))).argmin()), 6)
+    largest = float(distance.max())
+    return i, j, float(distance[i, j]) / largest if largest > 0 else 0.0
+
+
+@lru_cache(_REMEMBERED)
+def _principal_moments(inertia: bytes) -> FloatArray:
+    return np.asarray(np.linalg.eigvalsh(np.frombuffer(inertia).reshape(3, 3)))
+
+
+def _points(joints: bytes) -> FloatArray:
+    return np.frombuffer(joints).reshape(6, 3)
 
 
 def _list(values: Array) -> str:

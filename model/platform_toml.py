@@ -11,6 +11,7 @@ import numpy as np
 import tomlkit
 
 from gough_stewart.model import shipped
+from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest
@@ -48,7 +49,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
         if key in TABLE and _holds_other_than_numbers(value):
             raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
     try:
-        return Platform(**values)
+        return Platform(**by_leg(values))
     except PlatformError as error:
         raise PlatformFileError(where, str(error)) from error
 

@@ -24,4 +24,4 @@ def real_array(value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
         raise ValueError(f"has shape {array.shape}; expected {expected}")
     if not np.isfinite(array).all():
         raise ValueError(f"is {array.tolist()}; expected finite numbers only")
-    return array.astype(np.float64)
+    return array.astype(np.float64, copy=False)  # which is a copy already

@@ -1,41 +1,47 @@
 """From an experiment to what the loop takes: platform, reference, controller, limits, changes; everything checked."""
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.control.laws import Controller, Law, controller_of, law_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
-from gough_stewart.harness.experiment import schema
+from gough_stewart.harness.experiment.once import Once
+from gough_stewart.harness.experiment.parts import (
+    Injection,
+    changed,
+    check_frequency,
+    disturbances_of,
+    force_limit_of,
+    injected,
+    limits_of,
+    parameter_changes,
+    platform_of,
+    start_of,
+)
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, LawFrom, Limits, Loop
+from gough_stewart.harness.loop.loop import LawFrom, Loop
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.motion.motion import Motion, end_of
+from gough_stewart.harness.motion.motion import Motion, Reference, end_of
 from gough_stewart.harness.motion.reach import LegMotion, check_reach, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.errors import GoughStewartError, PlatformError
-from gough_stewart.model.interface import TUNABLE, nearest
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.parameters import TABLE
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_platform, load_preset
-from gough_stewart.model.real import real_array
+from gough_stewart.model.platform_toml import load_platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
-Injection = Callable[[float], ArrayLike]
-_TUNABLE = tuple(v.name for v in TUNABLE)
+Seed = int | np.random.SeedSequence
+_NO_JACOBIANS = np.zeros((0, 6, 6))
 
 
 @dataclass(frozen=True)
@@ -87,182 +93,190 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     ReachError
         A reference that the platform cannot follow.
     """
-    section, folder = partial(_section, experiment.where), experiment.folder
-    with section("platform"):
-        platform = _platform(experiment.platform, folder)
-    with section("plant"):
-        machine = _machine(experiment.plant, platform, folder)
-    chosen, clocks = experiment.controller, experiment.loop
-    with section("loop"):
-        timing = Timing(
-            clocks.duration,
-            clocks.sample_time,
-            clocks.plant_step or clocks.sample_time,
-            clocks.jitter,
-            experiment.sensors.seed,
-        )
-        if not clocks.delay * timing.sample_time < timing.duration:
-            raise ControllerError(
-                f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; expected "
-                "fewer samples, or a longer run"
+    return Preparation().prepare(experiment, controller, injection)
+
+
+class _Planned(NamedTuple):
+    """What follows from a reference."""
+
+    reference: Reference
+    motion: Motion
+    legs: LegMotion
+    wanted: FloatArray
+    jacobians: FloatArray
+
+
+class Preparation:
+    """`prepare` for many experiments that have much in common: what follows from the same tables is made once.
+
+    Tables are the same if they are the same objects, as those that `model_copy` leaves alone.
+    """
+
+    def __init__(self) -> None:
+        self.once = Once()
+
+    def believed(self, experiment: Experiment) -> Platform:
+        """What the designer believes."""
+        with _section(experiment.where, "platform"):
+            choice, folder = experiment.platform, experiment.folder
+            return self.once("platform", (choice, str(folder)), lambda: platform_of(choice, folder))
+
+    def machine(self, experiment: Experiment) -> Platform:
+        """What is simulated."""
+        believed, choice = self.believed(experiment), experiment.plant
+        with _section(experiment.where, "plant"):
+            base = believed
+            if choice.file is not None:
+                file = experiment.folder / choice.file
+                base = self.once("machine's file", (str(file),), lambda: load_platform(file))
+            return self.once("machine", (choice, base), lambda: changed(base, choice.parameters))
+
+    def start(self, experiment: Experiment) -> State:
+        """The state at time 0."""
+        believed, planned = self.believed(experiment), self._planned(experiment)
+        parts = (experiment.start, believed, planned)
+        motion = None if planned is None else planned.motion
+        return self.once("start", parts, lambda: start_of(experiment.start, believed, motion))
+
+    def prepare(
+        self,
+        experiment: Experiment,
+        controller: Any = None,
+        injection: Injection | None = None,
+        *,
+        seed: Seed | None = None,
+        held: FloatArray | None = None,
+    ) -> Prepared:
+        """See the function.
+
+        Parameters
+        ----------
+        seed
+            Of noise and jitter, in the place of the sensors' own.
+        held
+            Actuator forces (6,) [N] that hold the machine in its start pose, where they are known.
+        """
+        once, section = self.once, partial(_section, experiment.where)
+        chosen, clocks, folder = experiment.controller, experiment.loop, experiment.folder
+        platform, machine = self.believed(experiment), self.machine(experiment)
+        timing = self._timing(experiment)
+        planned = self._planned(experiment, controller)
+        forces = self._feedforward(experiment, planned)
+        start = self.start(experiment)
+        with section("controller"):
+            made = (
+                once(
+                    "controller",
+                    (chosen, platform, timing.sample_time, str(folder)),
+                    lambda: chosen.controller(platform, timing.sample_time, folder),
+                )
+                if controller is None
+                else controller_of(controller)
             )
-    is_closed = controller is not None or chosen.is_closed
-    if experiment.reference is None and (is_closed or chosen.feedforward != "none"):
-        raise ExperimentError(
-            experiment.where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
+            if isinstance(made, UnitController) and not clocks.delay:
+                raise ControllerError(
+                    f"{made.path} gives the forces of a sample when it has been stepped over it; expected a loop.delay "
+                    "of at least 1, for instance by --set loop.delay=1"
+                )
+        if controller is None:
+            forces = once("forces", (chosen, forces), lambda: chosen.planned(forces))
+        elif isinstance(made, UnitController):
+            forces = np.zeros_like(forces)  # its feedforward is inside
+        force_limit = force_limit_of(experiment.actuators, platform)
+        is_closed = controller is not None or chosen.is_closed
+        if made is None:
+            # an open loop has its forces from the beginning; a closed one begins with the machine held still
+            held = forces[0]
+        elif held is None:
+            held = static_leg_forces(machine, start.position, start.orientation)
+        with section("change"):
+            changes = parameter_changes(experiment, machine)
+            for change in changes:
+                timing.row(change.time, "a change")
+        with section("disturbance"):
+            changes += once(
+                "disturbances", (experiment.disturbance, timing), lambda: disturbances_of(experiment, timing)
+            )
+        sensors = once("sensors", (experiment.sensors,), lambda: Sensors(**experiment.sensors.model_dump()))
+        own: dict[str, Any] = {"seed": seed}
+        loop = Loop(
+            timing=timing if seed is None or not timing.jitter else replace(timing, **own),
+            wanted=None if planned is None else planned.wanted,
+            feedforward=forces,
+            start_force=np.clip(held, -(force_limit or np.inf), force_limit or np.inf),
+            sensors=sensors if seed is None or not any(sensors.noise.values()) else replace(sensors, **own),
+            actuators=once(
+                "actuators",
+                (experiment.actuators, clocks.delay, force_limit),
+                lambda: Actuators(force_limit, experiment.actuators.rate_limit, experiment.actuators.lag, clocks.delay),
+            ),
+            limits=once(
+                "limits", (experiment.limits, platform, is_closed), lambda: limits_of(experiment, platform, is_closed)
+            ),
+            changes=tuple(changes),
+            injection=None if injection is None else injected(injection, timing.samples),
         )
-    motion = legs = wanted = None
-    jacobians = np.zeros((0, 6, 6))
-    planned = np.zeros((len(timing.samples), 6))
-    if experiment.reference is not None:
-        with section("reference"):
-            reference = experiment.reference.about(platform, folder)
-            _check_frequency(experiment.reference.highest_frequency, timing)
+        motion, legs = (None, None) if planned is None else (planned.motion, planned.legs)
+        jacobians = _NO_JACOBIANS if planned is None else planned.jacobians
+        return Prepared(platform, machine, start, loop, motion, legs, made, jacobians)
+
+    def _timing(self, experiment: Experiment) -> Timing:
+        clocks, seed = experiment.loop, experiment.sensors.seed
+
+        def make() -> Timing:
+            step = clocks.plant_step or clocks.sample_time
+            timing = Timing(clocks.duration, clocks.sample_time, step, clocks.jitter, seed)
+            if not clocks.delay * timing.sample_time < timing.duration:
+                raise ControllerError(
+                    f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; "
+                    "expected fewer samples, or a longer run"
+                )
+            return timing
+
+        with _section(experiment.where, "loop"):
+            # by its numbers: tables that differ in the delay alone share what follows from the clocks
+            numbers = (clocks.duration, clocks.sample_time, clocks.plant_step or 0.0, clocks.jitter, clocks.delay, seed)
+            made: Timing = self.once("timing of this delay", numbers, make)
+            return self.once("timing", (*numbers[:4], seed), lambda: made)
+
+    def _planned(self, experiment: Experiment, controller: Any = None) -> _Planned | None:
+        choice, chosen, where = experiment.reference, experiment.controller, experiment.where
+        if choice is None:
+            if controller is not None or chosen.is_closed or chosen.feedforward != "none":
+                raise ExperimentError(
+                    where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
+                )
+            return None
+        platform, timing, folder = self.believed(experiment), self._timing(experiment), experiment.folder
+        largest = experiment.limits.condition_number
+
+        def make() -> _Planned:
+            reference = choice.about(platform, folder)
+            check_frequency(choice.highest_frequency, timing)
             motion = reference(timing.times)
-            check_reach(platform, timing.times, motion, experiment.limits.condition_number)
+            check_reach(platform, timing.times, motion, largest)
             legs = legs_of(platform, motion)
             wanted = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
-        at = slice(0, timing.steps, timing.steps_a_sample)
-        jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
-        # forces are held: those of the middle of the time in which they will act
-        ahead = timing.samples + (clocks.delay + 0.5) * timing.sample_time
-        planned = feedforward(chosen.feedforward, platform, reference(np.minimum(ahead, end_of(reference))))
-    start = _start(experiment.start, platform, motion)
-    with section("controller"):
-        made = (
-            chosen.controller(platform, timing.sample_time, folder) if controller is None else controller_of(controller)
-        )
-        if isinstance(made, UnitController) and not clocks.delay:
-            raise ControllerError(
-                f"{made.path} gives the forces of a sample when it has been stepped over it; expected a loop.delay of "
-                "at least 1, for instance by --set loop.delay=1"
-            )
-    if controller is None:
-        planned = chosen.planned(planned)
-    elif isinstance(made, UnitController):
-        planned = np.zeros_like(planned)  # its feedforward is inside
-    force_limit = _force_limit(experiment.actuators, platform)
-    # an open loop has its forces from the beginning; a closed one begins with the machine held still
-    first = planned[0] if made is None else static_leg_forces(machine, start.position, start.orientation)
-    with section("change"):
-        changes = _parameter_changes(experiment, machine)
-        for change in changes:
-            timing.row(change.time, "a change")
-    with section("disturbance"):
-        changes += _disturbances(experiment, timing)
-    loop = Loop(
-        timing=timing,
-        wanted=wanted,
-        feedforward=planned,
-        start_force=np.clip(first, -(force_limit or np.inf), force_limit or np.inf),
-        sensors=Sensors(**experiment.sensors.model_dump()),
-        actuators=Actuators(force_limit, experiment.actuators.rate_limit, experiment.actuators.lag, clocks.delay),
-        limits=_limits(experiment, platform, is_closed),
-        changes=tuple(changes),
-        injection=None if injection is None else _injected(injection, timing.samples),
-    )
-    return Prepared(platform, machine, start, loop, motion, legs, made, jacobians)
+            at = slice(0, timing.steps, timing.steps_a_sample)
+            jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
+            return _Planned(reference, motion, legs, wanted, jacobians)
 
+        with _section(where, "reference"):
+            return self.once("reference", (choice, platform, timing, str(folder), largest), make)
 
-def _platform(choice: schema.PlatformChoice, folder: Path) -> Platform:
-    platform = load_preset(choice.preset_name) if choice.file is None else load_platform(folder / choice.file)
-    return _changed(platform, choice.parameters)
+    def _feedforward(self, experiment: Experiment, planned: _Planned | None) -> FloatArray:
+        platform, timing = self.believed(experiment), self._timing(experiment)
+        kind, delay = experiment.controller.feedforward, experiment.loop.delay
 
+        def make() -> FloatArray:
+            if planned is None:
+                return np.zeros((len(timing.samples), 6))
+            # forces are held: those of the middle of the time in which they will act
+            ahead = timing.samples + (delay + 0.5) * timing.sample_time
+            reference = planned.reference
+            return feedforward(kind, platform, reference(np.minimum(ahead, end_of(reference))))
 
-def _machine(choice: schema.PlantChoice, believed: Platform, folder: Path) -> Platform:
-    return _changed(believed if choice.file is None else load_platform(folder / choice.file), choice.parameters)
-
-
-def _changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
-    for name in parameters:
-        if name not in TABLE:
-            raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
-    return replace(platform, **parameters) if parameters else platform
-
-
-def _check_frequency(highest: float, timing: Timing) -> None:
-    """Refuse a motion that samples would take for a slower one."""
-    if not highest < 0.5 / timing.sample_time:
-        raise ControllerError(
-            f"frequency of {highest:g} Hz at a sample_time of {timing.sample_time:g} s; expected less than half the "
-            f"sample rate, {0.5 / timing.sample_time:g} Hz"
-        )
-
-
-def _start(choice: schema.Start, platform: Platform, motion: Motion | None) -> State:
-    rest = np.zeros(3)
-    state = State(platform.home_position, platform.home_orientation, rest, rest)
-    if motion is not None:
-        state = State(*(values[0] for values in motion[:4]))
-    given = {name: np.array(value) for name, value in choice.model_dump().items() if value is not None}
-    return state._replace(**given)
-
-
-def _injected(injection: Injection, times: FloatArray) -> FloatArray:
-    """What is injected at every sample (m, 6) [N]."""
-    forces = np.zeros((len(times), 6))
-    for k, time in enumerate(times.tolist()):
-        try:
-            forces[k] = real_array(injection(time), (6,))
-        except ValueError as error:
-            raise ControllerError(f"the injection at time {time:g} s {error}") from None
-    return forces
-
-
-def _force_limit(choice: schema.ActuatorChoice, platform: Platform) -> float | None:
-    if choice.force_limit == "platform":
-        return platform.actuator_force_max
-    return None if choice.force_limit == "none" else float(choice.force_limit)
-
-
-def _limits(experiment: Experiment, platform: Platform, is_closed: bool) -> Limits:
-    low = 0.0 if platform.leg_length_min is None else platform.leg_length_min
-    high = math.inf if platform.leg_length_max is None else platform.leg_length_max
-    bound = experiment.limits.position_error
-    if bound is None and is_closed:
-        # a platform that is a leg's length away has left its controller
-        bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
-    return Limits((low, high), experiment.limits.stroke, math.inf if bound is None else bound)
-
-
-def _parameter_changes(experiment: Experiment, platform: Platform) -> list[Change]:
-    """In the order of time; factors are of the values just before."""
-    changes = []
-    for choice in sorted(experiment.change, key=lambda each: each.at):
-        values = dict(choice.parameters)
-        for name, factor in choice.factors.items():
-            if name in values:
-                raise PlatformError(name, "is in parameters and in factors; expected one of both")
-            values[name] = np.asarray(getattr(platform, name, np.nan)) * factor
-        for name in values:
-            if name not in _TUNABLE:
-                raise PlatformError(name, f"cannot change during a run{nearest(name, _TUNABLE)}")
-        platform = replace(platform, **values)
-        changes.append(Change(choice.at, {name: getattr(platform, name) for name in values}))
-    return changes
-
-
-def _disturbances(experiment: Experiment, timing: Timing) -> list[Change]:
-    """The external wrench at every time at which one begins or ends: the sum of those that act from there on."""
-    ends = [
-        (each.at, each.at + each.duration, np.concatenate([each.force, each.torque])) for each in experiment.disturbance
-    ]
-    rows = set[int]()
-    for begin, end, _ in ends:
-        rows.add(timing.row(begin, "a disturbance"))
-        if end - begin < 0.5 * timing.plant_step:
-            raise ControllerError(
-                f"a disturbance of {end - begin:g} s at {begin:g} s; expected at least the plant_step of "
-                f"{timing.plant_step:g} s"
-            )
-        if end < timing.duration:
-            rows.add(timing.row(end, "the end of a disturbance"))
-    # half a plant step aside, where rounding cannot tell begin from end
-    aside = timing.plant_step / 2
-    return [
-        Change(time, external_wrench=sum((w for a, b, w in ends if a < time + aside < b), start=np.zeros(6)))
-        for time in timing.times[sorted(rows)].tolist()
-    ]
+        return self.once("feedforward", (planned, platform, timing, kind, delay), make)
 
 
 @contextmanager

@@ -6,7 +6,8 @@ from typing import Any
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.preparation import Injection, Prepared, prepare
+from gough_stewart.harness.experiment.parts import Injection
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.loop import simulate

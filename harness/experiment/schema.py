@@ -22,9 +22,11 @@ from gough_stewart.harness.quantities import (
     PositiveTime,
     Time,
     Torque,
+    Unit,
     Velocity,
     number,
 )
+from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
@@ -129,7 +131,7 @@ def _force_limit(value: Any) -> float | str:
 class ActuatorChoice(Section):
     """`[actuators]`: limits, and the time constant of a lag; the platform's force limit by default."""
 
-    force_limit: Annotated[float | str, BeforeValidator(_force_limit)] = "platform"
+    force_limit: Annotated[float | str, BeforeValidator(_force_limit), Unit("N")] = "platform"
     rate_limit: PositiveForceRate | None = None
     lag: Time = 0.0
 
@@ -187,6 +189,7 @@ class Experiment(Section):
     limits: LimitChoice = LimitChoice()
     change: list[ChangeChoice] = Field(default_factory=list)
     disturbance: list[DisturbanceChoice] = Field(default_factory=list)
+    ensemble: EnsembleChoice | None = None
     _where: str = "experiment"
     _folder: Path = Path()
 

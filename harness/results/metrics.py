@@ -1,7 +1,7 @@
 """Figures of merit of a run: tracking, step responses, forces, power and energy, saturation, stroke."""
 
 import json
-import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,20 +9,9 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.results.limits import shares_of_limits
 from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.steps import AXES, BAND, HIGH, LOW, step_in, step_numbers
 from gough_stewart.model.vectors import FloatArray
 
-AXES = (
-    ("x", "position", 0),
-    ("y", "position", 1),
-    ("z", "position", 2),
-    ("roll", "orientation", 0),
-    ("pitch", "orientation", 1),
-    ("yaw", "orientation", 2),
-)
-# Wanted values closer than this [m, rad], or this share of the largest, are the same.
-_ROUNDING = 1e-9
-# A step's reference has to rest over this share of the rows at the end.
-_REST = 0.1
 _USED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
 _ERRORS = ("position", "orientation", "leg_length")
 
@@ -137,37 +126,22 @@ def _step_responses(record: Record) -> list[dict[str, Any]] | None:
 
 
 def _step_response(axis: str, time: FloatArray, wanted: FloatArray, actual: FloatArray) -> dict[str, Any] | None:
-    first, last = wanted[0], wanted[-1]
-    rounding = _ROUNDING * max(1.0, float(np.abs(wanted).max()))
-    rest = max(2, math.ceil(_REST * len(time)))
-    if not abs(last - first) > rounding or np.abs(wanted[-rest:] - last).max() > rounding:
+    step = step_in(wanted)
+    if not step.exists:
         return None
-    start = int(np.flatnonzero(np.abs(wanted - first) <= rounding)[-1])
-    if abs(wanted[start + 1] - last) <= rounding:
-        start += 1  # a jump is where the new value is first wanted
+    start, first, last = int(step.start), step.first, step.last
     response = (actual[start:] - first) / (last - first)
+    outside = np.flatnonzero(np.abs(response - 1) >= BAND)
+    low, high = (np.asarray((response >= level).argmax()) for level in (LOW, HIGH))
+    settled = np.asarray(outside[-1] + 1 if outside.size else 0)
+    numbers = step_numbers(time, step.start, response.max(), start + low, start + high, start + settled)
     return {
         "axis": axis,
         "from": _number(first),
         "to": _number(last),
         "at": _number(time[start]),
-        **_step_numbers(time[start:] - time[start], response),
+        **{name: _number(value) for name, value in numbers._asdict().items()},
         "final_error": _number(last - actual[-1]),
-    }
-
-
-def _step_numbers(time: FloatArray, response: FloatArray) -> dict[str, float | None]:
-    """Of a response from 0 to 1, as python-control's `step_info` has them."""
-    highest = response.max()
-    if not highest >= 0.9:
-        return {"overshoot_percent": 0.0, "rise_time": None, "settling_time": None}
-    low, high = (int((response >= level).argmax()) for level in (0.1, 0.9))
-    outside = np.flatnonzero(np.abs(response - 1) >= 0.02)
-    settled = int(outside[-1]) + 1 if outside.size else 0
-    return {
-        "overshoot_percent": _number(100 * max(highest - 1, 0.0)),
-        "rise_time": _number(time[high] - time[low]),
-        "settling_time": _number(time[settled]) if settled < len(time) else None,
     }
 
 
@@ -249,3 +223,39 @@ def _number(value: Any) -> float | None:
 
 def _list(values: FloatArray) -> list[float | None]:
     return [_number(value) for value in values]
+
+
+# Of lists by leg or axis: what counts of them in one number; of all others the largest.
+_LEAST = ("shortest", "first_exceeded")
+
+
+def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
+    """Figures of merit by path, one number each: "tracking.position.norm_rms", "step_response.z.rise_time".
+
+    Of lists by leg or axis the largest; the smallest of `stroke.shortest` and `limits.….first_exceeded`. Undefined
+    ones are None, and a list with an undefined element is, but for `first_exceeded`. The outcome is left out.
+    """
+    found: dict[str, float | None] = {}
+
+    def add(path: str, value: Any) -> None:
+        if isinstance(value, dict):
+            for name, part in value.items():
+                add(f"{path}.{name}" if path else name, part)
+        elif isinstance(value, list):
+            found[path] = _of_list(path.rpartition(".")[2], value)
+        elif value is not None or "." in path:
+            found[path] = value
+
+    steps = {step["axis"]: {k: v for k, v in step.items() if k != "axis"} for step in metrics["step_response"] or ()}
+    add("", {k: v for k, v in metrics.items() if k not in ("outcome", "step_response")})
+    for axis, step in steps.items():
+        for name, value in step.items():
+            found[f"step_response.{axis}.{name}"] = value
+    return found
+
+
+def _of_list(name: str, values: list[float | None]) -> float | None:
+    finite = [value for value in values if value is not None]
+    if not finite or (len(finite) < len(values) and name != "first_exceeded"):
+        return None
+    return min(finite) if name in _LEAST else max(finite)

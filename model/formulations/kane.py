@@ -100,9 +100,9 @@ def leg_equations(
     u, omega, slide_rate = _leg_axes(configuration), *leg_speeds(y)
     g = parameters.gravity[..., None, :]
     w = partial_angular_velocity(u.shape[:-2])
-    sliding = per_leg(parameters.leg_viscous_friction) * slide_rate + per_leg(
-        parameters.leg_coulomb_friction
-    ) * np.tanh(slide_rate / per_leg(parameters.leg_friction_velocity))
+    viscous = per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor
+    coulomb = per_leg(parameters.leg_coulomb_friction) * parameters.leg_coulomb_friction_factor
+    sliding = viscous * slide_rate + coulomb * np.tanh(slide_rate / per_leg(parameters.leg_friction_velocity))
     push = (actuator_force - sliding)[..., None] * u
 
     r1 = per_leg(parameters.leg_lower_com)[..., None] * u

@@ -123,7 +123,10 @@ def _leg_bodies(
     G1 = each(parameters.leg_lower_com)[..., None] * u  # from B
     G2 = (L - each(parameters.leg_upper_com))[..., None] * u
     coulomb = each(parameters.leg_coulomb_friction) * np.tanh(sliding / each(parameters.leg_friction_velocity))
-    resistance = each(parameters.leg_viscous_friction) * sliding + coulomb
+    resistance = (
+        parameters.leg_viscous_friction_factor * each(parameters.leg_viscous_friction) * sliding
+        + parameters.leg_coulomb_friction_factor * coulomb
+    )
     return _Legs(
         arm=arm,
         axis=u,

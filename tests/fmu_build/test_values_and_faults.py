@@ -160,6 +160,8 @@ def test_payload_friction_and_gravity_change_during_the_run(fmu: Fmu) -> None:
         "leg_coulomb_friction": 3.0,
         "leg_friction_velocity": 0.01,
         "gravity": [0.5, 0.0, -9.0],
+        "leg_viscous_friction_factor": [0.4, 1.7, 0.9, 1.2, 0.0, 1.1],
+        "leg_coulomb_friction_factor": [1.5, 0.6, 1.9, 0.3, 1.0, 0.8],
     }
     tunable = {r.variable.name for r in PLANT.of_role(Role.TUNABLE_PARAMETER)}
     assert set(changes) == tunable

@@ -47,8 +47,9 @@ def test_energy_of_an_uneven_platform_is_the_work_of_all_forces_less_what_fricti
     def derivative(_t: float, x: np.ndarray) -> np.ndarray:
         state = State.from_vector(x[:12])
         rate = leg_rates(UNEVEN, state).length_rate
-        friction = UNEVEN.leg_viscous_friction * rate
-        friction = friction + UNEVEN.leg_coulomb_friction * np.tanh(rate / UNEVEN.leg_friction_velocity)
+        friction = UNEVEN.leg_viscous_friction * UNEVEN.leg_viscous_friction_factor * rate
+        coulomb = UNEVEN.leg_coulomb_friction * UNEVEN.leg_coulomb_friction_factor
+        friction = friction + coulomb * np.tanh(rate / UNEVEN.leg_friction_velocity)
         power = (INPUTS.actuator_force - friction) @ rate
         power += INPUTS.external_force @ state.velocity + INPUTS.external_torque @ state.angular_velocity
         return np.append(kernel.derivatives(x[:12], u, p), power)

@@ -16,9 +16,10 @@ from gough_stewart.fmu_build.model_description import Identity
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.documentation import documentation_page
 from gough_stewart.harness.view.tables import parameters_sheet
-from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.kinematics import leg_rates
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -55,6 +56,8 @@ PHYSICAL = {
     "leg_friction_velocity": Expected((), "m/s", 0.001, "> 0", True),
     "gravity": Expected((3,), "m/s2", [0, 0, -9.81], None, True),
     "leg_armature": Expected((), "kg", 0, ">= 0"),
+    "leg_viscous_friction_factor": Expected((6,), "1", [1] * 6, ">= 0", True),
+    "leg_coulomb_friction_factor": Expected((6,), "1", [1] * 6, ">= 0", True),
 }
 OTHERS = {
     "home_position": Expected((3,), "m", NEEDED, None),
@@ -115,13 +118,17 @@ def test_the_bound_is_held_and_named_with_the_unit(uneven: Platform, name: str) 
     expected = ALL[name]
     refused = [-0.5, 0.0] if expected.bound == "> 0" else [-0.5]
     for value in refused:
-        text = re.escape(f"{name}: is {value:g} {expected.unit}; expected {expected.bound}")
-        one: dict[str, Any] = {name: value}
+        array = np.ones(expected.shape)
+        array.flat[-1] = value
+        which = f"{name}[{array.size}]" if expected.shape else name
+        unit = "" if expected.unit == "1" else f" {expected.unit}"
+        text = re.escape(f"{which}: is {value:g}{unit}; expected {expected.bound}")
+        one: dict[str, Any] = {name: array if expected.shape else value}
         with pytest.raises(PlatformError, match=text):
             replace(uneven, **one)
     if expected.bound == ">= 0":
-        one = {name: 0.0}
-        assert getattr(replace(uneven, **one), name) == 0
+        one = {name: np.zeros(expected.shape) if expected.shape else 0.0}
+        assert np.all(getattr(replace(uneven, **one), name) == 0)
 
 
 def test_a_platform_file_holds_every_parameter_with_its_unit(uneven: Platform) -> None:
@@ -152,6 +159,55 @@ def test_the_kernel_takes_every_parameter_for_what_it_is(uneven: Platform, name:
     found = by_kernel(changed)
     assert np.allclose(found, [*expected.linear, *expected.angular], rtol=0, atol=1e-9 * scale)
     assert np.abs(found - by_kernel(uneven)).max() > 1e-6 * scale
+
+
+# a type checker sees one float
+SIX: Any = [4.0, 0.0, 6.5, 11.0, 2.0, 7.5]
+
+
+@pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
+def test_six_values_of_friction_act_leg_by_leg(uneven: Platform, name: str) -> None:
+    """Expected: Newton and Euler, pushed in each leg by what friction of six values takes of the actuator's force."""
+    rng = np.random.default_rng(8)
+    state, inputs = random_state(uneven, rng), random_inputs(uneven, rng)
+    none = replace(uneven, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
+    six = replace(none, **{name: SIX})
+    rate = leg_rates(uneven, state).length_rate
+    speed = rate if name == "leg_viscous_friction" else np.tanh(rate / uneven.leg_friction_velocity)
+    R = matrix_from_orientation(state.orientation)
+    pushed = inputs._replace(actuator_force=inputs.actuator_force - SIX * speed)
+    expected = newton_euler.solve(none, state.position, R, state.velocity, state.angular_velocity, *pushed)
+    found = Kernel().derivatives(state.to_vector(), inputs.to_vector(), parameter_vector(six))[6:]
+    expected_all = np.array([*expected.linear, *expected.angular])
+    assert np.allclose(found, expected_all, rtol=0, atol=1e-9 * np.abs(expected_all).max())
+
+
+@pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
+def test_six_values_become_their_mean_and_factors(uneven: Platform, name: str) -> None:
+    changed = replace(uneven, **{name: SIX})
+    assert getattr(changed, name) == 31.0 / 6
+    assert np.allclose(getattr(changed, f"{name}_factor") * (31.0 / 6), SIX, rtol=1e-15, atol=0)
+    equal: dict[str, Any] = {name: [0.1] * 6}
+    alike = replace(changed, **equal)
+    assert getattr(alike, name) == 0.1
+    assert np.array_equal(getattr(alike, f"{name}_factor"), np.ones(6))
+    nothing: dict[str, Any] = {name: np.zeros(6)}
+    free = replace(changed, **nothing)
+    assert (getattr(free, name), getattr(free, f"{name}_factor").tolist()) == (0.0, [1.0] * 6)
+
+
+def test_a_platform_file_may_have_six_values_of_friction_but_not_beside_factors(uneven: Platform) -> None:
+    text = platform_to_toml(replace(uneven, leg_viscous_friction_factor=np.ones(6)))
+    lines = [line for line in text.splitlines() if not line.startswith("leg_viscous_friction")]
+    six = "\n".join([*lines, f"leg_viscous_friction = {SIX}"])
+    assert platform_from_toml(six) == replace(uneven, leg_viscous_friction=SIX)
+    with pytest.raises(PlatformFileError, match=r"leg_viscous_friction: has six values beside leg_viscous_friction_f"):
+        platform_from_toml(f"{six}\nleg_viscous_friction_factor = [1, 1, 1, 1, 1, 1]")
+    negative: Any = [*SIX[:2], -2, *SIX[3:]]
+    with pytest.raises(PlatformError, match=r"leg_coulomb_friction\[3\]: is -2 N; expected >= 0"):
+        replace(uneven, leg_coulomb_friction=negative)
+    with pytest.raises(PlatformError, match=r"has shape \(5,\); expected one number"):
+        replace(uneven, leg_coulomb_friction=SIX[:5])
 
 
 def test_both_descriptions_of_the_fmu_declare_every_parameter(uneven: Platform) -> None:

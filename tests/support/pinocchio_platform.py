@@ -51,9 +51,9 @@ class PinocchioPlatform:
             model.armature[model.joints[upper].idx_v] = platform.leg_armature
             x, y, slide = frame.T @ (state.velocity + np.cross(state.angular_velocity, R @ platform.platform_points[i]))
             leg_speed += [-y / length, x / length, slide]
-            friction = platform.leg_viscous_friction * slide + platform.leg_coulomb_friction * np.tanh(
-                slide / platform.leg_friction_velocity
-            )
+            viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor[i]
+            coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor[i]
+            friction = viscous * slide + coulomb * np.tanh(slide / platform.leg_friction_velocity)
             torque += [0.0, 0.0, inputs.actuator_force[i] - friction]
         for joint, on_leg, point in tips:
             on_platform = pin.SE3(np.eye(3), point)

@@ -26,6 +26,7 @@ class Sample(NamedTuple):
 
 def random_platform(rng: np.random.Generator) -> Platform:
     """Irregular joints and masses over three decades of size; valid by construction or drawn again."""
+    (legs,) = rng.spawn(1)
     while True:
         size = 10 ** rng.uniform(-1, 0.7)
         mass = size**3 * 10 ** rng.uniform(0, 1.5)
@@ -58,6 +59,8 @@ def random_platform(rng: np.random.Generator) -> Platform:
                 home_position=np.append(size * rng.uniform(-0.1, 0.1, 2), height),
                 home_orientation=rng.uniform(-0.2, 0.2, 3),
                 leg_armature=mass * rng.uniform(0.1, 0.5),
+                leg_viscous_friction_factor=legs.uniform(0.3, 1.7, 6),
+                leg_coulomb_friction_factor=legs.uniform(0.3, 1.7, 6),
             )
         except PlatformError:
             continue

@@ -372,3 +372,15 @@ def test_factors_are_of_the_values_just_before() -> None:
     settings = ["change=[{at=2, factors={platform_mass=2}}, {at=1, factors={platform_mass=1.5}}]"]
     changes = prepare(shipped_experiment("payload_change", settings)).loop.changes
     assert [change.parameters["platform_mass"] for change in changes] == [15.0, 30.0]
+
+
+def test_a_change_to_six_values_of_friction_changes_each_leg() -> None:
+    """Expected: the mean 3.5 of 1 to 6, and each value over it; a plant takes both."""
+    change = "change=[{at=1, parameters={leg_viscous_friction=[1, 2, 3, 4, 5, 6]}}]"
+    prepared = prepare(
+        shipped_experiment("heave_step", [change, "plant.parameters.leg_coulomb_friction=[6,5,4,3,2,1]"])
+    )
+    (made,) = prepared.loop.changes
+    assert made.parameters["leg_viscous_friction"] == 3.5
+    assert np.allclose(np.array(made.parameters["leg_viscous_friction_factor"]), np.arange(1, 7) / 3.5, rtol=1e-15)
+    assert np.allclose(prepared.machine.leg_coulomb_friction_factor, np.arange(6, 0, -1) / 3.5, rtol=1e-15)

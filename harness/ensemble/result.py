@@ -1,0 +1,87 @@
+"""What is known of an ensemble when it has run: a row for each member, bands over time, and its circumstances.
+
+`members` has a row for each member, in their order:
+
+- `member`, its number;
+- `varied.KEY`, every number that varies, KEY as the experiment has it, elements as in `varied.base_points[1,2]`;
+- `outcome`: `completed`, `diverged`, `stopped`, or `impossible` where there was nothing to run; `ended`, its time [s];
+  `cause`, a text, null where there is none;
+- the figures of merit by path (`tracking.position.norm_rms`), and `margins.stable`, `margins.disk` where they were
+  asked for; null where they are undefined.
+
+`bands` are those of `gough_stewart.harness.results.bands.bands_frame`. The metadata hold at least `title`, `seed`,
+`sampling`, and `groups`: the columns that vary, as lists of those that vary together.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.vectors import FloatArray
+
+MEMBER, OUTCOME, ENDED, CAUSE = "member", "outcome", "ended", "cause"
+VARIED, MARGINS = "varied.", "margins."
+IMPOSSIBLE = "impossible"
+# Of runs, and no merit.
+_CIRCUMSTANCES = ("rows", "duration")
+# Short names of what is asked for most.
+SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """An ensemble that has run."""
+
+    members: polars.DataFrame
+    bands: polars.DataFrame
+    metadata: dict[str, Any]
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """Names of the figures of merit and of the margins."""
+        return metric_names(self.members)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """What varies, without its prefix."""
+        return tuple(name.removeprefix(VARIED) for name in self.members.columns if name.startswith(VARIED))
+
+    @property
+    def title(self) -> str:
+        """Of the experiment."""
+        return str(self.metadata.get("title", "ensemble"))
+
+    def values(self, name: str) -> FloatArray:
+        """A figure of merit, a margin or what varies, of every member (N,); NaN where it is undefined."""
+        column = f"{VARIED}{name}" if f"{VARIED}{name}" in self.members.columns else metric_name(self.members, name)
+        return numbers(self.members, column)
+
+
+def metric_names(members: polars.DataFrame) -> tuple[str, ...]:
+    """The columns that are figures of merit or margins."""
+    other = (MEMBER, OUTCOME, ENDED, CAUSE, *_CIRCUMSTANCES)
+    return tuple(name for name in members.columns if name not in other and not name.startswith(VARIED))
+
+
+def metric_name(members: polars.DataFrame, name: str) -> str:
+    """The column of a figure of merit, which may have a short name.
+
+    Raises
+    ------
+    RecordError
+        There is none of that name; the nearest is suggested.
+    """
+    known, full = metric_names(members), SHORT.get(name, name)
+    if full not in known:
+        raise RecordError(f"no metric '{name}'{nearest(name, known)}")
+    return full
+
+
+def numbers(members: polars.DataFrame, column: str) -> FloatArray:
+    """A column as numbers (N,), NaN for null."""
+    values: FloatArray = members[column].cast(polars.Float64, strict=False).fill_null(np.nan).to_numpy()
+    return values

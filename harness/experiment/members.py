@@ -1,0 +1,247 @@
+"""The members of an ensemble: what each draws, and the experiment that each is."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from math import prod
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.preparation import Preparation
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.varied import Place, place_of
+from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
+from gough_stewart.harness.sampling.correlation import Together, correlated, correlation_of
+from gough_stewart.harness.sampling.design import Design, in_turn
+from gough_stewart.harness.sampling.distributions import Normal
+from gough_stewart.harness.sampling.variation import Spread, Target
+from gough_stewart.harness.section import complaints
+from gough_stewart.model.vectors import FloatArray
+
+_PLATFORMS = ("platform", "plant")
+
+
+@dataclass(frozen=True)
+class Input:
+    """One thing that varies: its key as it is written, its place, its distribution."""
+
+    key: str
+    place: Place
+    spread: Spread
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of its values in a table: `platform_mass`, `base_points[1,1]`, 1-based."""
+        target = self.place.target
+        if not target.shape:
+            return (target.name,)
+        return tuple(f"{target.name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(target.shape))
+
+    @property
+    def drawn_columns(self) -> tuple[str, ...]:
+        """Of what was drawn: the factor where one number moves several values, else the values."""
+        return (f"{self.place.target.name}.factor",) if self._is_scaled else self.columns
+
+    @property
+    def _is_scaled(self) -> bool:
+        return self.spread.factor is not None and prod(self.place.target.shape) > 1
+
+    def table(self, u: FloatArray, values: Any) -> dict[str, Any]:
+        """Columns (n,) of values and of what was drawn."""
+        target = self.place.target
+        if target.unit is None:
+            return {target.name: values}
+        numbers = np.asarray(values, dtype=float).reshape(len(u), -1)
+        found = {name: numbers[:, k] for k, name in enumerate(self.columns)}
+        if self._is_scaled and self.spread.factor is not None:
+            found[self.drawn_columns[0]] = self.spread.factor(u)
+        return found
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What members draw: columns of a table, and by member the values by place."""
+
+    columns: dict[str, Any]
+    values: list[dict[tuple[str, ...], Any]]
+
+
+class Members:
+    """The members of an experiment's `[ensemble]`.
+
+    Raises
+    ------
+    ExperimentError
+        No `[ensemble]`, a key that names nothing, or a distribution that is none; names the place.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        self.nominal, self.preparation = experiment, Preparation()
+        choice = experiment.ensemble
+        if choice is None:
+            raise ExperimentError(experiment.where, "ensemble", "is missing; it says what varies, and how")
+        if experiment.limits.stroke == "stop":
+            raise self._error("limits.stroke", "is 'stop', which ends single runs only; expected 'warn' or 'ignore'")
+        self.choice: EnsembleChoice = choice
+        self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
+        self.inputs = self._inputs()
+        self._together = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
+        grids = prod(i.spread.levels or 1 for i in self.inputs)
+        only_grids = bool(self.inputs) and all(i.spread.levels for i in self.inputs)
+        self.count = choice.members or (grids if only_grids else -(-MEMBERS // grids) * grids)
+        self._plain: dict[str, Any] = {}
+        _ = self.design
+
+    @cached_property
+    def design(self) -> Design:
+        """Where the members lie in the unit cube."""
+        try:
+            return Design(
+                self.choice.sampling,
+                self.seed,
+                self.count,
+                tuple(".".join(i.place.path) for i in self.inputs),
+                tuple(i.spread.size for i in self.inputs),
+                self.groups,
+            )
+        except ValueError as error:
+            raise self._error("", str(error)) from None
+
+    @cached_property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """Which inputs are independent of all others, by index: those that are correlated are one group."""
+        found = [{k} for k in range(len(self.inputs))]
+        for together in (*self.choice.correlation, *self.choice.covariance):
+            members = {k for k, i in enumerate(self.inputs) if i.key in together.of}
+            joined = set().union(*(g for g in found if g & members))
+            found = [g for g in found if not g & members] + [joined]
+        return tuple(tuple(sorted(group)) for group in sorted(found, key=min))
+
+    def draws(self, first: int, last: int) -> Draws:
+        """Of the members from first up to last, without it."""
+        u = self.design.points(first, last)
+        ends = np.cumsum([0, *(i.spread.size for i in self.inputs)])
+        u = in_turn(
+            u, [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))], first
+        )
+        for together, at, matrix in self._together:
+            columns = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in at])
+            R = correlation_of(matrix) if together in self.choice.covariance else matrix
+            u[:, columns] = correlated(u[:, columns], R)
+        table = dict[str, Any]()
+        values: list[dict[tuple[str, ...], Any]] = [{} for _ in range(last - first)]
+        for k, each in enumerate(self.inputs):
+            part = np.ascontiguousarray(u[:, ends[k] : ends[k + 1]])
+            drawn = each.spread.draw(part)
+            table |= each.table(part, drawn)
+            plain = drawn.tolist() if isinstance(drawn, np.ndarray) else drawn
+            for member, value in zip(values, plain, strict=True):
+                member[each.place.path] = value
+        return Draws(table, values)
+
+    def experiment(self, values: Mapping[tuple[str, ...], Any]) -> Experiment:
+        """The experiment of a member that draws these values.
+
+        Raises
+        ------
+        ExperimentError
+            Values that the experiment cannot take.
+        """
+        tables = dict[str, dict[tuple[str, ...], Any]]()
+        for path, value in values.items():
+            tables.setdefault(path[0], {})[path[1:]] = value
+        update = {name: self._table(name, inner) for name, inner in tables.items()}
+        return self.nominal.model_copy(update=update)
+
+    def seed_of(self, member: int) -> np.random.SeedSequence:
+        """Of a member's noise and jitter."""
+        return np.random.SeedSequence(self.seed, spawn_key=(member,))
+
+    def _table(self, name: str, values: Mapping[tuple[str, ...], Any]) -> Any:
+        table = getattr(self.nominal, name)
+        if name in _PLATFORMS:  # checked as a platform is
+            parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
+            return table.model_copy(update={"parameters": parameters})
+        if isinstance(table, list):
+            elements = list(table)
+            for k in {int(path[0]) - 1 for path in values}:
+                inner = {path[1:]: value for path, value in values.items() if int(path[0]) - 1 == k}
+                elements[k] = self._validated(f"{name}.{k + 1}", table[k], inner)
+            return elements
+        return self._validated(name, table, values)
+
+    def _validated(self, name: str, table: Any, values: Mapping[tuple[str, ...], Any]) -> Any:
+        if name not in self._plain:
+            self._plain[name] = table.model_dump(exclude_unset=True)
+        plain = dict(self._plain[name])
+        for (key, *rest), value in values.items():
+            plain[key] = {**(plain.get(key) or {}), rest[0]: value} if rest else value
+        # of choices and grids the same again and again
+        return self.preparation.once(
+            name, tuple(repr(value) for value in values.values()), lambda: self._made(name, type(table), plain)
+        )
+
+    def _made(self, name: str, kind: Any, plain: dict[str, Any]) -> Any:
+        try:
+            return kind.model_validate(plain)
+        except ValidationError as error:
+            raise ExperimentError(self.nominal.where, name, complaints(error, kind, plain)) from None
+
+    def _inputs(self) -> tuple[Input, ...]:
+        """In the order of their places, which does not depend on how the file is written."""
+        found = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
+        for together in self.choice.covariance:
+            deviations = np.sqrt(np.diag(together.values))
+            for key in together.of:
+                if key in self.choice.varied:
+                    raise self._error(key, "has a distribution and a covariance; expected one of both")
+                found.append(self._input(key, partial(_normal, deviations)))
+                deviations = deviations[found[-1].spread.size :]
+        paths = [each.place.path for each in found]
+        for each in found:
+            if paths.count(each.place.path) > 1:
+                raise self._error(each.key, "varies twice; expected one distribution")
+        return tuple(sorted(found, key=lambda each: each.place.path))
+
+    def _input(self, key: str, spread: Callable[[Target], Spread]) -> Input:
+        preparation, experiment = self.preparation, self.nominal
+        try:
+            place = place_of(key, experiment, preparation.believed(experiment), preparation.machine(experiment))
+            return Input(key, place, spread(place.target))
+        except ValueError as error:
+            raise self._error(key, str(error)) from None
+
+    def _at(self, together: Together) -> list[int]:
+        """The inputs of a matrix by index, in its order."""
+        keys = [each.key for each in self.inputs]
+        for key in together.of:
+            if key not in keys:
+                raise self._error(key, "is correlated, and does not vary; give it a distribution")
+        at = [keys.index(key) for key in together.of]
+        size = sum(self.inputs[k].spread.size for k in at)
+        if size != len(together.matrix):
+            raise self._error(
+                " and ".join(together.of), f"have {size} elements; their matrix has {len(together.matrix)} rows"
+            )
+        if any(self.inputs[k].spread.levels for k in at):
+            raise self._error(" and ".join(together.of), "are correlated; a grid cannot be")
+        if together in self.choice.correlation and not np.allclose(np.diag(together.values), 1):
+            raise self._error("correlation", "expected a matrix with 1 on the diagonal; or take covariance")
+        return at
+
+    def _error(self, key: str, message: str) -> ExperimentError:
+        return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)
+
+
+def _normal(deviations: FloatArray, target: Target) -> Spread:
+    """About the present value, with the first of these deviations."""
+    if target.nominal is None or target.unit is None:
+        raise ValueError("has no value to vary about; set one in the experiment")
+    n = prod(target.shape)
+    if n > len(deviations):
+        raise ValueError(f"has {n} elements; the matrix has {len(deviations)} rows left for them")
+    normal = Normal(target.nominal, deviations[:n].reshape(target.shape))
+    return Spread(n, lambda u: normal.quantile(u.reshape(len(u), *target.shape)))

@@ -1,0 +1,128 @@
+"""What a key of `[ensemble]` names: a place in the experiment, its unit, its shape, its present value."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.plants.signals import NAMES, VARIABLES
+from gough_stewart.harness.quantities import PLAIN, Vector, quantity_in
+from gough_stewart.harness.sampling.choice import EnsembleChoice
+from gough_stewart.harness.sampling.variation import Target
+from gough_stewart.harness.section import Section
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.parameters import TABLE
+from gough_stewart.model.platform import Platform
+
+_PLATFORMS = ("platform", "plant")
+# The clocks, what is drawn or simulated with, and texts: one for all members.
+_COMMON = {
+    "loop": ("duration", "sample_time", "plant_step"),
+    "sensors": ("seed", "sample_time"),
+    "plant": ("kind", "fmu", "file", "tolerance", "fixed_step_size"),
+    "platform": ("preset", "file"),
+    "limits": ("stroke", "condition_number"),
+    "controller": ("type", "file", "name", "names", "space"),
+    "reference": ("type", "file"),
+}
+_SIGNALS = {variable.name: variable for variable in VARIABLES}
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in an experiment: the way through its tables, and what stands there."""
+
+    path: tuple[str, ...]
+    target: Target
+
+
+def place_of(key: str, experiment: Experiment, believed: Platform, machine: Platform) -> Place:
+    """The place that a key of `[ensemble]` names.
+
+    Raises
+    ------
+    ValueError
+        No such parameter or key, or one that is the same for all members; says the nearest name.
+    """
+    path = _path_of(key)
+    section, *rest = path
+    if section not in Experiment.model_fields:
+        known = [
+            *TABLE,
+            *EnsembleChoice.model_fields,
+            *(name for name in Experiment.model_fields if name != "ensemble"),
+        ]
+        raise ValueError(f"no such parameter{nearest(section, known)}")
+    if not rest or rest[-1] in _COMMON.get(section, ()) or section == "ensemble":
+        raise ValueError("is one for all members; expected a parameter of the machine, or a number of another table")
+    if section in _PLATFORMS:
+        name = rest[-1]
+        if len(rest) != 2 or name not in TABLE:
+            raise ValueError(f"no such parameter{nearest(name, TABLE)}")
+        value = getattr(machine if section == "plant" else believed, name)
+        bare = name if section == "plant" else f"platform.{name}"
+        return Place(path, _of_parameter(bare, name, value))
+    return Place(path, _found(".".join(path), getattr(experiment, section), rest, section))
+
+
+def _path_of(key: str) -> tuple[str, ...]:
+    """The same with the tables that may be left out."""
+    parts = tuple(key.split("."))
+    if len(parts) == 1 and key in TABLE:
+        return ("plant", "parameters", key)
+    if len(parts) == 2 and parts[0] in _PLATFORMS and parts[1] in TABLE:
+        return (parts[0], "parameters", parts[1])
+    return parts
+
+
+def _of_parameter(name: str, parameter: str, value: Any) -> Target:
+    row = TABLE[parameter]
+    nominal = None if value is None else np.asarray(value, dtype=float)
+    unit = PLAIN if row.unit == "1" else row.unit
+    return Target(name, unit, row.shape, nominal, parameter == "platform_inertia")
+
+
+def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
+    """What stands at the end of a way through tables."""
+    name, *rest = path
+    if isinstance(table, list):
+        if not (name.isdigit() and 1 <= int(name) <= len(table)) or not rest:
+            raise ValueError(
+                f"expected {above}.1 to {above}.{len(table)} and a key of it" if table else f"no [[{above}]]"
+            )
+        return _found(key, table[int(name) - 1], rest, f"{above}.{name}")
+    if not isinstance(table, Section):
+        raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - of the key, which names nothing
+    field = type(table).model_fields.get(name)
+    if field is None:
+        raise ValueError(f"no such key of [{above}]{nearest(name, type(table).model_fields)}")
+    value = getattr(table, name)
+    if isinstance(value, Mapping):
+        return _of_mapping(key, name, value, rest)
+    if rest:
+        raise ValueError(f"{above}.{name} is no table")
+    quantity = quantity_in(field.annotation, *field.metadata)
+    if quantity is None:
+        return Target(key, None, (), None)
+    shape = (quantity.size,) if isinstance(quantity, Vector) else ()
+    nominal = None if value is None or isinstance(value, str) else np.asarray(value, dtype=float)
+    return Target(key, quantity.unit, shape, nominal)
+
+
+def _of_mapping(key: str, name: str, table: Mapping[str, Any], rest: Sequence[str]) -> Target:
+    """Of tables by signal, and of parameters."""
+    if len(rest) != 1:
+        raise ValueError(f"expected one name after {name}")
+    (inner,) = rest
+    value = table.get(inner)
+    if name in ("parameters", "factors") and inner not in TABLE:
+        raise ValueError(f"no such parameter{nearest(inner, TABLE)}")
+    if name == "factors":
+        return Target(key, PLAIN, (), None if value is None else np.asarray(value, dtype=float))
+    if name == "parameters":
+        return _of_parameter(key, inner, value)
+    if inner not in _SIGNALS:
+        raise ValueError(f"no signal '{inner}'{nearest(inner, NAMES)}")
+    return Target(key, _SIGNALS[inner].unit, (), None if value is None else np.asarray(value, dtype=float))

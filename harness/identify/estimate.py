@@ -1,0 +1,146 @@
+"""What an identification gives: values with their uncertainty, what the log could see, and what it left unexplained."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from gough_stewart.harness.identify.names import unit_of, value_of, with_values
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+CONFIDENCE = 0.95
+# Of a combination's text: parts smaller than this share of the largest are left out.
+_SHOWN_PART = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """What a fit leaves unexplained, per leg or other channel; each (k,)."""
+
+    quantity: str  # what the channels are, such as "force of leg"
+    unit: str
+    rms: FloatArray  # of the rows that were fitted [unit]
+    validation_rms: FloatArray | None  # of the rows that were kept aside [unit]
+    signal_rms: FloatArray  # of what was to be explained, about its mean [unit]
+    # p-value of the Ljung–Box test; small where residuals of one time tell those of the next
+    whiteness: FloatArray | None
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Parameters from a log, with confidence intervals, correlation, identifiability and residuals.
+
+    Examples
+    --------
+    >>> nominal, log = gs.load_preset("liu2000"), gs.run("circle", {"loop.duration": 4})
+    >>> found = gs.identify(log, nominal, ["platform_mass"])
+    >>> found.names, found.values.shape, found.interval.shape
+    (('platform_mass',), (1,), (1, 2))
+    """
+
+    method: str
+    names: tuple[str, ...]  # elements, such as platform_com[1]
+    values: FloatArray  # (p,) [SI]
+    nominal: FloatArray  # (p,) values to begin with [SI]
+    covariance: FloatArray  # (p, p)
+    # of the regressor in units of `scale`, the largest first; and for each of them the combination of names, a row
+    singular_values: FloatArray
+    directions: FloatArray  # (k, p)
+    scale: FloatArray  # (p,) [SI]
+    # how many of these combinations the log sees; the others keep their nominal values
+    rank: int
+    residuals: Residuals
+    notes: tuple[str, ...] = ()
+    # what pages and figures draw
+    details: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Square roots of the variances (p,) [SI]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def interval(self) -> FloatArray:
+        """Lower and upper ends of the 95 % confidence intervals (p, 2) [SI]."""
+        half = norm.ppf((1 + CONFIDENCE) / 2) * self.standard_errors
+        return np.stack([self.values - half, self.values + half], axis=1)
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Of the estimates (p, p); 0 where a variance is 0."""
+        s = self.standard_errors
+        size = np.outer(s, s)
+        return np.where(size > 0, self.covariance / np.where(size > 0, size, 1.0), np.eye(len(s)))
+
+    @property
+    def condition_number(self) -> float:
+        """Largest over smallest singular value; infinite where something is not seen."""
+        smallest = self.singular_values[-1]
+        return float(self.singular_values[0] / smallest) if smallest > 0 else float("inf")
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """The values of a parameter's elements, in their order, or of one element."""
+        return np.array([v for n, v in zip(self.names, self.values, strict=True) if name in (n, n.partition("[")[0])])
+
+    def platform(self, nominal: Platform) -> Platform:
+        """The platform with what was found.
+
+        Raises
+        ------
+        PlatformError
+            What was found makes no platform together with the rest of this one.
+        """
+        return with_values(nominal, dict(zip(self.names, self.values.tolist(), strict=True)))
+
+    def combination(self, k: int) -> str:
+        """The combination that singular value k belongs to, as a text; parts in units of their scale."""
+        return combination_text(self.directions[k], self.names)
+
+    def to_json(self) -> bytes:
+        """Everything but what is only drawn, as readable JSON."""
+        parts = {
+            "method": self.method,
+            "parameters": {
+                name: {
+                    "value": self.values[k],
+                    "standard_error": self.standard_errors[k],
+                    "interval": self.interval[k],
+                    "nominal": self.nominal[k],
+                    "unit": unit_of(name),
+                }
+                for k, name in enumerate(self.names)
+            },
+            "covariance": self.covariance,
+            "correlation": self.correlation,
+            "singular_values": self.singular_values,
+            "combinations": [self.combination(k) for k in range(len(self.singular_values))],
+            "rank": self.rank,
+            "residuals": vars(self.residuals),
+            "notes": self.notes,
+        }
+        return (json.dumps(parts, indent=2, ensure_ascii=False, default=_plain) + "\n").encode()
+
+
+def nominal_values(names: Sequence[str], platform: Platform) -> FloatArray:
+    """What the platform has for these elements (p,)."""
+    return np.array([value_of(platform, name) for name in names])
+
+
+def combination_text(direction: FloatArray, names: Sequence[str]) -> str:
+    """A combination of parameters as a text, the largest parts first."""
+    order = np.argsort(-np.abs(direction))
+    largest = np.abs(direction).max()
+    shown = [k for k in order if np.abs(direction[k]) >= _SHOWN_PART * largest]
+    sign = np.sign(direction[shown[0]]) or 1.0
+    parts = [f"{'+' if sign * direction[k] >= 0 else '−'} {abs(direction[k]):.2f} {names[k]}" for k in shown]
+    return " ".join(parts).removeprefix("+ ")
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{type(value)} in an estimate")  # a bug of ours, not of users

@@ -1,0 +1,203 @@
+"""Logs of machines: what encoders, force sensors or motor currents, and now and then a tracker, have recorded."""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.quantities import UNITS
+from gough_stewart.model.vectors import FloatArray
+
+# A name, perhaps with an index, and perhaps a unit in brackets: "leg_length[1]", "leg_length_1 (mm)", "time [ms]".
+_HEAD = re.compile(r"([A-Za-z][\w.]*?)(?:\[(\d+)\]|_(\d+))?(?:\s*[\[(]([^\])\d][^\])]*)[\])])?")
+_UNITS = {**UNITS, "A": {"A": 1, "mA": 1e-3}}
+# What the columns of each quantity may be called, the best first, with size and unit.
+_QUANTITIES = {
+    "time": (("time",), 1, "s"),
+    "leg_length": (("measured.leg_length", "leg_length"), 6, "m"),
+    "actuator_force": (("measured.actuator_force", "actuator_force", "controller.force"), 6, "N"),
+    "motor_current": (("motor_current",), 6, "A"),
+    "position": (("measured.position", "position"), 3, "m"),
+    "orientation": (("measured.orientation", "orientation"), 3, "rad"),
+}
+# Only records of runs have it: their forces are held from row to row.
+_OF_RUNS = "controller.force[1]"
+_FORM = "expected columns time, leg_length[1..6], actuator_force[1..6] or motor_current[1..6], units in the header"
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What a machine has recorded, row by row, in SI units; `read_log` makes it from a file."""
+
+    leg_length: FloatArray  # (n, 6) [m]
+    time: FloatArray | None = None  # (n,) [s]; poses at rest need none
+    actuator_force: FloatArray | None = None  # (n, 6) [N]; positive extends the leg
+    position: FloatArray | None = None  # (n, 3) of Op [m]
+    orientation: FloatArray | None = None  # (n, 3) roll, pitch, yaw [rad]
+    # whether a force acts from its row to the next, as a sampled controller's does; else it is that of its instant
+    holds_force: bool = False
+    where: str = "log"
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.leg_length)
+
+    def rows(self, which: slice) -> "Log":
+        """The same with some of the rows."""
+        kept: dict[str, Any] = {}
+        for name in ("leg_length", "time", "actuator_force", "position", "orientation"):
+            values = getattr(self, name)
+            kept[name] = None if values is None else values[which]
+        return replace(self, **kept)
+
+
+def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
+    """Read a log from CSV or Parquet: a record of `run`, or columns of a machine with units in their names.
+
+    Columns: `time`, `leg_length[1..6]`, `actuator_force[1..6]` or `motor_current[1..6]`, and where they were measured
+    `position[1..3]` and `orientation[1..3]`. A unit stands behind the name: `time [ms]`, `leg_length[1] [mm]`; without
+    one it is SI. `leg_length_1` is the same as `leg_length[1]`. A record of a run gives what sensors measured, and
+    true values of what they did not.
+
+    Parameters
+    ----------
+    path
+        The file, or the folder of a record.
+    force_per_current
+        Of each motor [N/A], where the log has currents.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, lacks columns, or holds something that is no finite number; names column and row.
+
+    Examples
+    --------
+    >>> files = gs.save_record(gs.run("heave_step", {"loop.duration": 0.1}), "results/heave")
+    >>> gs.read_log("results/heave").leg_length.shape
+    (101, 6)
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = next((path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()), path)
+    table = _table(path)
+    found = _columns(table.columns, path)
+    values = {name: _numbers(table, columns, path) for name, columns in found.items()}
+    if "leg_length" not in values:
+        raise LogError(f"{path}: no leg lengths; {_FORM}")
+    force = values.get("actuator_force")
+    if "motor_current" in values and force is None:
+        if force_per_current is None or not (math.isfinite(force_per_current) and force_per_current != 0):
+            raise LogError(
+                f"{path}: has motor currents, and force_per_current is {force_per_current}; expected their factor "
+                "[N/A], torque constant · 2π · efficiency / lead"
+            )
+        force = values["motor_current"] * force_per_current
+    log = Log(
+        values["leg_length"],
+        values["time"][:, 0] if "time" in values else None,
+        force,
+        values.get("position"),
+        values.get("orientation"),
+        _OF_RUNS in table.columns,
+        str(path),
+    )
+    if len(log) < 2:
+        raise LogError(f"{path}: {len(log)} rows; expected a log of some seconds, or of some poses")
+    return _at_samples(log, _metadata(path))
+
+
+def _table(path: Path) -> polars.DataFrame:
+    if not path.is_file():
+        raise LogError(f"{path}: no such file; expected a log as CSV or Parquet")
+    try:
+        if path.suffix == ".parquet":
+            return polars.read_parquet(path, glob=False)
+        # as texts, so that what is no number can be named
+        return polars.read_csv(path, infer_schema=False, glob=False)
+    except OSError as error:
+        raise LogError(f"{path}: cannot read this log: {error.strerror or error}") from error
+    except polars.exceptions.PolarsError as error:
+        raise LogError(f"{path}: cannot be read as a table ({str(error).splitlines()[0]}); {_FORM}") from error
+
+
+def _columns(heads: list[str], path: Path) -> dict[str, list[tuple[str, float]]]:
+    """Of every quantity that is there its columns in order, each with its factor to SI units."""
+    parts: dict[tuple[str, int], tuple[str, str | None]] = {}
+    for head in heads:
+        match = _HEAD.fullmatch(head.strip())
+        if match is not None:
+            name, bracket, tail, unit = match.groups()
+            parts[(name, int(bracket or tail or 1))] = (head, unit)
+    found = {}
+    for quantity, (names, size, unit) in _QUANTITIES.items():
+        for name in names:
+            present = [k for k in range(1, size + 1) if (name, k) in parts]
+            if not present:
+                continue
+            if len(present) < size:
+                missing = ", ".join(f"{name}[{k}]" for k in range(1, size + 1) if k not in present)
+                raise LogError(f"{path}: has no column {missing}; {_FORM}")
+            found[quantity] = [_with_factor(*parts[(name, k)], unit, path) for k in present]
+            break
+    return found
+
+
+def _with_factor(head: str, unit: str | None, expected: str, path: Path) -> tuple[str, float]:
+    if unit is None:
+        return head, 1.0
+    if unit not in _UNITS[expected]:
+        raise LogError(f"{path}: column '{head}' is in {unit}; expected one of {', '.join(_UNITS[expected])}")
+    return head, _UNITS[expected][unit]
+
+
+def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: Path) -> FloatArray:
+    parts = []
+    for head, factor in columns:
+        column = table[head]
+        if column.dtype == polars.String:
+            column = column.str.strip_chars()
+        numbers = column.cast(polars.Float64, strict=False).to_numpy().astype(float)
+        bad = np.flatnonzero(~np.isfinite(numbers))
+        if bad.size:
+            k = int(bad[0])
+            more = f", and {bad.size - 1} more in this column" if bad.size > 1 else ""
+            raise LogError(
+                f"{path}: {head} in row {k + 1} is {table[head][k]!r}{more}; expected a finite number: cut the log "
+                "there, or fill the gap where it was recorded"
+            )
+        parts.append(numbers * factor)
+    return np.stack(parts, axis=1)
+
+
+def _metadata(path: Path) -> Mapping[str, Any]:
+    """Of the record of a run; nothing of other logs."""
+    try:
+        if path.suffix == ".parquet":
+            text = polars.read_parquet_metadata(path).get("gough_stewart", "null")
+        else:
+            text = path.with_name("metadata.json").read_text("utf-8")
+        found = json.loads(text)
+    except (OSError, ValueError, polars.exceptions.PolarsError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _at_samples(log: Log, metadata: Mapping[str, Any]) -> Log:
+    """The rows of a run at which its sensors were read, with the mean force until the next of them."""
+    sample, step = metadata.get("sample_time"), metadata.get("plant_step")
+    if not log.holds_force or not sample or not step or log.actuator_force is None:
+        return log
+    every = round(sample / step)
+    n = len(log) // every
+    if every < 2 or n < 2:
+        return log
+    force = log.actuator_force[: n * every].reshape(n, every, 6).mean(axis=1)
+    return replace(log.rows(slice(0, n * every, every)), actuator_force=force)

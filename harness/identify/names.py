@@ -1,0 +1,114 @@
+"""What can be estimated, by name: elements of a platform's parameters, and what a log adds to them."""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.parameters import PHYSICAL
+from gough_stewart.model.platform import Platform
+
+_ROWS = {row.name: row for row in PHYSICAL}
+# What belongs to a log and not to the platform: shape and unit. They are 0 before they are estimated.
+OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {"leg_length_offset": ((6,), "m")}
+# One number for all legs, or six.
+PER_LEG = ("leg_viscous_friction", "leg_coulomb_friction")
+_ELEMENT = re.compile(r"(\w+)\[(\d+)(?:,(\d+))?\]")
+
+
+def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
+    """The elements that these names mean: `platform_com` its three, `leg_viscous_friction[1..6]` one a leg.
+
+    Of the symmetric inertia the six with ascending indices.
+
+    Raises
+    ------
+    IdentificationError
+        No such parameter, or one that is there twice; names it and the nearest.
+    """
+    elements: list[str] = []
+    for name in (each.strip() for each in names):
+        stem = name.partition("[")[0]
+        if stem not in _ROWS and stem not in OF_LOGS:
+            raise IdentificationError(f"estimate: no parameter '{name}'{nearest(stem, [*_ROWS, *OF_LOGS])}", [name])
+        if name in (stem, f"{stem}[1..6]"):
+            six = name != stem and stem in PER_LEG
+            elements += _elements(stem, (6,) if six else _shape(stem, platform))
+        elif name in _elements(stem, (6,) if stem in PER_LEG else _shape(stem, platform)):
+            elements.append(name)
+        else:
+            raise IdentificationError(
+                f"estimate: no element '{name}'; {stem} has {', '.join(_elements(stem, _shape(stem, platform)))}",
+                [name],
+            )
+    twice = sorted({name for name in elements if elements.count(name) > 1})
+    if twice:
+        raise IdentificationError(f"estimate: {', '.join(twice)} twice; expected every parameter once", twice)
+    if not elements:
+        raise IdentificationError("estimate: no names; expected parameters such as platform_mass,platform_com")
+    return tuple(elements)
+
+
+def unit_of(element: str) -> str:
+    """Of an element [SI]."""
+    stem = element.partition("[")[0]
+    return _ROWS[stem].unit if stem in _ROWS else OF_LOGS[stem][1]
+
+
+def value_of(platform: Platform, element: str) -> float:
+    """What the platform has for an element; 0 for what belongs to logs."""
+    stem, index = _place(element)
+    if stem in OF_LOGS:
+        return 0.0
+    value = np.asarray(getattr(platform, stem))
+    return float(value if value.ndim == 0 else value[index])
+
+
+def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
+    """The platform with other elements, checked anew; what belongs to logs is left out.
+
+    Raises
+    ------
+    PlatformError
+        Values that no platform can have.
+    """
+    changed: dict[str, Any] = {}
+    for element, value in values.items():
+        stem, index = _place(element)
+        if stem in OF_LOGS:
+            continue
+        if stem not in changed:
+            changed[stem] = np.array(getattr(platform, stem), dtype=float)
+        if index and changed[stem].ndim == 0:
+            changed[stem] = np.full(6, changed[stem])
+        changed[stem][index] = value
+        if stem == "platform_inertia":
+            changed[stem][index[::-1]] = value
+    for stem, value in changed.items():
+        changed[stem] = value.item() if value.ndim == 0 else value
+    return replace(platform, **changed)
+
+
+def _shape(stem: str, platform: Platform) -> tuple[int, ...]:
+    return OF_LOGS[stem][0] if stem in OF_LOGS else np.shape(getattr(platform, stem))
+
+
+def _elements(stem: str, shape: tuple[int, ...]) -> list[str]:
+    indices = product(*(range(1, n + 1) for n in shape))
+    if stem == "platform_inertia":
+        indices = ((a, b) for a, b in indices if a <= b)  # type: ignore[assignment]
+    return [f"{stem}[{','.join(map(str, index))}]" if index else stem for index in indices]
+
+
+def _place(element: str) -> tuple[str, tuple[int, ...]]:
+    """The parameter, and the index of the element in it, from 0."""
+    match = _ELEMENT.fullmatch(element)
+    if match is None:
+        return element, ()
+    stem, *digits = match.groups()
+    return stem, tuple(int(d) - 1 for d in digits if d is not None)

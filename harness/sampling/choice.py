@@ -1,0 +1,70 @@
+"""`[ensemble]`: how many members, how they are drawn, what is kept of them, and what varies."""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field, ValidationError, model_validator
+
+from gough_stewart.harness.sampling.correlation import Together
+from gough_stewart.harness.sampling.design import Sampling
+from gough_stewart.harness.sampling.variation import Variation
+from gough_stewart.harness.section import Section, complaints
+
+MEMBERS = 1000
+MOST_MEMBERS = 10_000_000
+
+
+class EnsembleChoice(Section):
+    """`[ensemble]`: every key beside these names what varies.
+
+    A bare name is a parameter of the machine (`platform_mass`), tables go by section: `controller.bandwidth`,
+    `loop.delay`, `platform.platform_mass` (what the designer believes), `disturbance.1.force`.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    # None: 1000, or as many as grids have combinations
+    members: Annotated[int, Field(ge=1, le=MOST_MEMBERS)] | None = None
+    # of draws, noise and jitter; the sensors' seed, where it is left out
+    seed: Annotated[int, Field(ge=0)] | None = None
+    sampling: Sampling = "random"
+    # which signals are kept as bands over time
+    signals: list[str] = Field(default_factory=lambda: ["position", "error.position", "leg_length", "actuator_force"])
+    # whether each member's loop gets its margins
+    margins: bool = False
+    # how many members get a record of their own, and the metric that says how bad they are
+    worst: Annotated[int, Field(ge=0, le=1000)] = 5
+    worst_by: str = "tracking.position.norm_peak"
+    correlation: list[Together] = Field(default_factory=list)
+    covariance: list[Together] = Field(default_factory=list)
+    _varied: dict[str, Variation]
+
+    @model_validator(mode="after")
+    def _parse(self) -> "EnsembleChoice":
+        self._varied = dict(_variations("", self.model_extra or {}))
+        return self
+
+    @property
+    def varied(self) -> Mapping[str, Variation]:
+        """What varies, by key as it is written."""
+        return self._varied
+
+
+def _variations(prefix: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Variation]]:
+    """The distributions in a table and in those below it, by dotted key."""
+    for name, value in table.items():
+        key = f"{prefix}{name}"
+        if isinstance(value, Variation):
+            yield key, value
+        elif not isinstance(value, Mapping):
+            raise ValueError(  # noqa: TRY004 - pydantic wants this one
+                f"{key}: is {value!r}; expected a setting of the ensemble ({', '.join(EnsembleChoice.model_fields)}), "
+                "or a distribution of what varies: {normal = [mean, deviation]}"
+            )
+        elif value.keys() & Variation.model_fields.keys():
+            try:
+                yield key, Variation.model_validate(value)
+            except ValidationError as error:
+                raise ValueError(f"{key}: {complaints(error, Variation, value)}") from None
+        else:
+            yield from _variations(f"{key}.", value)

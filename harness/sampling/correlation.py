@@ -1,0 +1,87 @@
+"""Inputs that go together: a Gaussian copula, and covariances of a multivariate normal distribution."""
+
+from typing import Any
+
+import numpy as np
+from pydantic import model_validator
+from scipy.special import ndtr, ndtri
+
+from gough_stewart.harness.section import Section
+from gough_stewart.model.real import real_array
+from gough_stewart.model.vectors import FloatArray
+
+# Of the largest eigenvalue: below is rounding.
+_POSITIVE = 1e-12
+_SMALLEST = 2.0**-53
+
+
+class Together(Section):
+    """`[[ensemble.correlation]]` and `[[ensemble.covariance]]`: which inputs, and their matrix, in SI units.
+
+    A vector stands for its elements one after the other.
+    """
+
+    of: list[str]
+    matrix: list[list[Any]]
+
+    @model_validator(mode="after")
+    def _positive(self) -> "Together":
+        if len(set(self.of)) < len(self.of) or not self.of:
+            raise ValueError(f"of is {self.of}; expected names, each once")
+        checked_matrix(self.matrix)
+        return self
+
+    @property
+    def values(self) -> FloatArray:
+        """The matrix (n, n)."""
+        return checked_matrix(self.matrix)
+
+
+def checked_matrix(matrix: Any) -> FloatArray:
+    """A covariance (n, n): symmetric and positive definite.
+
+    Raises
+    ------
+    ValueError
+        It is neither.
+    """
+    n = len(matrix)
+    try:
+        C = real_array(matrix, (n, n))
+    except ValueError as error:
+        raise ValueError(f"the matrix {error}") from None
+    if np.abs(C - C.T).max(initial=0.0) > 1e-9 * np.abs(C).max(initial=0.0):
+        raise ValueError("the matrix is not symmetric")
+    # scaled to correlations: units of very different size shall not count as nearly singular
+    diagonal = np.diag(C)
+    worst = float(diagonal.min(initial=np.inf))
+    if worst > 0:
+        worst = float(np.linalg.eigvalsh(correlation_of(C))[0])
+    if not worst > _POSITIVE:
+        raise ValueError(
+            f"the matrix is not positive definite (smallest eigenvalue {worst:.3g}, scaled to correlations); expected "
+            "> 0: make the correlations smaller, or leave out what depends wholly on the others"
+        )
+    return C
+
+
+def correlation_of(covariance: FloatArray) -> FloatArray:
+    """R = D^(−1/2) C D^(−1/2) with the diagonal D of C."""
+    scale = 1 / np.sqrt(np.diag(covariance))
+    return np.asarray(covariance * scale * scale[:, None])
+
+
+def correlated(u: FloatArray, correlation: FloatArray) -> FloatArray:
+    """Independent uniform numbers (n, k) made ones whose normal scores have a correlation (k, k).
+
+    z = L Φ⁻¹(u), R = L Lᵀ, and Φ(z); summed column by column, so that a row does not depend on those beside it.
+    """
+    L = np.linalg.cholesky(correlation)
+    z = ndtri(u)
+    out = np.empty_like(u)
+    for i in range(u.shape[1]):
+        total = z[:, 0] * L[i, 0]
+        for j in range(1, i + 1):
+            total = total + z[:, j] * L[i, j]
+        out[:, i] = total
+    return np.clip(ndtr(out), _SMALLEST, 1 - _SMALLEST)

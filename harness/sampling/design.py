@@ -1,0 +1,151 @@
+"""Where members lie in the unit cube: at random, in a Latin hypercube, on Sobol' points, in Saltelli's design."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil
+from typing import Literal
+from zlib import crc32
+
+import numpy as np
+from scipy.stats import qmc
+
+from gough_stewart.model.vectors import FloatArray
+
+Sampling = Literal["random", "latin_hypercube", "sobol", "saltelli"]
+# Streams of the draws, apart from those of noise, which are children 0, 1, … of a member's seed.
+_STREAM = 0x656E73
+# Numbers that one Latin hypercube may have: it can only be drawn as a whole.
+MOST_OF_A_HYPERCUBE = 20_000_000
+# Draws of Philox for one step of its counter.
+_PER_STEP = 4
+_SMALLEST = 2.0**-53
+
+
+@dataclass(frozen=True)
+class Design:
+    """Points (members, size) in the open unit cube; those of member k depend on the design and on k alone.
+
+    - "random": member k's numbers depend on the seed, the names and k; not on how many members there are.
+    - "sobol": scrambled Sobol' points; the first n of more are the same.
+    - "latin_hypercube": depends on the number of members.
+    - "saltelli": for Sobol' indices, as SALib's `sample.sobol` without second order: for every point of two matrices
+      A and B a row of A, for each group a row of A with that group from B, and the row of B.
+
+    Parameters
+    ----------
+    names
+        Of what varies, each with as many columns as `sizes` says.
+    groups
+        For Saltelli's design, which of the names belong together, by index.
+
+    Raises
+    ------
+    ValueError
+        A number of members that the design cannot have.
+    """
+
+    sampling: Sampling
+    seed: int
+    members: int
+    names: tuple[str, ...]
+    sizes: tuple[int, ...]
+    groups: tuple[tuple[int, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.sampling == "saltelli" and self.members % self.block:
+            near = max(1, round(self.members / self.block)) * self.block
+            raise ValueError(
+                f"members is {self.members}; Saltelli's design has {self.block} for each point "
+                f"({len(self.groups)} inputs and 2), expected a multiple, for instance {near}"
+            )
+        if self.sampling == "latin_hypercube" and self.members * self.size > MOST_OF_A_HYPERCUBE:
+            raise ValueError(
+                f"a Latin hypercube of {self.members} members with {self.size} numbers each can only be drawn as a "
+                f"whole; expected at most {MOST_OF_A_HYPERCUBE} numbers; take sampling = 'sobol' or 'random'"
+            )
+
+    @property
+    def size(self) -> int:
+        """How many numbers a member has."""
+        return sum(self.sizes)
+
+    @property
+    def block(self) -> int:
+        """How many members belong to one point: more than one in Saltelli's design."""
+        return len(self.groups) + 2 if self.sampling == "saltelli" else 1
+
+    def points(self, first: int, last: int) -> FloatArray:
+        """Those of the members from first up to last, without it (last − first, size)."""
+        if not self.size:
+            return np.zeros((last - first, 0))
+        found = {
+            "random": self._random,
+            "latin_hypercube": self._latin_hypercube,
+            "sobol": lambda a, b: _sobol(self.size, self.seed, a, b),
+            "saltelli": self._saltelli,
+        }[self.sampling](first, last)
+        return np.asarray(np.maximum(found, _SMALLEST))
+
+    def _random(self, first: int, last: int) -> FloatArray:
+        return np.concatenate(
+            [_stream(self.seed, name, size, first, last) for name, size in zip(self.names, self.sizes, strict=True)],
+            axis=1,
+        )
+
+    def _latin_hypercube(self, first: int, last: int) -> FloatArray:
+        return np.asarray(_hypercube(self.size, self.members, self.seed)[first:last])
+
+    def _saltelli(self, first: int, last: int) -> FloatArray:
+        block, d = self.block, self.size
+        base = _sobol(2 * d, self.seed, first // block, ceil(last / block))
+        A, B = base[:, :d], base[:, d:]
+        ends = np.cumsum((0, *self.sizes))
+        rows = [A]
+        for group in self.groups:
+            mixed = A.copy()
+            for k in group:
+                mixed[:, ends[k] : ends[k + 1]] = B[:, ends[k] : ends[k + 1]]
+            rows.append(mixed)
+        rows.append(B)
+        ordered = np.stack(rows, axis=1).reshape(-1, d)
+        at = first - first // block * block
+        return ordered[at : at + last - first]
+
+
+def _stream(seed: int, name: str, size: int, first: int, last: int) -> FloatArray:
+    """Random numbers of a name: a stream with a counter, which every member finds at its own place."""
+    steps = ceil(size / _PER_STEP)
+    bits = np.random.Philox(np.random.SeedSequence(seed, spawn_key=(_STREAM, crc32(name.encode()))))
+    bits.advance(first * steps)
+    return np.random.Generator(bits).random((last - first, steps * _PER_STEP))[:, :size]
+
+
+def _sobol(size: int, seed: int, first: int, last: int) -> FloatArray:
+    engine = qmc.Sobol(
+        size, scramble=True, rng=np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+    )
+    if first:
+        engine.fast_forward(first)
+    with warnings.catch_warnings():  # of numbers that are no power of two: parts of a whole are not
+        warnings.simplefilter("ignore", UserWarning)
+        return np.asarray(engine.random(last - first))
+
+
+@lru_cache(2)
+def _hypercube(size: int, members: int, seed: int) -> FloatArray:
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+    return np.asarray(qmc.LatinHypercube(size, rng=rng).random(members))
+
+
+def in_turn(u: FloatArray, levels: Sequence[int | None], first: int) -> FloatArray:
+    """Grids go through all combinations of their values in turn, the last grid fastest: (n, k) in place of theirs."""
+    found = u.copy()
+    index = np.arange(first, first + len(u))
+    for column in reversed([k for k, n in enumerate(levels) if n is not None]):
+        n = levels[column]
+        assert n is not None
+        found[:, column] = (index % n + 0.5) / n
+        index = index // n
+    return found

@@ -1,0 +1,232 @@
+"""`{ normal = ["120 kg", "10 kg"] }` and its like: how one thing varies, as an experiment's file says it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import prod
+from typing import Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gough_stewart.harness.quantities import PLAIN, number, plain_number
+from gough_stewart.harness.sampling.distributions import (
+    Choice,
+    Distribution,
+    Lognormal,
+    Normal,
+    TruncatedNormal,
+    Uniform,
+)
+from gough_stewart.harness.section import Section
+from gough_stewart.model.vectors import FloatArray
+
+
+@dataclass(frozen=True)
+class Target:
+    """What varies: its name, its unit ("" of plain numbers, None of what is no number), shape, and present value."""
+
+    name: str
+    unit: str | None
+    shape: tuple[int, ...]
+    nominal: FloatArray | None
+    # a matrix whose elements come in pairs
+    is_symmetric: bool = False
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How a target varies: from `size` numbers in (0, 1) a member to its values."""
+
+    size: int
+    draw: Callable[[FloatArray], Any]  # from (n, size) to (n, *shape), or a list of n values of any kind
+    levels: int | None = None  # of a grid, which goes through its values in turn
+    # what is drawn itself where one number moves several: from (n, size) to the factors (n,)
+    factor: Callable[[FloatArray], FloatArray] | None = None
+
+
+class Variation(Section):
+    """One distribution: of values, of a `factor` on the present value, or of an `offset` from it.
+
+    `normal = [mean, deviation]`, `uniform = [low, high]`, `truncated_normal = [mean, deviation, low, high]`,
+    `lognormal = [median, deviation of the logarithm]`, `choice = [...]`, `grid = [...]`. With one number
+    `normal` and `uniform` are deviations from the present value, `lognormal` is a factor of it; with two
+    `truncated_normal` has a deviation and a bound on both sides.
+    """
+
+    normal: Any = None
+    uniform: Any = None
+    truncated_normal: Any = None
+    lognormal: Any = None
+    choice: list[Any] | None = None
+    grid: list[Any] | None = None
+    factor: "Variation | None" = Field(default=None)
+    offset: "Variation | None" = Field(default=None)
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "Variation":
+        names = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        if len(names) != 1:
+            raise ValueError(
+                f"expected one of {', '.join(type(self).model_fields)}; found {' and '.join(names) or 'none'}"
+            )
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Which of the keys is there."""
+        (name,) = (name for name in type(self).model_fields if getattr(self, name) is not None)
+        return name
+
+    def spread(self, target: Target) -> Spread:
+        """How a target varies by this.
+
+        Raises
+        ------
+        ValueError
+            Numbers that make no distribution of this target, one without a spread, or a deviation from a value that is
+            not there.
+        """
+        kind = self.kind
+        if kind == "factor" and self.factor is not None:
+            return self._of_factor(self.factor, target)
+        if kind == "offset" and self.offset is not None:
+            nominal = _nominal(target)
+            inner = _only_values(self.offset, "offset").spread(replace(target, nominal=np.zeros(target.shape)))
+            return replace(inner, draw=lambda u: nominal + np.asarray(inner.draw(u), dtype=float))
+        if kind in ("choice", "grid"):
+            return self._of_values(kind, getattr(self, kind), target)
+        if target.unit is None:
+            raise ValueError(f"{kind} is of numbers; expected choice or grid")
+        distribution = _DISTRIBUTIONS[kind](getattr(self, kind), target)
+        size = prod(target.shape)
+
+        def draw(u: FloatArray) -> FloatArray:
+            return _paired(distribution.quantile(u.reshape(len(u), *target.shape)), target)
+
+        return Spread(size, draw)
+
+    def _of_factor(self, factor: "Variation", target: Target) -> Spread:
+        nominal = _nominal(target)
+        inner = _only_values(factor, "factor").spread(Target("factor", PLAIN, (), np.ones(())))
+
+        def drawn(u: FloatArray) -> FloatArray:
+            return np.asarray(inner.draw(u), dtype=float)
+
+        def draw(u: FloatArray) -> FloatArray:
+            return drawn(u).reshape(-1, *(1 for _ in target.shape)) * nominal
+
+        return Spread(1, draw, inner.levels, drawn)
+
+    @staticmethod
+    def _of_values(kind: str, values: list[Any], target: Target) -> Spread:
+        if not values:
+            raise ValueError(f"{kind} has no values; expected at least two")
+        parsed = values if target.unit is None else [_parsed(value, target, target.shape) for value in values]
+        if all(np.array_equal(value, parsed[0]) for value in parsed):
+            raise ValueError(f"{kind} is {values!r}, without a spread; expected at least two values that differ")
+        whole = all(isinstance(value, int) for value in values)
+        distribution = Choice(values if whole or target.unit is None else parsed)
+
+        def draw(u: FloatArray) -> Any:
+            found = distribution.quantile(u)
+            return found if whole or target.unit is None else np.asarray(found)
+
+        return Spread(1, draw, len(values) if kind == "grid" else None)
+
+
+def _only_values(inner: Variation, where: str) -> Variation:
+    if inner.kind in ("factor", "offset"):
+        raise ValueError(f"{where} of a {inner.kind}; expected a distribution in it")
+    return inner
+
+
+def _nominal(target: Target) -> FloatArray:
+    if target.nominal is None:
+        raise ValueError("has no value to vary about; set one in the experiment, or give a distribution of values")
+    return target.nominal
+
+
+def _parsed(value: Any, target: Target, shape: tuple[int, ...]) -> FloatArray:
+    """Numbers in SI units of this shape."""
+    if shape:
+        if not isinstance(value, list | tuple) or len(value) != shape[0]:
+            raise ValueError(f"is {value!r}; expected {shape[0]} of them")
+        return np.array([_parsed(each, target, shape[1:]) for each in value])
+    return np.array(number(value, target.unit or PLAIN))
+
+
+def _number_or_all(value: Any, target: Target) -> FloatArray:
+    """One number for all elements, or one for each."""
+    return _parsed(value, target, target.shape if isinstance(value, list | tuple) else ())
+
+
+def _listed(value: Any, sizes: tuple[int, ...], kind: str) -> list[Any]:
+    found = list(value) if isinstance(value, list | tuple) else [value]
+    if len(found) not in sizes:
+        raise ValueError(f"{kind} is {value!r}; expected {_WANTED[kind]}")
+    return found
+
+
+def _positive(size: FloatArray, value: Any, what: str) -> FloatArray:
+    if not (size > 0).all():
+        raise ValueError(f"is {value!r}, without a spread; expected {what}")
+    return size
+
+
+def _normal(value: Any, target: Target) -> Distribution:
+    *mean, deviation = _listed(value, (1, 2), "normal")
+    middle = _number_or_all(mean[0], target) if mean else _nominal(target)
+    return Normal(middle, _positive(_number_or_all(deviation, target), value, "a standard deviation > 0"))
+
+
+def _uniform(value: Any, target: Target) -> Distribution:
+    bounds = [_number_or_all(each, target) for each in _listed(value, (1, 2), "uniform")]
+    if len(bounds) == 1:
+        half = _positive(bounds[0], value, "half a width > 0")
+        return Uniform(_nominal(target) - half, _nominal(target) + half)
+    _positive(bounds[1] - bounds[0], value, "the lower bound below the upper one")
+    return Uniform(bounds[0], bounds[1])
+
+
+def _truncated_normal(value: Any, target: Target) -> Distribution:
+    parts = [_number_or_all(each, target) for each in _listed(value, (2, 4), "truncated_normal")]
+    if len(parts) == 2:
+        deviation, bound = parts
+        _positive(bound, value, "a bound > 0")
+        middle, low, high = _nominal(target), _nominal(target) - bound, _nominal(target) + bound
+    else:
+        middle, deviation, low, high = parts
+    _positive(deviation, value, "a standard deviation > 0")
+    _positive(high - low, value, "the lower bound below the upper one")
+    return TruncatedNormal(middle, deviation, low, high)
+
+
+def _lognormal(value: Any, target: Target) -> Distribution:
+    *median, deviation = _listed(value, (1, 2), "lognormal")
+    middle = _number_or_all(median[0], target) if median else _nominal(target)
+    if not (middle > 0).all():
+        raise ValueError(f"lognormal has the median {middle.tolist()}; expected > 0")
+    size = np.array(plain_number(deviation))
+    return Lognormal(middle, _positive(size, value, "a deviation of the logarithm > 0"))
+
+
+def _paired(values: FloatArray, target: Target) -> FloatArray:
+    """The elements above the diagonal, below it, too."""
+    if not target.is_symmetric:
+        return values
+    upper = np.triu(values)
+    return np.asarray(upper + np.swapaxes(np.triu(values, 1), -1, -2))
+
+
+_DISTRIBUTIONS: dict[str, Callable[[Any, Target], Distribution]] = {
+    "normal": _normal,
+    "uniform": _uniform,
+    "truncated_normal": _truncated_normal,
+    "lognormal": _lognormal,
+}
+_WANTED = {
+    "normal": "[mean, standard deviation], or a standard deviation about the present value",
+    "uniform": "[low, high], or half a width about the present value",
+    "truncated_normal": "[mean, standard deviation, low, high], or [standard deviation, bound] about the present value",
+    "lognormal": "[median, standard deviation of the logarithm], or that deviation about the present value",
+}

@@ -1,0 +1,199 @@
+"""Figures of merit kept row by row, of many members, against those of each member's whole record."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+
+from gough_stewart.harness.experiment.file import load_experiment
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.run import run_prepared
+from gough_stewart.harness.loop.loop import Limits, Loop
+from gough_stewart.harness.loop.observing import Row
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.results.metrics import flattened, metrics
+from gough_stewart.harness.results.record import Record, columns
+from gough_stewart.harness.results.streamed import Merit
+from gough_stewart.model.vectors import FloatArray
+
+LIMITS: dict[str, Any] = {
+    "leg_length_min": 0.9,
+    "leg_length_max": 2.4,
+    "leg_velocity_max": 1.9,
+    "actuator_force_max": 2.3,
+    "actuator_power_max": 4.0,
+}
+RUNS: tuple[dict[str, Any], ...] = (
+    {},
+    {"reference.position_change": [0.004, -0.003, 0.011], "plant.parameters.platform_mass": 230.0},
+    # saturated in force and rate, and late
+    {"actuators.force_limit": 11000, "actuators.rate_limit": 9000, "loop.delay": 4},
+    # reaches nothing: the reference steps, the platform hardly follows
+    {"controller.bandwidth": 0.15, "controller.feedforward": "none"},
+    # unstable, until it is too far away
+    {"controller.bandwidth": 16, "loop.delay": 20, "limits.position_error": "30 mm"},
+)
+
+
+@dataclass(frozen=True)
+class Member:
+    """A run to be seen again: its numbers over time, and its record."""
+
+    signals: FloatArray
+    forces: FloatArray
+    wanted: FloatArray | None
+    force_limited: FloatArray
+    rate_limited: FloatArray
+    record: Record
+
+
+def seen_again(merit: Merit, members: list[Member], is_one: bool = False) -> dict[str, FloatArray]:
+    """What the observer says of members side by side; those that have ended stay as they are, as a loop has it."""
+    n = max(len(member.signals) for member in members)
+
+    def together(values: list[FloatArray]) -> Any:
+        return values[0] if is_one else np.stack(values, axis=1).T
+
+    for k in range(n):
+        at = [min(k, len(member.signals) - 1) for member in members]
+        running = np.array([k < len(member.signals) for member in members])
+        wanted = None if members[0].wanted is None else together([member.wanted[k] for member in members])  # type: ignore[index]
+        merit.row(
+            Row(
+                k,
+                0.0,
+                together([member.signals[i] for member, i in zip(members, at, strict=True)]),
+                together([np.append(member.forces[i], np.zeros(6)) for member, i in zip(members, at, strict=True)]),
+                wanted,
+                np.zeros(6),
+                together([member.force_limited[i] for member, i in zip(members, at, strict=True)]),
+                together([member.rate_limited[i] for member, i in zip(members, at, strict=True)]),
+                np.asarray(running[0]) if is_one else running,
+            )
+        )
+    return merit.columns()
+
+
+def check(found: dict[str, FloatArray], members: list[Member]) -> None:
+    known = set[str]()
+    for k, member in enumerate(members):
+        expected = flattened(metrics(member.record))
+        for name, value in expected.items():
+            number = found[name][k] if name in found else np.nan
+            assert (None if np.isnan(number) else number) == (
+                None if value is None else pytest.approx(value, rel=1e-12, abs=1e-14)
+            ), f"{name} of member {k}"
+        # what a member has not is not known of it
+        assert all(np.isnan(values[k]) for name, values in found.items() if name not in expected)
+        known |= set(expected)
+    assert set(found) == known
+
+
+@pytest.fixture(scope="module")
+def runs() -> tuple[list[Member], list[Loop], dict[str, Any]]:
+    """Runs of a shipped experiment that end as differently as runs can."""
+    members, loops, platform = [], [], {}
+    for settings in RUNS:
+        experiment = load_experiment("heave_step", {"loop.duration": 0.6, "loop.plant_step": "1 ms", **settings})
+        prepared = prepare(experiment)
+        record = run_prepared(experiment, prepared)
+        platform = record.metadata["platform"]
+        everything = np.concatenate([record[name] for name in signals.NAMES], axis=1)
+        limited, held_back = (record[f"flag.{name}"] for name in ("force_limited", "rate_limited"))
+        force = record["actuator_force"]
+        members.append(Member(everything, force, prepared.loop.wanted, limited, held_back, record))
+        loops.append(prepared.loop)
+    return members, loops, platform
+
+
+def test_members_that_end_differently_have_the_figures_of_their_records(
+    runs: tuple[list[Member], list[Loop], dict[str, Any]],
+) -> None:
+    """Expected: `metrics` of each record. One diverges, one saturates, one never rises."""
+    members, loops, platform = runs
+    status = [member.record.metadata["outcome"]["status"] for member in members]
+    assert status == ["completed"] * 4 + ["diverged"]
+    wanted = np.stack([loop.wanted for loop in loops if loop.wanted is not None], axis=1)
+    found = seen_again(Merit(replace(loops[0], wanted=wanted), platform, 5), members)
+    assert found["saturation.rate_limited.any"][2] > 0
+    assert found["saturation.force_limited.any"][2] > 0
+    assert np.isnan(found["step_response.z.rise_time"][3])
+    assert np.isfinite(found["step_response.z.rise_time"][0])
+    check(found, members)
+
+
+def test_a_single_run_has_the_figures_of_its_record(runs: tuple[list[Member], list[Loop], dict[str, Any]]) -> None:
+    """Expected: `metrics` of the record; the loop has no leading axis."""
+    members, loops, platform = runs
+    check(seen_again(Merit(loops[2], platform), members[2:3], is_one=True), members[2:3])
+
+
+def noise(n: int, rows: int, rng: np.random.Generator, broken: int | None = None) -> Member:
+    """A member of random numbers whose reference steps on three axes, of so many of n rows; one of them not finite."""
+    everything = rng.normal(size=(n, 24))
+    everything[:, 12:18] = rng.uniform(0.8, 2.5, (n, 6))
+    wanted = rng.normal(size=(n, 30))
+    wanted[:, :6] = 0.1
+    wanted[6:, :6] += [0.5, -0.3, 0, 0, 0.2, 0]
+    everything[9:, 0] = 0.1 + 0.5 * rng.uniform(0.97, 1.02, n - 9)
+    if broken is not None:
+        everything[broken, 14] = np.nan
+    forces = rng.normal(size=(n, 6)) * np.arange(1, 7) / 3
+    flags = rng.random((2, n, 6)) < np.arange(1, 7) / 30
+    parts = {
+        "position": everything[:, :3],
+        "orientation": everything[:, 3:6],
+        "leg_length": everything[:, 12:18],
+        "leg_velocity": everything[:, 18:],
+        "actuator_force": forces,
+        "reference.position": wanted[:, :3],
+        "reference.orientation": wanted[:, 3:6],
+        "error.position": wanted[:, :3] - everything[:, :3],
+        "error.orientation": wanted[:, 3:6] - everything[:, 3:6],
+        "error.leg_length": wanted[:, 12:18] - everything[:, 12:18],
+        "flag.force_limited": flags[0],
+        "flag.rate_limited": flags[1],
+        "flag.stroke_exceeded": (everything[:, 12:18] < 0.9) | (everything[:, 12:18] > 2.4),
+    }
+    table = {"time": 1e-3 * np.arange(rows)}
+    for name, values in parts.items():
+        table |= dict(zip(columns(name, values.shape[1]), values[:rows].T.copy(), strict=True))
+    outcome = {"status": "completed", "time": 1e-3 * (rows - 1), "cause": None}
+    record = Record(polars.DataFrame(table), {"outcome": outcome, "platform": LIMITS})
+    return Member(everything[:rows], forces[:rows], wanted, flags[0][:rows], flags[1][:rows], record)
+
+
+def test_numbers_that_are_noise_have_the_figures_of_their_records_limits_and_rows_that_break_off_included() -> None:
+    """Expected: `metrics`: whole, ended early, a single row, not finite from a row on, and one that never was."""
+    rng = np.random.default_rng(5)
+    n = 41
+    members = [noise(n, n, rng), noise(n, 29, rng), noise(n, 1, rng), noise(n, n, rng, broken=17), noise(n, 33, rng)]
+    loop = Loop(
+        Timing((n - 1) * 1e-3, 2e-3, 1e-3),
+        members[0].wanted,
+        np.zeros((20, 6)),
+        np.zeros(6),
+        limits=Limits((0.9, 2.4)),
+    )
+    wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
+    check(seen_again(Merit(replace(loop, wanted=wanted), LIMITS, 5), members), members)
+    of_each = {**LIMITS, "actuator_force_max": np.array([2.3, 2.0, 1.0, 3.0, 0.5])}
+    found = seen_again(Merit(replace(loop, wanted=wanted), of_each, 5), members)
+    for name in ("first_exceeded", "used"):
+        assert np.isfinite(found[f"limits.actuator_power_max.{name}"]).sum() >= 4
+    assert np.isfinite(found["step_response.x.settling_time"]).sum() >= 2
+    for k, member in enumerate(members):
+        member.record.metadata["platform"] = {**LIMITS, "actuator_force_max": of_each["actuator_force_max"][k]}
+    check(found, members)
+
+
+def test_without_a_reference_there_is_neither_tracking_nor_a_step() -> None:
+    """Expected: `metrics` of a record without these columns."""
+    member = noise(30, 30, np.random.default_rng(8))
+    kept = [name for name in member.record.table.columns if not name.startswith(("error.", "reference."))]
+    member = replace(member, wanted=None, record=Record(member.record.table.select(kept), member.record.metadata))
+    loop = Loop(Timing(0.029, 1e-3, 1e-3), None, np.zeros((29, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
+    check(seen_again(Merit(loop, LIMITS), [member]), [member])
