@@ -14,7 +14,7 @@ from rich.table import Table
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.loop import simulate
+from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
 
 ROUNDS = 5

@@ -8,16 +8,14 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.state_space import Solve, is_control_system, state_space_of
+from gough_stewart.harness.control.linear_law import N_LEGS, LegLaw, TaskLaw
+from gough_stewart.harness.control.state_space import is_control_system, state_space_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
 
-N_LEGS = 6
-# (1 − z)² of a pole that integrates: by 1e-6 of itself at most, it leaks in a sample.
-_INTEGRATES = 1e-12
 Space = Literal["leg", "task"]
 
 
@@ -187,87 +185,14 @@ def law_of(
     if isinstance(controller, UnitController):
         raise ControllerError("a controller that is a unit has to be opened, and closed after the run")
     if not isinstance(controller, LinearController):
-        return _FunctionLaw(controller)
+        return FunctionLaw(controller)
     controller.check_sample_time(sample_time)
-    return (_TaskLaw if controller.space == "task" else _LegLaw)(controller, jacobians, wanted, measured)
+    return (TaskLaw if controller.space == "task" else LegLaw)(controller, jacobians, wanted, measured)
 
 
-class _LinearLaw:
-    """x⁺ = A x + B u, w = C x + D u; both at once, as one product with (x, u)."""
+class FunctionLaw:
+    """A function at work; what it raises or gives instead of forces is an error of its controller."""
 
-    limited = None
-
-    def __init__(self, controller: LinearController) -> None:
-        system = controller.system
-        n = system.nstates
-        self._matrix = np.ascontiguousarray(np.block([[system.A, system.B], [system.C, system.D]]))
-        self._xu = np.zeros(n + system.ninputs)
-        self._x, self._u = self._xu[:n], self._xu[n:]  # views
-        self.used = signals_of(controller)
-        self._at = _as_slice(signals.positions(controller.signals))
-        self._form = system.ninputs
-
-    def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
-        """Memory at rest under constant inputs."""
-        self._feed(wanted, measured, np.zeros(N_LEGS))
-        n = len(self._x)
-        A = self._matrix[:n, :n]
-        self._x[:] = rest(A, integrating_modes(A), self._matrix[:n, n:] @ self._u)
-
-    @property
-    def state(self) -> FloatArray:
-        return self._x.copy()
-
-    def _feed(self, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
-        n = len(wanted)
-        if self._form == n:
-            np.subtract(wanted, measured, out=self._u)
-            return
-        self._u[:n], self._u[n : 2 * n] = wanted, measured
-        if self._form > 2 * n:
-            self._u[2 * n :] = excess
-
-    def _advance(self) -> FloatArray:
-        n = len(self._x)
-        both: FloatArray = self._matrix @ self._xu
-        self._x[:] = both[:n]
-        return both[n:]
-
-
-class _LegLaw(_LinearLaw):
-    def __init__(
-        self, controller: LinearController, _jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
-    ) -> None:
-        super().__init__(controller)
-        self._start(wanted[self._at], measured[self._at])
-
-    def force(self, _k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        self._feed(wanted[self._at], measured[self._at], excess)
-        return self._advance()
-
-
-class _TaskLaw(_LinearLaw):
-    def __init__(
-        self, controller: LinearController, jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
-    ) -> None:
-        super().__init__(controller)
-        self._J = jacobians
-        self._J_inverse = np.linalg.inv(jacobians)
-        self._lengths = measured[self._at].copy()
-        self._pose = np.zeros(N_LEGS)
-        self._start(self._J_inverse[0] @ (wanted[self._at] - self._lengths), self._pose)
-
-    def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        lengths = measured[self._at]
-        # J⁻¹ dL summed up: its rate is the twist J⁻¹ L̇, which that of J⁻¹ (L − L₀) is not where J changes
-        self._pose = self._pose + self._J_inverse[k] @ (lengths - self._lengths)
-        self._lengths = lengths.copy()
-        # w = Jᵀ F also for what the limits cut off
-        self._feed(self._pose + self._J_inverse[k] @ (wanted[self._at] - lengths), self._pose, self._J[k].T @ excess)
-        return np.asarray(self._J_inverse[k].T @ self._advance())
-
-
-class _FunctionLaw:
     limited = None
 
     def __init__(self, function: ControlFunction) -> None:
@@ -276,9 +201,11 @@ class _FunctionLaw:
 
     @property
     def state(self) -> FloatArray:
+        """What a function remembers, it keeps to itself."""
         return np.zeros(0)
 
     def force(self, _k: int, time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
+        """As `Law`."""
         reference = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), wanted.copy())
         try:
             given = self._function(Sample(time, reference, interface.unpack(signals.VARIABLES, measured.copy())))
@@ -293,25 +220,3 @@ class _FunctionLaw:
         if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
             raise ControllerError(f"the control function gave {given!r} at time {time:g} s; expected {N_LEGS} forces")
         return force.astype(float)
-
-
-def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:
-    """State x = A x + forcing in the modes that have one; zero in integrators, on which `integrating` projects."""
-    P = integrating
-    return solve(np.eye(len(A)) - A + P, forcing - P @ forcing)
-
-
-def integrating_modes(A: FloatArray) -> FloatArray:
-    """Projection (n, n) on the modes whose eigenvalue is 1, along the others."""
-    N = np.eye(len(A)) - A
-    # on the null space of N² (N alone misses double integrators) along its range
-    U, sizes, Vt = np.linalg.svd(N @ N)
-    null = sizes < _INTEGRATES
-    R, L = Vt[null].T, U[:, null]
-    return np.asarray(R @ np.linalg.solve(L.T @ R, L.T))
-
-
-def _as_slice(positions: NDArray[np.intp]) -> slice | NDArray[np.intp]:
-    """A slice where positions follow each other, which NumPy takes out faster."""
-    first, last = int(positions[0]), int(positions[-1])
-    return slice(first, last + 1) if positions.tolist() == list(range(first, last + 1)) else positions

@@ -7,7 +7,8 @@ import polars
 
 from gough_stewart.harness.control.laws import signals_of
 from gough_stewart.harness.experiment.preparation import Prepared
-from gough_stewart.harness.loop.loop import Run
+from gough_stewart.harness.loop.run import Run
+from gough_stewart.harness.loop.seeds import as_numbers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.results.record import Record, columns, plain
@@ -91,7 +92,7 @@ def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> di
         "duration": timing.duration,
         "sample_time": timing.sample_time,
         "plant_step": timing.plant_step,
-        "seed": prepared.loop.sensors.seed,
+        "seed": as_numbers(prepared.loop.sensors.seed),
         "force_limit": actuators.force_limit,
         "platform": plain(prepared.platform),
         "machine": plain(prepared.machine),

@@ -10,7 +10,7 @@ from gough_stewart.harness.experiment.parts import Injection
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import simulate
+from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant

@@ -9,7 +9,8 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws import N_LEGS, LinearController, Space, integrating_modes, rest
+from gough_stewart.harness.control.laws import LinearController, Space
+from gough_stewart.harness.control.linear_law import N_LEGS, integrating_modes, rest
 from gough_stewart.harness.control.pid import (
     Actions,
     Channels,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
-from gough_stewart.harness.control.laws import N_LEGS
+from gough_stewart.harness.control.linear_law import N_LEGS
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed

@@ -1,18 +1,13 @@
 """Actuators: limits of force and of its rate, a first-order lag, and a delay before all of them."""
 
-import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
-
-BoolArray = NDArray[np.bool_]
-
-N_LEGS = 6
-_NONE = np.zeros(N_LEGS, dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -20,60 +15,72 @@ class Actuators:
     """What lies between a wanted force and the force that acts.
 
     The command is cut to ± `force_limit`, held, and comes to the drive `delay` samples late. The drive follows it by
-    at most `rate_limit` [N/s], and, with a time constant `lag` τ [s], as τ ḟ = r − f. Without limits by default.
+    at most `rate_limit` [N/s], and, with a time constant `lag` τ [s], as τ ḟ = r − f. Without limits by default. Of
+    many members each may be an array (N,), with infinite limits where there is none.
     """
 
-    force_limit: float | None = None  # [N]
-    rate_limit: float | None = None  # [N/s]
-    lag: float = 0.0  # [s]
-    delay: int = 0  # [samples]
+    force_limit: PerMember | None = None  # [N]
+    rate_limit: PerMember | None = None  # [N/s]
+    lag: PerMember = 0.0  # [s]
+    delay: PerMember = 0  # [samples], whole ones
 
 
 class Drives:
-    """The six actuators in a run, from forces that they have at its beginning."""
+    """The six actuators in a run, from forces (*shape, 6) that they have at its beginning; inside, (6,) or (6, N)."""
 
     def __init__(self, actuators: Actuators, start: FloatArray, sample_time: float, plant_step: float) -> None:
-        self._force_limit = np.inf if actuators.force_limit is None else actuators.force_limit
+        begin = start.T.copy()
         rate = np.inf if actuators.rate_limit is None else actuators.rate_limit
-        self._follows_at_once = actuators.rate_limit is None and not actuators.lag > 0
-        self._rate = rate
+        lag = np.asarray(actuators.lag)
+        self._force_limit = actuators.force_limit
+        self._follows_at_once = actuators.rate_limit is None and not (lag > 0).any()
+        self._rate, self._slope = rate, np.where(np.isfinite(rate), rate, 0.0)[()]
         self._step = plant_step
         self._largest_change_of_a_sample = rate * sample_time
-        self._on_its_way = deque([start.copy() for _ in range(actuators.delay)])
-        self._target = start.copy()
-        self._reached = start.copy()  # behind the rate limit
-        self._planned = start.copy()  # the same when the newest command will have acted for a sample
-        self._force = start.copy()  # behind the lag
-        self._lag = actuators.lag
+        delays = np.asarray(actuators.delay)
+        self._delay = _Delay(delays, begin)
+        self._target = begin
+        self._reached = begin.copy()  # behind the rate limit
+        self._planned = begin.copy()  # the same when the newest command will have acted for a sample
+        self._force = begin.copy()  # behind the lag
+        self._lags = (lag > 0).all() if (lag > 0).all() == (lag > 0).any() else lag > 0
+        self._lag = np.where(lag > 0, lag, 1.0)[()]
+        self.none = np.zeros(start.shape, dtype=bool)  # held back by no limit
+        self._nothing = np.zeros(start.shape)
 
-    def command(self, force: FloatArray) -> tuple[BoolArray, FloatArray]:
-        """Take the forces (6,) [N] wanted at a sample.
+    def command(self, j: int, force: FloatArray, due: BoolArray | None = None) -> tuple[BoolArray, FloatArray]:
+        """Take the forces (*shape, 6) [N] wanted at sample j, of the members that `due` (N,) names, or of all.
 
-        Returns which of them the force limit cut (6,), and the excess (6,) [N]: what the limits of force and rate leave
-        of the command when it has acted for a sample, minus the command.
+        Returns which of them the force limit cut (*shape, 6), and the excess (*shape, 6) [N]: what the limits of force
+        and rate leave of the command when it has acted for a sample, minus the command.
         """
-        limited = _between(-self._force_limit, force, self._force_limit)
-        self._on_its_way.append(limited)
-        self._target = self._on_its_way.popleft()
+        wanted = force.T
+        if self._force_limit is None:
+            limited, cut = wanted, self.none
+        else:
+            limited = _between(-self._force_limit, wanted, self._force_limit)
+            cut = (limited != wanted).T
+        self._target = self._delay(j, limited, due)
         if self._follows_at_once:
-            return limited != force, limited - force
+            return cut, self._nothing if self._force_limit is None else (limited - wanted).T
         change = self._largest_change_of_a_sample
-        self._planned = _between(self._planned - change, limited, self._planned + change)
-        return limited != force, self._planned - force
+        planned = _between(self._planned - change, limited, self._planned + change)
+        self._planned = planned if due is None else np.where(due, planned, self._planned)
+        return cut, (self._planned - wanted).T
 
     def step(self) -> tuple[FloatArray, BoolArray]:
-        """Mean forces (6,) [N] over the next plant step, and which of them the rate limit holds back."""
+        """Mean forces (*shape, 6) [N] over the next plant step, and which of them the rate limit holds back."""
         if self._follows_at_once:
-            return self._target, _NONE
+            return self._target.T, self.none
         h = self._step
         # behind the rate limit r goes from r₀ toward the target r₁ at ±rate, is there after a ≤ h, and then waits
         way = self._target - self._reached
         a = np.minimum(np.abs(way) / self._rate, h)
-        slope = np.sign(way) * (self._rate if math.isfinite(self._rate) else 0.0)
+        slope = np.sign(way) * self._slope
         end = np.where(a < h, self._target, self._reached + slope * h)
         mean = end - (end - self._reached) * a / (2 * h)
         start, self._reached = self._reached, end
-        if self._lag > 0:
+        if np.any(self._lags):
             # τ ḟ = r − f: on the ramp f = r − s τ + (f₀ − r₀ + s τ) e^(−t/τ), then f = r₁ + (f − r₁) e^(−t/τ)
             tau = self._lag
             ramp = slope * tau
@@ -81,9 +88,39 @@ class Drives:
             on_ramp = np.where(a > 0, on_ramp, self._force)
             force = end + (on_ramp - end) * np.exp(-(h - a) / tau)
             # the mean of ḟ = (r − f)/τ over the step
-            mean = mean - (force - self._force) * tau / h
+            late = mean - (force - self._force) * tau / h
+            mean = late if np.all(self._lags) else np.where(self._lags, late, mean)
             self._force = force
-        return mean, end != self._target
+        return mean.T, (end != self._target).T
+
+
+class _Delay:
+    """Forces (6,) or (6, N) on their way: what comes out at sample j went in at j − d, before the start the first ones.
+
+    d is one for all, or of each member (N,).
+    """
+
+    def __init__(self, delays: NDArray[np.int_], start: FloatArray) -> None:
+        self._ring = np.broadcast_to(start, (int(delays.max()) + 1, *start.shape)).copy()
+        self._same = int(delays.max()) if (delays == delays.max()).all() else None
+        self._delays = delays
+        # where the elements of slot 0 are in the ring as a row of numbers
+        self._elements = np.arange(start.size).reshape(start.shape)
+        self._out = start.copy()
+
+    def __call__(self, j: int, forces: FloatArray, due: BoolArray | None) -> FloatArray:
+        """Take forces at sample j, of the members that are due, and give those that come out; a view."""
+        ring = self._ring
+        np.copyto(ring[j % len(ring)], forces, where=True if due is None else due)
+        if self._same is not None:
+            late: FloatArray = ring[(j - self._same) % len(ring)]
+        else:
+            elements = (j - self._delays) % len(ring) * self._elements.size + self._elements
+            late = np.take(ring, elements)
+        if due is None:
+            return late
+        np.copyto(self._out, late, where=due)
+        return self._out
 
 
 def _between(low: FloatArray | float, values: FloatArray, high: FloatArray | float) -> FloatArray:

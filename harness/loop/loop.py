@@ -1,66 +1,72 @@
-"""The sampled loop: a controller in discrete time around the plant, as it would run on the machine."""
+"""The sampled loop: a controller in discrete time around the plant, as it would run on the machine.
+
+One loop for one run and for many side by side: arrays have the plant's shape as leading axes, () or (N,).
+"""
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.harness.control.laws import Law
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.actuators import Actuators, Drives
-from gough_stewart.harness.loop.sensors import Encoders, Sensors
+from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.outcomes import Outcome, Outcomes
+from gough_stewart.harness.loop.sampler import Sampler
+from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants import members, signals
+from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
-from gough_stewart.model.errors import StepError
-from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
 LawFrom = Callable[[FloatArray, FloatArray], Law]
-Status = Literal["completed", "diverged", "stopped", "interrupted"]
 OnStroke = Literal["ignore", "warn", "stop"]
-_LENGTHS = slice(12, 18)  # of the legs, in the vector of all signals
+LENGTHS = slice(12, 18)  # of the legs, in the vector of all signals
 _ROWS_A_REPORT = 64
 
 
 @dataclass(frozen=True)
 class Change:
-    """From `time` [s] on, other tunable parameters of the plant, or another external wrench (6,) [N, N m]."""
+    """From `time` [s] on, other tunable parameters of the plant, or another external wrench (6,) [N, N m].
+
+    Of many members parameters and wrench may have a leading axis (N,), and `members` (N,) names whom it concerns.
+    """
 
     time: float
     parameters: Mapping[str, object] = field(default_factory=dict)
     external_wrench: FloatArray | None = None
+    members: BoolArray | None = None
 
 
 @dataclass(frozen=True)
 class Limits:
     """What ends a run."""
 
-    stroke: tuple[float, float] = (0.0, np.inf)  # leg lengths [m]
+    stroke: tuple[PerMember, PerMember] = (0.0, np.inf)  # leg lengths [m]
     on_stroke: OnStroke = "warn"
-    largest_position_error: float = np.inf  # [m]
+    largest_position_error: PerMember = np.inf  # [m]
 
-    def beyond_stroke(self, lengths: FloatArray) -> NDArray[np.bool_]:
+    def beyond_stroke(self, lengths: FloatArray) -> BoolArray:
         """Which leg lengths (..., 6) [m] are outside of the stroke."""
-        return np.asarray((lengths < self.stroke[0]) | (lengths > self.stroke[1]))
-
-
-class Outcome(NamedTuple):
-    """How a run ended."""
-
-    status: Status
-    time: float  # [s]
-    cause: str | None
+        low, high = (np.asarray(each)[..., None] for each in self.stroke)
+        return np.asarray((lengths < low) | (lengths > high))
 
 
 @dataclass(frozen=True)
 class Loop:
-    """Everything of a run but plant and controller."""
+    """Everything of a run but plant and controller.
+
+    Of many members, `together` makes it of theirs: arrays have a leading axis behind that of time, where members
+    differ, such as (n, N, 30), and `shape` is (N,).
+    """
 
     timing: Timing
     wanted: FloatArray | None  # signals and accelerations on the reference at every row (n, 30); None without one
@@ -71,176 +77,167 @@ class Loop:
     limits: Limits = field(default_factory=Limits)
     changes: tuple[Change, ...] = ()
     injection: FloatArray | None = None  # added to the command at every sample (m, 6) [N], to excite the loop
+    shape: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True)
-class Run:
-    """What happened, row by row as far as the run came; per sample what the controller did."""
-
-    time: FloatArray  # (n,)
-    results: FloatArray  # (n, N_RESULTS)
-    inputs: FloatArray  # (n, 12)
-    rate_limited: NDArray[np.bool_]  # (n, 6)
-    stroke_exceeded: NDArray[np.bool_]  # (n, 6)
-    sample_of_row: NDArray[np.intp]  # (n,), the last sample at or before each row
-    measured: FloatArray  # (m, 24)
-    command: FloatArray  # (m, 6), before any limit
-    controller_state: FloatArray  # (m, n_states), with which the command was made
-    force_limited: NDArray[np.bool_]  # (m, 6)
-    outcome: Outcome
-
-
-def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
-    """Run the loop to its end, or to where it cannot go on; that is an outcome, not an error.
+def observe(
+    plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Observer, progress: TimeProgress | None = None
+) -> tuple[Outcome, ...]:
+    """Run the loop to its end, or to where it cannot go on; that is an outcome of each member, not an error.
 
     At each sample: measure, compute, and from then on (`actuators.delay` samples later) hold the forces. At each
-    plant step: changes come into effect, the drives act, everything is recorded, the plant goes on.
+    plant step: changes come into effect, the drives act, the observer looks, the plant goes on. Members that have ended
+    stay as they are, and the others go on; a single run has one outcome, too.
 
     Parameters
     ----------
     law_from
         Makes the controller from references (30,) and signals (24,) of the first sample; None for feedforward alone.
+        Of many members: `laws_together`.
+    loop
+        Of the plant's shape, or one for all members alike.
     progress
         Called with the time [s] now and then.
 
     Raises
     ------
     ControllerError
-        The controller gave no forces at its first sample.
+        The controller gave no forces at its first sample (one of many is an outcome), or a loop of another shape.
     PlantError
         The plant refuses what it is asked for before there is a row; later it ends the run.
     """
-    n, times = loop.timing.steps, loop.timing.times
-    n_results, n_inputs = interface.size_of(interface.RESULTS), interface.size_of(interface.INPUTS)
-    drives = Drives(loop.actuators, loop.start_force, loop.timing.sample_time, loop.timing.plant_step)
-    sampler, changes = _Sampler(loop, law_from, drives), _by_row(loop)
-    results, inputs = np.zeros((n + 1, n_results)), np.zeros((n + 1, n_inputs))
-    rate_limited = np.zeros((n + 1, 6), dtype=bool)
-    acting = np.append(loop.start_force, np.zeros(n_inputs - 6))
-    outcome: Outcome | None = None
-    rows = 0
+    shape: tuple[int, ...] = getattr(plant, "shape", ())
+    if loop.shape not in ((), shape):
+        raise ControllerError(f"a loop of shape {loop.shape} around a plant of shape {shape}; expected both alike")
+    outcomes = Outcomes(shape)
     try:
-        for k, time in enumerate(times.tolist()):
-            for change in changes.get(k, ()):
-                _apply(change, plant, acting)
-            now = plant.results()[: signals.SIZE]
-            if k < n:
-                outcome = sampler.at_row(k, time, now)
-                if outcome is None:
-                    acting[:6], rate_limited[k] = drives.step()
-            plant.set_inputs(acting)
-            # once more: accelerations and joint forces under the forces that act from here on
-            results[k], inputs[k] = plant.results(), acting
-            rows = k + 1
-            outcome = outcome or _end_of(loop, k, time, now)
-            if outcome is not None:
-                break
-            if k < n:
-                plant.do_step(time, loop.timing.plant_step)
-            if progress is not None and k % _ROWS_A_REPORT == 0:
-                progress(time)
+        # members that have ended may compute what is no number; nobody looks at it
+        with np.errstate(all="ignore") if shape else nullcontext():
+            _run(plant, law_from, loop, observer, outcomes, progress)
     except (StepError, ControllerError, PlantError) as error:
-        if not rows:
+        if outcomes.time is None:
             raise
-        outcome = Outcome("diverged" if isinstance(error, StepError) else "stopped", float(times[rows - 1]), str(error))
+        outcomes.end(True, "diverged" if isinstance(error, StepError) else "stopped", str(error), counts=False)
     except KeyboardInterrupt:
-        if not rows:
+        if outcomes.time is None:
             raise
-        outcome = Outcome("interrupted", float(times[rows - 1]), "interrupted by the user")
-    return Run(
-        times[:rows],
-        results[:rows],
-        inputs[:rows],
-        rate_limited[:rows],
-        loop.limits.beyond_stroke(results[:rows, _LENGTHS]),
-        sampler.sample_of_row[:rows],
-        sampler.measured,
-        sampler.command,
-        sampler.state,
-        sampler.force_limited,
-        outcome or Outcome("completed", float(times[-1]), None),
-    )
+        outcomes.end(True, "interrupted", "interrupted by the user", counts=False)
+    return outcomes.at_last(float(loop.timing.times[-1]))
 
 
-class _Sampler:
-    """The controller's side of the loop: it wakes up at the samples, and keeps what it did."""
-
-    def __init__(self, loop: Loop, law_from: LawFrom | None, drives: Drives) -> None:
-        timing = loop.timing
-        m = len(timing.samples)
-        self._loop, self._law_from, self._drives = loop, law_from, drives
-        own = loop.sensors.sample_time
-        every = None if own is None else timing.steps_in(own, "the sensors' sample_time")
-        self._encoders = Encoders(loop.sensors, every, m if every is None else timing.steps // every + 1)
-        if law_from is not None and loop.wanted is None:
-            raise ControllerError("a controller without a reference; expected the signals that it is to follow")
-        self._wanted: FloatArray = np.zeros((0, 0)) if loop.wanted is None else loop.wanted
-        self._rows = timing.rows_of_samples.tolist()
-        self._next = 0
-        self._law: Law | None = None
-        self._excess = np.zeros(6)
-        self.measured, self.command = np.zeros((m, signals.SIZE)), np.zeros((m, 6))
-        self.force_limited = np.zeros((m, 6), dtype=bool)
-        self.state: FloatArray = np.zeros((m, 0))
-        self.sample_of_row = np.searchsorted(self._rows, np.arange(timing.steps + 1), side="right") - 1
-        self._every = timing.steps_a_sample
-
-    def at_row(self, k: int, time: float, now: FloatArray) -> Outcome | None:
-        """Measure, compute and command, if there is a sample at this row; an outcome if that cannot be done."""
-        j = self._next
-        is_sample = j < len(self._rows) and self._rows[j] == k
-        reading = self._encoders(k, now, is_sample)
-        if not is_sample:
-            return None
-        self._next += 1
-        self.measured[j] = reading
-        # the controller counts its samples, and knows nothing of their being late
-        nominal = j * self._every
-        command = self._loop.feedforward[j]
-        if self._loop.injection is not None:
-            command = command + self._loop.injection[j]
-        if self._law_from is not None:
-            wanted = self._wanted[nominal]
-            if self._law is None:
-                self._law = self._law_from(wanted, self.measured[0])
-                self.state = np.zeros((len(self.measured), len(self._law.state)))
-            self.state[j] = self._law.state
-            command = command + self._law.force(
-                j, nominal * self._loop.timing.plant_step, wanted, self.measured[j], self._excess
+def _run(
+    plant: Plant,
+    law_from: LawFrom | None,
+    loop: Loop,
+    observer: Observer,
+    outcomes: Outcomes,
+    progress: TimeProgress | None,
+) -> None:
+    timing, shape = loop.timing, outcomes.going.shape
+    n, plant_step = timing.steps, timing.plant_step
+    acting = members.zeros(shape, interface.size_of(interface.INPUTS))
+    forces = acting[..., :6]  # a view
+    forces[...] = loop.start_force
+    drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
+    sampler, changes = Sampler(loop, law_from, drives, outcomes, shape), _by_row(loop)
+    read_signals = _signals_of(plant)
+    for k, time in enumerate(timing.times.tolist()):
+        for change in changes.get(k, ()):
+            _apply(change, plant, acting)
+        now = read_signals()
+        sampled, rate_limited = None, drives.none
+        if k < n:
+            sampled = sampler.at_row(k, time, now)
+            drive, rate_limited = drives.step()
+            if outcomes.all_go:
+                forces[...] = drive
+            else:
+                np.copyto(forces, drive, where=outcomes.going[..., None])
+                rate_limited = rate_limited & outcomes.going[..., None]
+        plant.set_inputs(acting)
+        wanted = None if loop.wanted is None else loop.wanted[k]
+        observer.row(
+            Row(
+                k,
+                time,
+                now,
+                acting,
+                wanted,
+                sampler.command,
+                sampler.force_limited,
+                rate_limited,
+                outcomes.running,
+                sampled,
             )
-        self.command[j] = command
-        # false of NaN, too; NumPy takes three times as long
-        if not all(abs(force) <= LARGEST_NUMBER for force in command.tolist()):
-            return Outcome("diverged", time, f"the controller's forces are {command.tolist()} N")
-        self.force_limited[j], self._excess = self._drives.command(command)
-        if self._law is not None and self._law.limited is not None:
-            self.force_limited[j] |= self._law.limited
-        return None
+        )
+        outcomes.time = time
+        _check(loop.limits, now, wanted, outcomes)
+        ended = outcomes.end_of_row()
+        if ended is not None:
+            if not outcomes.going.any():
+                return
+            plant.freeze(ended)
+        if k < n:
+            try:
+                plant.do_step(time, plant_step)
+            except MembersError as error:
+                for member, failure in error.failures.items():
+                    outcomes.end(outcomes.only(member), "diverged", str(failure), counts=False)
+                outcomes.end_of_row()  # the plant has frozen them itself
+                if not outcomes.going.any():
+                    return
+        if progress is not None and k % _ROWS_A_REPORT == 0:
+            progress(time)
+
+
+def _signals_of(plant: Plant) -> Callable[[], FloatArray]:
+    """How to read them; a plant that inherits nothing may know nothing of signals."""
+    return plant.signals if hasattr(plant, "signals") else lambda: plant.results()[..., : signals.SIZE]
 
 
 def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
-    """Parameters to the plant, the wrench into the inputs (12,)."""
-    if change.parameters:
+    """Parameters to the plant, the wrench into the inputs (*shape, 12)."""
+    if change.parameters and change.members is None:
         plant.set_parameters(change.parameters)
+    elif change.parameters and change.members is not None:
+        plant.set_parameters_of(change.members, change.parameters)
     if change.external_wrench is not None:
-        acting[6:] = change.external_wrench
+        concerned = True if change.members is None else change.members[..., None]
+        np.copyto(acting[..., 6:], change.external_wrench, where=concerned)
 
 
-def _end_of(loop: Loop, k: int, time: float, now: FloatArray) -> Outcome | None:
-    """The reason to end the run at a row, if there is one."""
-    limits = loop.limits
-    if limits.on_stroke == "stop" and limits.beyond_stroke(now[_LENGTHS]).any():
-        leg = int(limits.beyond_stroke(now[_LENGTHS]).argmax())
-        low, high = limits.stroke
-        cause = f"leg {leg + 1} is {now[_LENGTHS][leg]:.6g} m long; its stroke is {low:g} to {high:g} m"
-        return Outcome("stopped", time, cause)
-    if loop.wanted is not None:
-        gap = loop.wanted[k, :3] - now[:3]
-        error, bound = math.sqrt(gap @ gap), limits.largest_position_error
-        if not error <= bound:  # true of NaN, too
-            cause = f"the platform is {error:.3g} m from its reference; the bound is {bound:g} m"
-            return Outcome("diverged", time, cause)
-    return None
+def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes: Outcomes) -> None:
+    """End what has come to its limits."""
+    if limits.on_stroke == "stop":
+        beyond = limits.beyond_stroke(now[..., LENGTHS])
+        if beyond.any():
+            outcomes.end(beyond.any(axis=-1), "stopped", lambda k: _beyond_stroke(limits, now[..., LENGTHS], beyond, k))
+    if wanted is None:
+        return
+    gap, bound = wanted[..., :3] - now[..., :3], limits.largest_position_error
+    if gap.ndim == 1:
+        error: PerMember = math.sqrt(gap @ gap)
+        if error <= bound:
+            return
+    else:
+        x, y, z = gap.T
+        error = np.sqrt(x * x + y * y + z * z)
+        if (error <= bound).all():
+            return
+    outcomes.end(
+        ~np.less_equal(error, bound),  # true of NaN, too
+        "diverged",
+        lambda k: (
+            f"the platform is {members.of(error, k):.3g} m from its reference; the bound is {members.of(bound, k):g} m"
+        ),
+    )
+
+
+def _beyond_stroke(limits: Limits, lengths: FloatArray, beyond: BoolArray, k: int) -> str:
+    """What to say of a member's first leg that is beyond."""
+    leg = int(beyond.reshape(-1, 6)[k].argmax())
+    low, high = (members.of(each, k) for each in limits.stroke)
+    return f"leg {leg + 1} is {lengths.reshape(-1, 6)[k, leg]:.6g} m long; its stroke is {low:g} to {high:g} m"
 
 
 def _by_row(loop: Loop) -> dict[int, list[Change]]:

@@ -1,12 +1,17 @@
 """Sensors: what is measured of the signals, with noise and quantisation; the same seed, the same numbers."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from gough_stewart.harness.loop.seeds import Seeds, stream
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
+
+# So many readings of many members have their noise drawn at a time.
+_BLOCK = 64
 
 
 @dataclass(frozen=True)
@@ -14,38 +19,71 @@ class Sensors:
     """Per signal: standard deviation of white noise, and the step of quantisation, in the signal's unit.
 
     measured = q · round((true + σ N(0, 1)) / q), each reading and element anew. Readings are taken when the controller
-    samples; with a `sample_time` [s] of their own, at its multiples, and the controller has the latest one.
+    samples; with a `sample_time` [s] of their own, at its multiples, and the controller has the latest one. Of many
+    members σ and q may be arrays (N,), 0 where there is none, and the seed one of each.
     """
 
-    noise: Mapping[str, float] = field(default_factory=dict)
-    quantisation: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, PerMember] = field(default_factory=dict)
+    quantisation: Mapping[str, PerMember] = field(default_factory=dict)
     sample_time: float | None = None
-    seed: int = 0
+    seed: Seeds = 0
 
 
 class Readings:
-    """The sensors in a run of n readings."""
+    """The sensors in a run of n readings; inside, arrays are (24,) or (24, N)."""
 
-    def __init__(self, sensors: Sensors, n: int) -> None:
-        self._noise = np.zeros((n, signals.SIZE))
-        for index, (variable, part) in enumerate(zip(signals.VARIABLES, _parts(), strict=True)):
-            deviation = sensors.noise.get(variable.name, 0.0)
-            if deviation > 0:
-                # a stream for each signal: noise on one leaves the noise on the others as it was
-                stream = np.random.default_rng([sensors.seed, index])
-                self._noise[:, part] = deviation * stream.standard_normal((n, variable.size))
-        self._steps = [
-            (part, sensors.quantisation[variable.name])
-            for variable, part in zip(signals.VARIABLES, _parts(), strict=True)
-            if sensors.quantisation.get(variable.name)
+    def __init__(self, sensors: Sensors, n: int, shape: tuple[int, ...] = ()) -> None:
+        # a stream for each signal: noise on one leaves the noise on the others as it was
+        self._noise = {
+            name: _Noise(sensors, name, n, shape)
+            for name in signals.NAMES
+            if np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0)
+        }
+        self._steps = {name: step for name in signals.NAMES if np.any(step := sensors.quantisation.get(name) or 0.0)}
+        self._measured = np.zeros((signals.SIZE, *shape))
+        self.only(signals.NAMES)
+
+    def only(self, names: Iterable[str]) -> None:
+        """Read these signals alone from here on: of many members the others would cost time that nobody uses."""
+        read = list(names) if self._measured.ndim > 1 else list(signals.NAMES)
+        self._exact = _joined([_PARTS[name] for name in read if name not in self._steps or name in self._noise])
+        self._noisy = [(_PARTS[name], noise) for name, noise in self._noise.items() if name in read]
+        self._stepped = [
+            (_PARTS[name], _Steps(step), name in self._noise) for name, step in self._steps.items() if name in read
         ]
 
     def __call__(self, k: int, true: FloatArray) -> FloatArray:
-        """All signals as measured at reading k (24,)."""
-        measured: FloatArray = true + self._noise[k]
-        for part, step in self._steps:
-            measured[part] = step * np.rint(measured[part] / step)
-        return measured
+        """All signals as measured at reading k (*shape, 24); of many members valid until the next call."""
+        columns = true.T
+        if columns.ndim == 1:
+            measured = columns + 0.0
+        else:
+            measured = self._measured
+            for part in self._exact:
+                np.copyto(measured[part], columns[part])
+        for part, noise in self._noisy:
+            measured[part] += noise(k)
+        for part, steps, is_noisy in self._stepped:
+            steps.round((measured if is_noisy else columns)[part], measured[part])
+        return measured.T
+
+
+class _Steps:
+    """q · round(x / q), x itself where q is 0."""
+
+    def __init__(self, step: PerMember) -> None:
+        self._none = np.asarray(step) == 0
+        self._some_have_none = bool(self._none.any())
+        self._step = np.where(self._none, 1.0, step) if self._some_have_none else step
+
+    def round(self, exact: FloatArray, out: FloatArray) -> None:
+        """Into `out`, which may be `exact` itself."""
+        kept = exact.copy() if self._some_have_none else None
+        np.divide(exact, self._step, out=out)
+        np.rint(out, out=out)
+        np.multiply(out, self._step, out=out)
+        if kept is not None:
+            np.copyto(out, kept, where=self._none)
 
 
 class Encoders:
@@ -59,19 +97,59 @@ class Encoders:
         How many readings there will be.
     """
 
-    def __init__(self, sensors: Sensors, every: int | None, n: int) -> None:
-        self._every, self._readings = every, Readings(sensors, n)
-        self._taken = 0
+    def __init__(self, sensors: Sensors, every: int | None, n: int, shape: tuple[int, ...] = ()) -> None:
+        self._every, self._readings = every, Readings(sensors, n, shape)
         self._latest: FloatArray = np.zeros(signals.SIZE)
+        self.only = self._readings.only
 
-    def __call__(self, k: int, now: FloatArray, is_sample: bool) -> FloatArray:
-        """The latest reading at a row, of the signals (24,) that are there now."""
-        if is_sample if self._every is None else k % self._every == 0:
-            self._latest = self._readings(self._taken, now)
-            self._taken += 1
+    def __call__(self, k: int, now: FloatArray, sample: int | None) -> FloatArray:
+        """The latest reading at a row, of the signals (*shape, 24) that are there now; None where nobody samples."""
+        if self._every is None:
+            if sample is not None:
+                self._latest = self._readings(sample, now)
+        elif k % self._every == 0:
+            self._latest = self._readings(k // self._every, now)
         return self._latest
 
 
-def _parts() -> list[slice]:
+class _Noise:
+    """White noise of one signal, as elements side by side: (size,), or of many members (size, N)."""
+
+    def __init__(self, sensors: Sensors, name: str, n: int, shape: tuple[int, ...]) -> None:
+        purpose = signals.NAMES.index(name)
+        seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
+        self._streams = [stream(seed, purpose) for seed in seeds]
+        self._deviation = sensors.noise[name]
+        self._rows = min(n, _BLOCK) if shape else n
+        axis = (len(seeds),) if shape else ()
+        self._normal = np.zeros((self._rows, signals.VARIABLES[purpose].size, *axis))
+        self._drawn: tuple[int, FloatArray] = (-1, self._normal)
+
+    def __call__(self, k: int) -> FloatArray:
+        """Of reading k; readings go on by one, or stay."""
+        block, row = divmod(k, self._rows)
+        if block != self._drawn[0]:
+            rows, size = self._normal.shape[:2]
+            for member, each in enumerate(self._streams):
+                self._normal.reshape(rows, size, -1)[:, :, member] = each.standard_normal((rows, size))
+            self._drawn = block, self._deviation * self._normal
+        noise: FloatArray = self._drawn[1][row]
+        return noise
+
+
+def _parts() -> dict[str, slice]:
     ends = np.cumsum([v.size for v in signals.VARIABLES])
-    return [slice(int(end) - v.size, int(end)) for v, end in zip(signals.VARIABLES, ends, strict=True)]
+    return {v.name: slice(int(end) - v.size, int(end)) for v, end in zip(signals.VARIABLES, ends, strict=True)}
+
+
+def _joined(parts: list[slice]) -> list[slice]:
+    """The same elements in as few slices as possible."""
+    found: list[slice] = []
+    for part in sorted(parts, key=lambda each: each.start):
+        if found and found[-1].stop == part.start:
+            part = slice(found.pop().start, part.stop)  # noqa: PLW2901 - grown by the one before
+        found.append(part)
+    return found
+
+
+_PARTS = _parts()

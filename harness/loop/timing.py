@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.loop.seeds import Seeds, stream
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
 
 MOST_STEPS = 1_000_000
@@ -20,7 +22,8 @@ _ROUNDING = 1e-6
 class Timing:
     """Clocks of a run: the plant is stepped and recorded every `plant_step`, the controller runs every `sample_time`.
 
-    With `jitter` each sample comes late, by a time that is uniform from 0 up to the jitter, in whole plant steps.
+    With `jitter` each sample comes late, by a time that is uniform from 0 up to the jitter, in whole plant steps. Of
+    many members the jitter may be an array (N,), and the seed one of each.
 
     Raises
     ------
@@ -32,18 +35,20 @@ class Timing:
     duration: float  # [s]
     sample_time: float  # [s]
     plant_step: float  # [s]
-    jitter: float = 0.0  # [s]
-    seed: int = 0  # of the jitter
+    jitter: PerMember = 0.0  # [s]
+    seed: Seeds = 0  # of the jitter
 
     def __post_init__(self) -> None:
         for name in ("duration", "sample_time", "plant_step"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
-        if self.jitter and not self.plant_step <= self.jitter < self.sample_time:
+        jitter = np.ravel(self.jitter)
+        beyond = (jitter != 0) & ~((self.plant_step <= jitter) & (jitter < self.sample_time))
+        if beyond.any():
             raise ControllerError(
-                f"jitter is {self.jitter:g} s; expected less than the sample_time of {self.sample_time:g} s, and at "
-                f"least the plant_step of {self.plant_step:g} s, in whole ones of which samples come late"
+                f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
+                f"at least the plant_step of {self.plant_step:g} s, in whole ones of which samples come late"
             )
         for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
             long, short = getattr(self, whole), getattr(self, part)
@@ -81,14 +86,25 @@ class Timing:
 
     @property
     def rows_of_samples(self) -> NDArray[np.intp]:
-        """The rows at which the samples are taken (m,), jitter included."""
+        """The rows at which the samples are taken, jitter included: (m,), or (m, N) where members differ."""
         rows = np.arange(0, self.steps, self.steps_a_sample)
-        if self.jitter:
-            # behind the streams of the sensors' noise
-            late = np.random.default_rng([self.seed, len(signals.NAMES)]).uniform(0.0, self.jitter, len(rows))
+        if np.any(self.jitter):
+            late = self._late(len(rows))
             late[0] = 0.0  # a run begins with a sample
+            rows = rows[:, None] if late.ndim == 2 else rows
             rows = rows + np.floor(late / self.plant_step).astype(rows.dtype)
         return np.minimum(rows, self.steps - 1)
+
+    def _late(self, m: int) -> FloatArray:
+        """How late each of m samples is (m,) or (m, N) [s]."""
+        # behind the streams of the sensors' noise
+        purpose = len(signals.NAMES)
+        if not isinstance(self.seed, tuple):
+            # one stream, of which members take other shares if their jitter differs
+            share = stream(self.seed, purpose).uniform(0.0, 1.0 if np.ndim(self.jitter) else self.jitter, m)
+            return np.multiply.outer(share, self.jitter) if np.ndim(self.jitter) else share
+        each = zip(self.seed, np.broadcast_to(self.jitter, len(self.seed)), strict=True)
+        return np.stack([stream(seed, purpose).uniform(0.0, jitter, m) for seed, jitter in each], axis=-1)
 
     def steps_in(self, time: float, what: str) -> int:
         """How many plant steps a time [s] is, which has to be a whole number of them."""

@@ -11,6 +11,7 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.unit import Unit, UnitFile, values_of
 from gough_stewart.model import interface
@@ -61,6 +62,7 @@ class FmuPlant(Plant):
             self._unit = unit = stack.enter_context(Unit(file))
             # everything that is called in each step has its buffers from here on
             self._results = values_of([v.name for v in interface.RESULTS], unit.is_fmi2)
+            self._signals = values_of(signals.NAMES, unit.is_fmi2)
             self._inputs = values_of([v.name for v in interface.INPUTS], unit.is_fmi2)
             values: dict[str, ArrayLike] = {v.name: getattr(platform, v.name) for v in interface.PLATFORM_PARAMETERS}
             values["fixed_step_size"] = fixed_step_size
@@ -96,6 +98,11 @@ class FmuPlant(Plant):
         """Rule 4 of `Plant`."""
         self._checked("results", self._unit.read, self._results)
         return self._results.array.copy()
+
+    def signals(self) -> FloatArray:
+        """Rule 10 of `Plant`."""
+        self._checked("results", self._unit.read, self._signals)
+        return self._signals.array.copy()
 
     def do_step(self, time: float, step: float) -> None:
         """Rules 5 and 6 of `Plant`."""

@@ -154,6 +154,11 @@ class IsolatedFmu(Plant):
         found: FloatArray = self._other.call("results")
         return found
 
+    def signals(self) -> FloatArray:
+        """Rule 10."""
+        found: FloatArray = self._other.call("signals")
+        return found
+
     def do_step(self, time: float, step: float) -> None:
         """Rules 5 and 6 of `Plant`."""
         self._other.call("do_step", time, step)

@@ -12,17 +12,25 @@ import numpy as np
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
-
-def zeros(shape: tuple[int, ...], size: int) -> FloatArray:
-    """Zeros (*shape, size), members last in memory."""
-    return np.moveaxis(np.zeros((size, *shape)), 0, -1)
+# A number of a single run, or of many members an array (N,): the arithmetic is the same, so that this stays open.
+PerMember = Any
 
 
-def flags(shape: tuple[int, ...], size: int) -> BoolArray:
+def zeros(shape: tuple[int, ...], size: int, *rows: int) -> FloatArray:
+    """Zeros (*rows, *shape, size), members last in memory."""
+    return np.moveaxis(np.zeros((*rows, size, *shape)), len(rows), -1)
+
+
+def flags(shape: tuple[int, ...], size: int, *rows: int) -> BoolArray:
     """As `zeros`, all false."""
-    return np.moveaxis(np.zeros((size, *shape), dtype=bool), 0, -1)
+    return np.moveaxis(np.zeros((*rows, size, *shape), dtype=bool), len(rows), -1)
 
 
 def stacked(values: Sequence[Any]) -> Any:
     """Arrays of members (..., size), all of one shape, as one (..., N, size), members last in memory."""
     return np.moveaxis(np.stack([np.asarray(each) for each in values], axis=-1), -1, -2)
+
+
+def of(value: PerMember, member: int) -> Any:
+    """That of one member, of a number that all have alike or of an array (N,)."""
+    return np.ravel(value)[member if np.ndim(value) else 0]

@@ -35,7 +35,7 @@ class Plant(Protocol):
        elements of members lie side by side in memory, see `members`. `set_parameters` and `set_parameters_of` take
        values with this leading axis or without. `do_step` goes on with all members that can; those that cannot stay
        exactly as they were, for good, as if by `freeze`, and are in the `MembersError` that it raises at last.
-    10. `signals` gives the head of the results (*shape, 24) at less cost; it may be a view, valid until the next call.
+    10. `signals` gives the head of the results (*shape, 24) at less cost; it may be a view, valid until the next step.
     """
 
     shape: tuple[int, ...] = ()

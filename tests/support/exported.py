@@ -18,7 +18,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.c_source import ControllerSources, controller_sources
 from gough_stewart.harness.export.designed import Designed
-from gough_stewart.harness.loop.loop import Run, simulate
+from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model.parameters import TABLE

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.laws import Controller, Sample, controller_of, law_of
-from gough_stewart.harness.loop.loop import Loop, Run, simulate
+from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTHS, Masses, signals_of

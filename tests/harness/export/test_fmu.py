@@ -17,7 +17,7 @@ from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
-from gough_stewart.harness.loop.loop import Run
+from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.unit import FmuFile
 from gough_stewart.model.kinematics import leg_geometry

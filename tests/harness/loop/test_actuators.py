@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.actuators import Actuators, Drives
-from gough_stewart.harness.loop.loop import simulate
+from gough_stewart.harness.loop.run import simulate
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTH, Masses
 from tests.support.loops import FORCES, SHARES, constant, excess_gain, loop_of, run_with
@@ -129,8 +129,8 @@ def test_rate_limit_and_lag_act_by_their_mean_over_a_step(rate_limit: float | No
     commands[5] = commands[4]  # reached at last
     drives = Drives(Actuators(rate_limit=rate_limit, lag=lag), start, h, h)
     ramp, force = start.copy(), start.copy()
-    for command in commands:
-        drives.command(command)
+    for j, command in enumerate(commands):
+        drives.command(j, command)
         mean, held_back = drives.step()
         total = np.zeros(6)
         for _ in range(fine):
@@ -165,8 +165,8 @@ def test_drives_keep_no_array_of_their_callers() -> None:
     start, force = START.copy(), FORCES.copy()
     drives = Drives(Actuators(delay=1), start, 0.01, 0.01)
     start[:] = np.nan
-    assert drives.command(force)[1] == pytest.approx(np.zeros(6), abs=0)
+    assert drives.command(0, force)[1] == pytest.approx(np.zeros(6), abs=0)
     force[:] = np.nan
     assert drives.step()[0] == pytest.approx(START, abs=0)
-    drives.command(np.zeros(6))
+    drives.command(1, np.zeros(6))
     assert drives.step()[0] == pytest.approx(FORCES, abs=0)

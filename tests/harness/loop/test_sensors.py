@@ -59,7 +59,7 @@ def test_no_element_and_no_row_has_the_noise_of_another() -> None:
 def test_a_longer_run_begins_with_the_noise_of_a_shorter_one() -> None:
     def noise(n: int) -> list[FloatArray]:
         encoders = Encoders(Sensors(DEVIATIONS), None, n)
-        return [encoders(k, np.zeros(signals.SIZE), True) for k in range(n)]
+        return [encoders(k, np.zeros(signals.SIZE), k) for k in range(n)]
 
     np.testing.assert_array_equal(noise(9)[:4], noise(4))
 

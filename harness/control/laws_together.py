@@ -1,0 +1,252 @@
+"""Many controllers at work side by side: linear ones as one, functions member by member.
+
+Numbers of a member are those of its own law, `laws.law_of`, but for rounding; they do not depend on who else is there.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from gough_stewart.harness.control.laws import Controller, FunctionLaw, Law, LinearController
+from gough_stewart.harness.control.linear_law import N_LEGS, as_slice, integrates, integrating_modes, rest
+from gough_stewart.harness.control.sums import Product
+from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.vectors import FloatArray
+
+
+class LawOfMany(Law, Protocol):
+    """The controllers of N members in a run; all arrays of a `Law` with a leading axis, references also without."""
+
+    @property
+    def failures(self) -> Mapping[int, ControllerError]:
+        """Whose controller gave no forces at the last sample, and why."""
+
+    def force(
+        self,
+        k: int,
+        time: float,
+        wanted: FloatArray,
+        measured: FloatArray,
+        excess: FloatArray,
+        due: BoolArray | None = None,
+    ) -> FloatArray:
+        """Forces (N, 6) [N], valid until the next call; `due` (N,) names whose sample it is, None is everyone's."""
+
+
+def laws_together(
+    controllers: Sequence[Controller], sample_time: float, jacobians: FloatArray
+) -> Callable[[FloatArray, FloatArray], LawOfMany]:
+    """What makes the controllers of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
+
+    Parameters
+    ----------
+    controllers
+        Of each member, linear ones of one structure (states, inputs, signals, space), or functions.
+    sample_time
+        Of the run [s].
+    jacobians
+        Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6).
+
+    Raises
+    ------
+    ControllerError
+        Controllers of another sample time, of different structure, or that are units.
+    """
+    for controller in controllers:
+        if isinstance(controller, UnitController):
+            raise ControllerError(
+                f"{controller.path} is a unit, of which there is one a process; expected for many at once a "
+                "controller that is linear or a function"
+            )
+        if isinstance(controller, LinearController):
+            controller.check_sample_time(sample_time)
+    linear = [each for each in controllers if isinstance(each, LinearController)]
+    if not linear:
+        functions = [each for each in controllers if not isinstance(each, LinearController | UnitController)]
+        return lambda _wanted, _measured: _Functions(functions)
+    found = {_structure(each) for each in controllers}
+    if len(found) > 1:
+        raise ControllerError(f"controllers of different structure, {'; '.join(sorted(found))}; expected one for all")
+    kind = _TaskLaws if linear[0].space == "task" else _LegLaws
+    return lambda wanted, measured: kind(linear, jacobians, wanted, measured)
+
+
+def _structure(controller: Controller) -> str:
+    if not isinstance(controller, LinearController):
+        return "a function"
+    system = controller.system
+    return (
+        f"linear in {controller.space} space with {system.nstates} states, {system.ninputs} inputs and the signals "
+        f"{', '.join(controller.signals)}"
+    )
+
+
+class _LinearLaws:
+    """As `LinearLaw`, with (x, u) of all members in columns."""
+
+    limited = None
+    failures: Mapping[int, ControllerError] = {}
+
+    def __init__(self, controllers: Sequence[LinearController], n_members: int) -> None:
+        first = controllers[0]
+        systems = {id(each.system): each.system for each in controllers}
+        self._n = n = first.system.nstates
+        own = {key: np.block([[s.A, s.B], [s.C, s.D]]) for key, s in systems.items()}
+        if len(own) > 1:
+            self._matrices = np.stack([own[id(each.system)] for each in controllers])
+        else:
+            self._matrices = own[id(first.system)]
+        self._product = Product(self._matrices, n_members)
+        self._xu = np.zeros((n + first.system.ninputs, n_members))
+        self._x, self._u = self._xu[:n], self._xu[n:]  # views
+        self.used = first.signals
+        self._at = as_slice(signals.positions(first.signals))
+        self._form = first.system.ninputs
+
+    def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
+        """Memory at rest under constant inputs."""
+        n = self._n
+        self._feed(wanted, measured, np.zeros((N_LEGS, 1)))
+        if not n:
+            return
+        self._x[:] = 0.0
+        forcing = self._product(self._xu)[:n]
+        matrices = np.broadcast_to(self._matrices, (self._xu.shape[1], *self._matrices.shape[-2:]))
+        for member, matrix in enumerate(matrices):
+            A = matrix[:n, :n]
+            poles = np.diag(A)
+            if not (A - np.diag(poles)).any():
+                free = integrates(poles)
+                self._x[:, member] = np.where(free, 0.0, forcing[:, member] / np.where(free, 1.0, 1 - poles))
+            else:
+                self._x[:, member] = rest(A, integrating_modes(A), forcing[:, member])
+
+    @property
+    def state(self) -> FloatArray:
+        """A copy of x (N, n)."""
+        return self._x.copy().T
+
+    def _feed(self, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
+        n = len(measured)
+        if self._form == n:
+            np.subtract(wanted, measured, out=self._u)
+            return
+        self._u[:n], self._u[n : 2 * n] = wanted, measured
+        if self._form > 2 * n:
+            self._u[2 * n :] = excess
+
+    def _advance(self, due: BoolArray | None) -> FloatArray:
+        both = self._product(self._xu)
+        np.copyto(self._x, both[: self._n], where=True if due is None else due)
+        return both[self._n :]
+
+
+class _LegLaws(_LinearLaws):
+    def __init__(
+        self,
+        controllers: Sequence[LinearController],
+        _jacobians: FloatArray,
+        wanted: FloatArray,
+        measured: FloatArray,
+    ) -> None:
+        super().__init__(controllers, len(controllers))
+        self._start(_columns(wanted)[self._at], measured.T[self._at])
+
+    def force(
+        self,
+        _k: int,
+        _time: float,
+        wanted: FloatArray,
+        measured: FloatArray,
+        excess: FloatArray,
+        due: BoolArray | None = None,
+    ) -> FloatArray:
+        """As `LawOfMany`."""
+        self._feed(_columns(wanted)[self._at], measured.T[self._at], excess.T)
+        return self._advance(due).T
+
+
+class _TaskLaws(_LinearLaws):
+    def __init__(
+        self, controllers: Sequence[LinearController], jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+    ) -> None:
+        super().__init__(controllers, len(controllers))
+        # (n, 6, 6, N), or (n, 6, 6, 1) where it is that of all
+        each = jacobians if jacobians.ndim == 4 else jacobians[:, None]
+        self._J = np.ascontiguousarray(np.moveaxis(each, 1, -1))
+        self._J_inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(each), 1, -1))
+        self._lengths = measured.T[self._at].copy()
+        self._pose = np.zeros_like(self._lengths)
+        self._start(_times(self._J_inverse[0], _columns(wanted)[self._at] - self._lengths), self._pose)
+
+    def force(
+        self,
+        k: int,
+        _time: float,
+        wanted: FloatArray,
+        measured: FloatArray,
+        excess: FloatArray,
+        due: BoolArray | None = None,
+    ) -> FloatArray:
+        """As `LawOfMany`; see `TaskLaw`."""
+        lengths, J, J_inverse = measured.T[self._at], self._J[k], self._J_inverse[k]
+        pose = self._pose + _times(J_inverse, lengths - self._lengths)
+        error = _times(J_inverse, _columns(wanted)[self._at] - lengths)
+        hears = self._form > 2 * N_LEGS
+        self._feed(pose + error, pose, _times(J.swapaxes(0, 1), excess.T) if hears else pose)
+        everyone = True if due is None else due
+        np.copyto(self._pose, pose, where=everyone)
+        np.copyto(self._lengths, lengths, where=everyone)
+        return _times(J_inverse.swapaxes(0, 1), self._advance(due)).T
+
+
+class _Functions:
+    limited = None
+    used = signals.NAMES
+
+    def __init__(self, functions: Sequence[Callable[..., Any]]) -> None:
+        self._laws = [FunctionLaw(each) for each in functions]
+        self._forces = np.zeros((len(self._laws), N_LEGS))
+        self.failures: dict[int, ControllerError] = {}
+
+    @property
+    def state(self) -> FloatArray:
+        """What functions remember, they keep to themselves."""
+        return np.zeros((len(self._laws), 0))
+
+    def force(
+        self,
+        k: int,
+        time: float,
+        wanted: FloatArray,
+        measured: FloatArray,
+        excess: FloatArray,
+        due: BoolArray | None = None,
+    ) -> FloatArray:
+        """As `LawOfMany`."""
+        self.failures = {}
+        each = np.broadcast_to(wanted, (len(self._laws), wanted.shape[-1]))
+        for member in range(len(self._laws)) if due is None else np.flatnonzero(due).tolist():
+            try:
+                self._forces[member] = self._laws[member].force(k, time, each[member], measured[member], excess)
+            except ControllerError as error:
+                self.failures[member] = error
+        return self._forces
+
+
+def _columns(values: FloatArray) -> FloatArray:
+    """(size, N) of values of the members (N, size), (size, 1) of values of all (size,)."""
+    return values.T if values.ndim == 2 else values[:, None]
+
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """M v of matrices (m, n, N) or (m, n, 1) and vectors (n, N), as a sum of columns in their order."""
+    total: FloatArray = matrices[:, 0] * vectors[0]
+    term = np.empty_like(total)
+    for k in range(1, len(vectors)):
+        total += np.multiply(matrices[:, k], vectors[k], out=term)
+    return total

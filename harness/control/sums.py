@@ -1,0 +1,74 @@
+"""Products of many members' sparse matrices with their vectors, element by element in a fixed order.
+
+A BLAS adds up in another order for other sizes, so that a member's last bits would depend on who else is there. Here
+row i of y = M x is M_ij x_j + M_ik x_k + …, columns ascending, for every member alike. Elements are taken together
+along chains of the matrix, (i, j), (i + r, j + c), (i + 2 r, j + 2 c), …: of six channels side by side, one for each
+kind of element.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.model.vectors import FloatArray
+
+
+class _Chain(NamedTuple):
+    rows: slice
+    columns: slice
+    values: FloatArray  # (length, N), or (length, 1) where they are alike for all
+    is_first: bool  # of its rows
+
+
+class Product:
+    """y = M x of members whose matrices (N, rows, columns), or one for all (rows, columns), have zeros alike."""
+
+    def __init__(self, matrices: FloatArray, n_members: int) -> None:
+        M = matrices[None] if matrices.ndim == 2 else matrices
+        self._chains = [
+            _Chain(_every(rows), _every(columns), np.ascontiguousarray(M[:, rows, columns].T), rank == 0)
+            for rank, rows, columns in _chains((M != 0).any(axis=0))
+        ]
+        self._y = np.zeros((M.shape[1], n_members))
+        self._work = np.zeros_like(self._y)
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """The product y (rows, N) with x (columns, N); valid until the next call."""
+        for rows, columns, values, is_first in self._chains:
+            if is_first:
+                np.multiply(values, x[columns], out=self._y[rows])
+            else:
+                term = np.multiply(values, x[columns], out=self._work[: len(values)])
+                y = self._y[rows]
+                np.add(y, term, out=y)
+        return self._y
+
+
+def _every(numbers: NDArray[np.intp]) -> slice:
+    """The same as a slice, of numbers that go up in equal steps, or are all the same."""
+    first, last = int(numbers[0]), int(numbers[-1])
+    return slice(first, last + 1, max(1, int(numbers[1]) - first)) if len(numbers) > 1 else slice(first, first + 1)
+
+
+def _chains(pattern: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:
+    """All elements of a pattern: their rank among those of their row, rows and columns, the lower ranks first."""
+    found = []
+    rank = pattern.cumsum(axis=1) - 1
+    for k in range(int(rank.max(initial=-1)) + 1):
+        left = [(int(i), int(j)) for i, j in np.argwhere(pattern & (rank == k))]
+        while left:
+            chain = max((_chain_from(left[0], each, left) for each in left), key=len)
+            left = [each for each in left if each not in chain]
+            rows, columns = np.array(chain).T
+            found.append((k, rows, columns))
+    return found
+
+
+def _chain_from(first: tuple[int, int], second: tuple[int, int], among: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Elements that follow each other by the same step as these two."""
+    r, c = second[0] - first[0], second[1] - first[1]
+    chain = [first]
+    while r > 0 and c >= 0 and (chain[-1][0] + r, chain[-1][1] + c) in among:
+        chain.append((chain[-1][0] + r, chain[-1][1] + c))
+    return chain

@@ -1,0 +1,111 @@
+"""A run with everything that happened in it, row by row."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.loop.loop import LENGTHS, LawFrom, Loop, observe
+from gough_stewart.harness.loop.observing import Observer, Row, Sampled
+from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.plants import members, signals
+from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.model import interface
+from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.vectors import FloatArray
+
+
+@dataclass(frozen=True)
+class Run:
+    """What happened, row by row as far as the run came; per sample what the controller did.
+
+    Of many members arrays have their axis behind that of time, such as (n, N, 12). Rows of a member that has ended
+    before the others are of a platform that stands still in time.
+    """
+
+    time: FloatArray  # (n,)
+    results: FloatArray  # (n, N_RESULTS)
+    inputs: FloatArray  # (n, 12)
+    rate_limited: BoolArray  # (n, 6)
+    stroke_exceeded: BoolArray  # (n, 6)
+    sample_of_row: NDArray[np.intp]  # (n,), the last sample at or before each row
+    measured: FloatArray  # (m, 24); of many members only what the controllers look at
+    command: FloatArray  # (m, 6), before any limit
+    controller_state: FloatArray  # (m, n_states), with which the command was made
+    force_limited: BoolArray  # (m, 6)
+    outcomes: tuple[Outcome, ...]  # of each member
+
+    @property
+    def outcome(self) -> Outcome:
+        """Of a single run."""
+        (only,) = self.outcomes
+        return only
+
+
+def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
+    """`observe`, with everything kept."""
+    everything = _Everything(plant, loop)
+    return everything.run(observe(plant, law_from, loop, everything, progress))
+
+
+class _Everything(Observer):
+    def __init__(self, plant: Plant, loop: Loop) -> None:
+        shape: tuple[int, ...] = getattr(plant, "shape", ())
+        self._plant, self._loop, self._shape = plant, loop, shape
+        n, self._m = loop.timing.steps + 1, len(loop.timing.samples)
+        self._rows = 0
+        self._results = members.zeros(shape, interface.size_of(interface.RESULTS), n)
+        self._inputs = members.zeros(shape, interface.size_of(interface.INPUTS), n)
+        self._rate_limited = members.flags(shape, 6, n)
+        self._measured = members.zeros(shape, signals.SIZE, self._m)
+        self._command = members.zeros(shape, 6, self._m)
+        self._force_limited = members.flags(shape, 6, self._m)
+        self._state = members.zeros(shape, 0, self._m)
+
+    def row(self, row: Row) -> None:
+        # once more: accelerations and joint forces under the forces that act from here on
+        self._results[row.k], self._inputs[row.k] = self._plant.results(), row.inputs
+        self._rate_limited[row.k] = row.rate_limited
+        self._rows = row.k + 1
+        if row.sampled is not None:
+            self._sample(row.sampled)
+
+    def _sample(self, sampled: Sampled) -> None:
+        j, due, measured, state, command, force_limited = sampled
+        if self._state.shape[-1] != state.shape[-1]:
+            self._state = members.zeros(self._shape, state.shape[-1], self._m)
+        if not self._shape:
+            self._measured[j], self._state[j], self._command[j] = measured, state, command
+            self._force_limited[j] = force_limited
+            return
+        whose = due[:, None]
+        np.copyto(self._measured[j], measured, where=whose)
+        np.copyto(self._state[j], state, where=whose)
+        np.copyto(self._command[j], command, where=whose)
+        np.copyto(self._force_limited[j], force_limited, where=whose)
+
+    def run(self, outcomes: tuple[Outcome, ...]) -> Run:
+        """As far as it came."""
+        timing, rows = self._loop.timing, self._rows
+        return Run(
+            timing.times[:rows],
+            self._results[:rows],
+            self._inputs[:rows],
+            self._rate_limited[:rows],
+            self._loop.limits.beyond_stroke(self._results[:rows][..., LENGTHS]),
+            _samples_of_rows(timing)[:rows],
+            self._measured,
+            self._command,
+            self._state,
+            self._force_limited,
+            outcomes,
+        )
+
+
+def _samples_of_rows(timing: Timing) -> NDArray[np.intp]:
+    """The last sample at or before each row (n,), or (n, N) where members differ."""
+    rows, all_rows = timing.rows_of_samples, np.arange(timing.steps + 1)
+    if rows.ndim == 1:
+        return np.searchsorted(rows, all_rows, side="right") - 1
+    return np.stack([np.searchsorted(each, all_rows, side="right") - 1 for each in rows.T], axis=-1)

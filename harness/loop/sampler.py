@@ -1,0 +1,140 @@
+"""The controllers' side of a run: they wake up at the samples, measure, compute and command."""
+
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.loop.actuators import Drives
+from gough_stewart.harness.loop.observing import Sampled
+from gough_stewart.harness.loop.outcomes import Outcomes
+from gough_stewart.harness.loop.sensors import Encoders
+from gough_stewart.harness.plants import members
+from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.control.laws import Law
+    from gough_stewart.harness.control.laws_together import LawOfMany
+    from gough_stewart.harness.loop.loop import LawFrom, Loop
+
+
+class Sampler:
+    """What happens at the samples of one run, or of many side by side.
+
+    Members may have their samples at other rows, up to a jitter late, but always within the same sample time.
+    """
+
+    def __init__(
+        self,
+        loop: "Loop",
+        law_from: "LawFrom | None",
+        drives: Drives,
+        outcomes: Outcomes,
+        shape: tuple[int, ...],
+    ) -> None:
+        timing = loop.timing
+        own = loop.sensors.sample_time
+        every = None if own is None else timing.steps_in(own, "the sensors' sample_time")
+        rows = timing.rows_of_samples
+        n = len(rows) if every is None else timing.steps // every + 1
+        self._encoders = Encoders(loop.sensors, every, n, shape)
+        if law_from is not None and loop.wanted is None:
+            raise ControllerError("a controller without a reference; expected the signals that it is to follow")
+        self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
+        self._every, self._plant_step = timing.steps_a_sample, timing.plant_step
+        # of all at once as a list, in which Python looks faster; None where members differ
+        self._rows = rows.tolist() if rows.ndim == 1 else None
+        self._rows_of_members = rows
+        self._law: Law | None = None
+        self._sum = members.zeros(shape, 6) if shape else None  # what is commanded, where it may be written
+        self._no_state = np.zeros((*shape, 0))
+        self._excess = members.zeros(shape, 6)
+        self.command = members.zeros(shape, 6)
+        self.force_limited = members.flags(shape, 6)
+
+    def at_row(self, k: int, time: float, now: FloatArray) -> Sampled | None:
+        """Measure, compute and command, for whom there is a sample at this row; what cannot be done ends members."""
+        j, due = k // self._every, None
+        if self._rows is not None:
+            is_sample = self._rows[j] == k
+        else:
+            due = self._rows_of_members[j] == k
+            is_sample = bool(due.any())
+        reading = self._encoders(k, now, j if is_sample else None)
+        if not is_sample:
+            return None
+        return self._sample(j, time, reading, due)
+
+    def _sample(self, j: int, time: float, reading: FloatArray, due: BoolArray | None) -> Sampled:
+        if self._shape and not self._outcomes.all_go:
+            due = self._outcomes.going if due is None else due & self._outcomes.going
+        command = self._loop.feedforward[j]
+        if self._loop.injection is not None:
+            command = command + self._loop.injection[j]
+        state = self._no_state
+        if self._law_from is not None and self._loop.wanted is not None:
+            # the controller counts its samples, and knows nothing of their being late
+            wanted = self._loop.wanted[j * self._every]
+            if self._law is None:
+                self._law = self._law_from(wanted, reading)
+                self._encoders.only(self._law.used)
+            state = self._law.state
+            at = j * self._every * self._plant_step
+            if self._shape:
+                force, due = self._forces(cast("LawOfMany", self._law), j, at, wanted, reading, due)
+            else:
+                force = self._law.force(j, at, wanted, reading, self._excess)
+            command = np.add(command, force, out=self._sum if due is None else None)
+        if self._shape:
+            self._command_many(j, time, command, due)
+        else:
+            self._command_one(j, time, command)
+        return Sampled(
+            j, self._outcomes.running if due is None else due, reading, state, self.command, self.force_limited
+        )
+
+    def _command_one(self, j: int, time: float, command: FloatArray) -> None:
+        self.command = command
+        # false of NaN, too; NumPy takes three times as long
+        if not all(abs(force) <= LARGEST_NUMBER for force in command.tolist()):
+            self._outcomes.end(True, "diverged", _forces_are(command), time=time)
+            self.force_limited = np.zeros(6, dtype=bool)
+            return
+        self.force_limited, self._excess = self._drives.command(j, command)
+        if self._law is not None and self._law.limited is not None:
+            self.force_limited = self.force_limited | self._law.limited
+
+    def _command_many(self, j: int, time: float, command: FloatArray, due: BoolArray | None) -> None:
+        going = self._outcomes.going
+        if due is not None:
+            # what a member has commanded stays until its next sample; of one that has ended nothing is left
+            command = np.where(due[:, None], command, np.where(going[:, None], self.command, 0.0))
+        self.command = np.broadcast_to(command, (*self._shape, 6))
+        # false of NaN, too
+        if not (command.max() <= LARGEST_NUMBER and command.min() >= -LARGEST_NUMBER):
+            beyond = ~(np.abs(self.command) <= LARGEST_NUMBER).all(axis=-1)
+            self._outcomes.end(beyond, "diverged", lambda member: _forces_are(self.command[member]), time=time)
+            due = going.copy() if due is None else due & going
+        cut, excess = self._drives.command(j, self.command, due)
+        if due is None:
+            self.force_limited, self._excess = cut, excess
+        else:
+            self.force_limited = np.where(due[:, None], cut, going[:, None] & self.force_limited)
+            self._excess = np.where(due[:, None], excess, self._excess)
+
+    def _forces(
+        self, law: "LawOfMany", j: int, at: float, wanted: FloatArray, reading: FloatArray, due: BoolArray | None
+    ) -> tuple[FloatArray, BoolArray | None]:
+        """Of many, and who is due now: without those whose controllers gave none."""
+        force = law.force(j, at, wanted, reading, self._excess, due)
+        if law.failures:
+            failed = np.isin(np.arange(self._shape[0]), list(law.failures))
+            self._outcomes.end(failed, "stopped", lambda k: str(law.failures[k]), counts=False)
+            due = self._outcomes.going.copy() if due is None else due & self._outcomes.going
+        return force, due
+
+
+def _forces_are(command: FloatArray) -> str:
+    return f"the controller's forces are {command.tolist()} N"
