@@ -39,7 +39,7 @@ class Readings:
             for name in signals.NAMES
             if np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0)
         }
-        self._steps = {name: step for name in signals.NAMES if np.any(step := sensors.quantisation.get(name) or 0.0)}
+        self._steps = {name: step for name in signals.NAMES if np.any(step := sensors.quantisation.get(name, 0.0))}
         self._measured = np.zeros((signals.SIZE, *shape))
         self.only(signals.NAMES)
 

@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.members import zeros
+from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
-from gough_stewart.model.errors import StepError
+from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.vectors import FloatArray
 
 MASSES = np.array([2.0, 1.6, 2.5, 1.25, 4.0, 3.2])  # [kg]
@@ -27,7 +29,11 @@ _POSE = np.array(
 
 def signals_of(length: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
     """Pose, its rate, lengths, their rate, accelerations (..., 30) of such legs (..., 6)."""
-    pose, rate, change = (each @ _POSE.T for each in (length, velocity, acceleration))
+    pose, rate, change = (
+        # column by column, so that the last bits are the same for one and for many
+        sum((each[..., leg, None] * _POSE[:, leg] for leg in range(6)), start=0.0 * each)
+        for each in (length, velocity, acceleration)
+    )
     return np.concatenate([pose, rate, length, velocity, change], axis=-1)
 
 
@@ -55,5 +61,55 @@ class Masses(Plant):
             raise StepError("leg_length[1]", 0.0, self.fails_at, "the leg has collapsed")
         a = self.inputs[:6] / self.mass
         self.x, self.v = self.x + self.v * step + a * step**2 / 2, self.v + a * step
+
+    def close(self) -> None: ...
+
+
+class ManyMasses(Plant):
+    """Members of the same kind side by side, each with its own factor of all masses and end."""
+
+    def __init__(self, platform_mass: ArrayLike, fails_at: ArrayLike = np.inf) -> None:
+        factors = np.atleast_1d(np.asarray(platform_mass, dtype=float))
+        self.shape = factors.shape
+        self.mass = zeros(self.shape, 6)
+        self.mass[...] = factors[:, None] * MASSES
+        self.fails_at = np.broadcast_to(fails_at, self.shape)
+        self.x, self.v, self.inputs = zeros(self.shape, 6), zeros(self.shape, 6), zeros(self.shape, 12)
+        self.x[...] = LENGTHS
+        self.frozen = np.zeros(self.shape, dtype=bool)
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        assert inputs.T.flags.c_contiguous
+        self.inputs[...] = inputs
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        self.set_parameters_of(np.ones(self.shape, dtype=bool), values)
+
+    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
+        factors = np.broadcast_to(np.asarray(values["platform_mass"], dtype=float), self.shape)
+        np.copyto(self.mass, factors[:, None] * MASSES, where=members[:, None])
+
+    def results(self) -> FloatArray:
+        y = zeros(self.shape, interface.size_of(interface.RESULTS))
+        y[..., :30] = signals_of(self.x, self.v, self.inputs[..., :6] / self.mass)
+        return y
+
+    def do_step(self, time: float, step: float) -> None:
+        failing = ~self.frozen & (time + step > self.fails_at + 1e-12)
+        self.freeze(failing)
+        a = self.inputs[..., :6] / self.mass
+        go = ~self.frozen[:, None]
+        np.copyto(self.x, self.x + self.v * step + a * step**2 / 2, where=go)
+        np.copyto(self.v, self.v + a * step, where=go)
+        if failing.any():
+            raise MembersError(
+                {
+                    k: StepError("leg_length[1]", 0.0, float(self.fails_at[k]), "the leg has collapsed")
+                    for k in np.flatnonzero(failing).tolist()
+                }
+            )
+
+    def freeze(self, members: BoolArray) -> None:
+        self.frozen = self.frozen | members
 
     def close(self) -> None: ...
