@@ -21,8 +21,8 @@ from gough_stewart.model.real import real_array
 # What each unit is in the SI unit that heads its row.
 UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
-    "rad": {"rad": 1, "mrad": 1e-3, "deg": math.pi / 180},
-    "s": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60},
+    "rad": {"rad": 1, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
+    "s": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60},
     "Hz": {"Hz": 1, "kHz": 1e3, "rad/s": 1 / (2 * math.pi), "rpm": 1 / 60},
     "m/s": {"m/s": 1, "mm/s": 1e-3},
     "rad/s": {"rad/s": 1, "deg/s": math.pi / 180},

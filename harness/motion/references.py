@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.at_home import AtHome, moved_home
 from gough_stewart.harness.motion.branch_free import maximum, minimum, numbers_or_symbols, reached
+from gough_stewart.harness.motion.low_pass import resampled, smoothed
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
 from gough_stewart.harness.motion.profiles import motion_about, quintic, sine, step
-from gough_stewart.harness.motion.table import FromTable, read_reference
+from gough_stewart.harness.motion.recording import read_recording, recording_path
+from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.harness.quantities import (
     ZEROS,
     Angle,
@@ -246,18 +249,28 @@ class Circle(_AboutPose):
 
 
 class FromFile(ReferenceChoice):
-    """Go through the rows of a CSV file, from the file's `start_time` on, which is that of its first row by default.
+    """Go through the rows of a motion log, CSV or Parquet, from its `start_time` on, by default that of its first row.
 
-    `smoothing` is the cut-off of a low-pass without phase; see `FromTable.smoothed`.
+    `columns` says which they are, where the header does not; `largest_gap` is the longest time between two rows that is
+    admitted. `resample` lowers the rate of the rows, `smoothing` is the cut-off of a low-pass without phase; see
+    `low_pass`. `at_home` moves the motion so that its first pose or its mean becomes the home pose; see `moved_home`.
     """
 
     type: Literal["file"] = "file"
     file: str
+    columns: str | dict[str, str] = ""
+    largest_gap: PositiveTime | None = None
     start_time: AnyTime | None = None
+    resample: Frequency | None = None
     smoothing: Frequency | None = None
+    at_home: AtHome | None = None
 
-    def about(self, platform: Platform, folder: Path = Path()) -> FromTable:  # noqa: ARG002 - the file has the poses
-        """The file's poses, with quintic splines between them."""
-        table = read_reference(folder / self.file)
-        table = table.from_time(float(table.time[0]) if self.start_time is None else self.start_time)
-        return table if self.smoothing is None else table.smoothed(self.smoothing)
+    def about(self, platform: Platform, folder: Path = Path()) -> FromTable:
+        """The file's poses, with quintic splines between them; a file that ships is found under its name."""
+        recording = read_recording(recording_path(folder, self.file), self.columns, self.largest_gap)
+        table = recording.table
+        table = table if self.resample is None else resampled(table, self.resample)
+        table = table if self.smoothing is None else smoothed(table, self.smoothing)
+        start = 0.0 if self.start_time is None else self.start_time - recording.first
+        table = table if self.at_home is None else moved_home(table, platform, self.at_home, start)
+        return table.from_time(start)

@@ -15,7 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import ExperimentError, MotionError
+from gough_stewart.harness.motion.low_pass import smoothed
 from gough_stewart.harness.motion.motion import Motion, Reference, extrapolated, motion_of
+from gough_stewart.harness.motion.recording import read_recording
 from gough_stewart.harness.motion.references import (
     Chirp,
     Circle,
@@ -26,7 +28,7 @@ from gough_stewart.harness.motion.references import (
     Sine,
     Step,
 )
-from gough_stewart.harness.motion.table import FromTable, read_reference
+from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.harness.quantities import Velocity
 from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.errors import GoughStewartError
@@ -530,7 +532,7 @@ def test_a_file_is_read_as_it_was_written(name: str, tmp_path: Path) -> None:
     order = [6, 2, 0, 1, 5, 3, 4]
     rows = [[*(row[k] for k in order), "note"] for row in ROWS]
     (tmp_path / name).write_text(csv([*(COLUMNS[k] for k in order), "remark"], rows))
-    read = read_reference(tmp_path / name)
+    read = read_recording(tmp_path / name).table
     values = np.array(ROWS, dtype=float)
     assert np.array_equal(read.time, values[:, 0])
     assert np.array_equal(read.position, values[:, 1:4])
@@ -541,10 +543,10 @@ def test_a_file_is_read_as_it_was_written(name: str, tmp_path: Path) -> None:
 
 def test_a_file_without_rounding_keeps_all_digits(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
-    pose = rng.normal(size=(20, 6))
+    pose = rng.uniform(-1.5, 1.5, size=(20, 6))  # more than half a turn between two rows would be a wrap
     rows = [[repr(float(k)), *map(repr, map(float, row))] for k, row in enumerate(pose)]
     (tmp_path / "a.csv").write_text(csv(rows=rows))
-    read = read_reference(str(tmp_path / "a.csv"))
+    read = read_recording(tmp_path / "a.csv").table
     assert np.array_equal(np.hstack([read.position, read.orientation]), pose)
 
 
@@ -572,20 +574,20 @@ def test_a_file_that_is_no_reference_is_refused_by_file_column_and_row(
     file = tmp_path / "a.csv"
     file.write_text(content)
     with pytest.raises(MotionError, match=rf"a\.csv: .*{message}"):
-        read_reference(file)
+        read_recording(file)
 
 
 def test_a_file_of_other_bytes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(csv().encode() + b"\xe9\xff,1,1,1,1,1,1\n")
     with pytest.raises(MotionError, match=r"a\.csv: is not CSV: invalid utf-8"):
-        read_reference(tmp_path / "a.csv")
+        read_recording(tmp_path / "a.csv")
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MotionError, match=r"a\.csv: cannot read this reference: No such file"):
-        read_reference(tmp_path / "a.csv")
+        read_recording(tmp_path / "a.csv")
     with pytest.raises(MotionError, match=rf"{tmp_path.name}: (cannot read|is not CSV)"):
-        read_reference(tmp_path)
+        read_recording(tmp_path)
 
 
 def log_of(start: float, step: float = 0.01, n: int = 800) -> FromTable:
@@ -620,7 +622,7 @@ def test_smoothing_has_its_stated_gain_and_no_phase(frequency: float) -> None:
     rate, cutoff = 200.0, 3.0
     time = np.arange(4000) / rate + 5.0
     wave = np.sin(2 * np.pi * frequency * time[:, None] + np.arange(3))
-    smooth = FromTable(time, wave, -2 * wave).smoothed(cutoff)
+    smooth = smoothed(FromTable(time, wave, -2 * wave), cutoff)
     warped = [math.tan(math.pi * f / rate) for f in (frequency, cutoff * (math.sqrt(2) - 1) ** (-1 / 6))]
     gain = 1 / (1 + (warped[0] / warped[1]) ** 6)
     middle = slice(800, 3200)
@@ -635,7 +637,7 @@ def test_smoothing_takes_the_noise_out_of_accelerations() -> None:
     noisy = FromTable(log.time, log.position + noise, log.orientation)
     times = np.linspace(1.0, 7.0, 2000)
     rough, smooth = (
-        np.abs(each(times).acceleration - log(times).acceleration).max() for each in (noisy, noisy.smoothed(1.5))
+        np.abs(each(times).acceleration - log(times).acceleration).max() for each in (noisy, smoothed(noisy, 1.5))
     )
     assert rough > 20
     assert smooth < 0.3
@@ -644,7 +646,7 @@ def test_smoothing_takes_the_noise_out_of_accelerations() -> None:
 @pytest.mark.parametrize(("cutoff", "match"), [(60.0, "expected below 43.1 Hz, for rows at 100 Hz"), (0.05, "above")])
 def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str) -> None:
     with pytest.raises(MotionError, match=match):
-        log_of(0.0).smoothed(cutoff)
+        smoothed(log_of(0.0), cutoff)
 
 
 @pytest.mark.parametrize(
@@ -660,15 +662,15 @@ def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str
 def test_the_csv_of_a_spreadsheet_says_what_is_other(content: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(content, encoding="utf-8")
     with pytest.raises(MotionError, match=rf"a\.csv: .*{message}"):
-        read_reference(tmp_path / "a.csv")
+        read_recording(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text(content, encoding="utf-16")
     with pytest.raises(MotionError, match=r"a\.csv: is UTF-16.*; expected CSV in UTF-8"):
-        read_reference(tmp_path / "a.csv")
+        read_recording(tmp_path / "a.csv")
 
 
 def test_a_byte_order_mark_and_other_ends_of_lines_are_no_obstacle(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(("\ufeff" + csv().replace("\n", "\r\n")).encode())
-    assert np.array_equal(read_reference(tmp_path / "a.csv").time, np.array(ROWS, dtype=float)[:, 0])
+    assert np.array_equal(read_recording(tmp_path / "a.csv").table.time, np.array(ROWS, dtype=float)[:, 0])
 
 
 @pytest.mark.parametrize("name", GOOD)

@@ -1,0 +1,176 @@
+"""Which columns of a motion log hold the time and the pose, and in which units: from its header, or as chosen."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.quantities import UNITS
+from gough_stewart.model.interface import nearest
+
+
+class Column(NamedTuple):
+    """A column by its name in the file, and how much one of its unit is in SI."""
+
+    name: str
+    factor: float
+
+
+class _Heading(NamedTuple):
+    """A heading apart: "x [mm]"."""
+
+    column: str  # as the file has it
+    name: str
+    unit: str | None
+
+
+def _elements(name: str, size: int) -> tuple[str, ...]:
+    return tuple(f"{name}[{k + 1}]" for k in range(size))
+
+
+_PURE = {"": 1.0, "1": 1.0, "-": 1.0}  # units of pure numbers
+_UNITS: dict[str, Mapping[str, float]] = {
+    "time": UNITS["s"],
+    "position": UNITS["m"],
+    "orientation": UNITS["rad"],
+    "quaternion": _PURE,
+    "rotation_vector": UNITS["rad"],
+}
+_EXAMPLES = {"time": "ms", "position": "mm", "orientation": "deg", "rotation_vector": "rad"}
+# the ways to say how the platform is turned, of which a file needs one
+_TURNING = {
+    "orientation": _elements("orientation", 3),
+    "quaternion": _elements("quaternion", 4),
+    "rotation_vector": _elements("rotation_vector", 3),
+}
+_PLACE = ("time", *_elements("position", 3))
+_QUANTITIES = (*_PLACE, *(name for names in _TURNING.values() for name in names))
+# What motion logs call them, in small letters.
+_USUAL: dict[str, tuple[str, ...]] = {
+    "time": ("time", "t", "timestamp"),
+    **{
+        f"position[{k + 1}]": (axis, motion, f"p{axis}", f"pos_{axis}", f"position_{axis}", f"position.{axis}")
+        for k, (axis, motion) in enumerate(zip("xyz", ("surge", "sway", "heave"), strict=True))
+    },
+    **{f"orientation[{k + 1}]": (name,) for k, name in enumerate(("roll", "pitch", "yaw"))},
+    **{f"quaternion[{k + 1}]": (f"q{axis}", f"q_{axis}", f"quaternion_{axis}") for k, axis in enumerate("xyzw")},
+    **{f"rotation_vector[{k + 1}]": (f"rotation_vector_{axis}", f"rotvec_{axis}") for k, axis in enumerate("xyz")},
+}
+_WITH_UNIT = re.compile(r"(.*?)(\s*)[\[(]([^\[\]()]*)[\])]")
+_OWN_PREFIX = re.compile(r"^(reference|measured)\.")
+
+
+def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "") -> dict[str, Column]:
+    """Where time, position, and one of orientation, quaternion, rotation_vector stand.
+
+    Parameters
+    ----------
+    header
+        The names of a file's columns, with units as in "x [mm]" or "x (mm)". A table in this project's own names
+        (`time`, `position[1]`, …) is in SI units where none is written.
+    chosen
+        Names of the file, with or without units, by this project's own names; for what is left out, the usual names
+        of motion logs. Or the prefix of a record's signals, "reference" or "measured".
+
+    Raises
+    ------
+    MotionError
+        A column is missing, or there are several for the same; or its unit is missing or unknown.
+    """
+    headings = [_heading(column) for column in header]
+    if isinstance(chosen, str):
+        pose = (*_elements("position", 3), *_TURNING["orientation"])
+        chosen = {name: f"{chosen}.{name}" for name in pose} if chosen else {}
+    for name in chosen:
+        if name not in _QUANTITIES:
+            raise MotionError(f"columns: no quantity '{name}'{nearest(name, _QUANTITIES)}")
+    found = {name: _found(name, headings, chosen) for name in _QUANTITIES}
+    turning = _TURNING[_kind_of_turning(found, chosen)]
+    wanted = (*_PLACE, *turning)
+    missing = [name for name in wanted if found[name] is None]
+    if missing:
+        raise MotionError(
+            f"has no column {', '.join(missing)}; expected {', '.join(wanted)}, or the usual names of motion logs "
+            "('x [mm]', 'roll [deg]', 'qx'), or columns that the reference names: columns = { \"position[1]\" = "
+            '"NAME [mm]", … }'
+        )
+    return _in_units({name: heading for name in wanted if (heading := found[name]) is not None})
+
+
+def _heading(text: str) -> _Heading:
+    parts = _WITH_UNIT.fullmatch(text.strip())
+    # position[1] has no unit, and qx [1] has
+    if parts is None or (parts[3].isdigit() and not parts[2]):
+        return _Heading(text, text.strip(), None)
+    return _Heading(text, parts[1], parts[3].strip())
+
+
+def _found(quantity: str, headings: Sequence[_Heading], chosen: Mapping[str, str]) -> _Heading | None:
+    """The column of a quantity: as chosen, by its own name, or by a usual one."""
+    if quantity in chosen:
+        return _chosen(quantity, headings, chosen[quantity])
+    own = [heading for heading in headings if heading.name == quantity]
+    found = own or [heading for heading in headings if heading.name.lower() in _USUAL[quantity]]
+    if len(found) > 1:
+        names = " and ".join(heading.column for heading in found)
+        raise MotionError(f'has {names} for {quantity}; choose one: columns = {{ "{quantity}" = "{found[0].column}" }}')
+    return found[0] if found else None
+
+
+def _chosen(quantity: str, headings: Sequence[_Heading], text: str) -> _Heading:
+    """A column by its whole heading, or by its name, where the unit may be added."""
+    whole = [heading for heading in headings if heading.column == text]
+    name, unit = _heading(text)[1:]
+    found = whole or [heading for heading in headings if name in (heading.column, heading.name)]
+    if not found:
+        raise MotionError(
+            f"columns: {quantity} is '{text}', and the file has no such column"
+            f"{nearest(name, [heading.name for heading in headings])}"
+        )
+    if len(found) > 1:
+        raise MotionError(f"columns: {quantity} is '{text}'; the file has {len(found)} such columns; write the unit")
+    of_file = None if found[0].column == name else found[0].unit
+    if unit is not None and of_file is not None and unit != of_file:
+        raise MotionError(f"columns: {quantity} is '{text}', and the file says '{found[0].column}'; expected one unit")
+    return found[0]._replace(unit=of_file if unit is None else unit)
+
+
+def _kind_of_turning(found: Mapping[str, _Heading | None], chosen: Mapping[str, str]) -> str:
+    """Which of orientation, quaternion and rotation_vector to read."""
+    kinds = [kind for kind, names in _TURNING.items() if not set(names).isdisjoint(chosen)]
+    whole = kinds or [kind for kind, names in _TURNING.items() if all(found[name] is not None for name in names)]
+    if len(whole) > 1:
+        first = _TURNING[whole[0]][0]
+        heading = found[first]
+        column = heading.column if heading is not None else ""
+        raise MotionError(
+            f'has {" and ".join(whole)}; choose one by naming its columns: columns = {{ "{first}" = "{column}", … }}'
+        )
+    if whole:
+        return whole[0]
+    return max(_TURNING, key=lambda kind: sum(found[name] is not None for name in _TURNING[kind]))
+
+
+def _in_units(headings: Mapping[str, _Heading]) -> dict[str, Column]:
+    is_ours = all(_OWN_PREFIX.sub("", heading.name) == quantity for quantity, heading in headings.items())
+    columns, without = dict[str, Column](), dict[str, _Heading]()
+    for quantity, heading in headings.items():
+        kind = quantity.partition("[")[0]
+        units = _UNITS[kind]
+        if heading.unit is None:
+            if not is_ours and kind != "quaternion":
+                without[quantity] = heading
+            columns[quantity] = Column(heading.column, 1.0)
+        elif heading.unit in units:
+            columns[quantity] = Column(heading.column, units[heading.unit])
+        else:
+            known = ", ".join(unit for unit in units if unit)
+            raise MotionError(f"{heading.column} has the unit '{heading.unit}'; expected one of {known}")
+    if without:
+        quantity, heading = next(iter(without.items()))
+        example = f"{heading.name} [{_EXAMPLES[quantity.partition('[')[0]]}]"
+        raise MotionError(
+            f"units missing: {', '.join(each.column for each in without.values())}; expected them in the header, for "
+            f'instance \'{example}\', or in the reference: columns = {{ "{quantity}" = "{example}", … }}'
+        )
+    return columns

@@ -1,0 +1,94 @@
+"""Recorded motions: poses from motion logs, checked row by row, in SI units."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+import numpy as np
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.columns import columns_of
+from gough_stewart.harness.motion.table import FromTable, check_increasing
+from gough_stewart.harness.motion.table_file import numbers_of, read_table, times_of
+from gough_stewart.harness.motion.turning import continuous, of_quaternions, of_rotation_vectors
+from gough_stewart.model.vectors import FloatArray
+
+# A step of time that is longer, in median steps, is a gap.
+_LONGEST_STEP = 5.0
+# Recordings that ship lie in a folder `shipped` of this package.
+_SHIPPED_FROM = "gough_stewart.harness.motion"
+_ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "orientation": continuous,
+    "quaternion": of_quaternions,
+    "rotation_vector": of_rotation_vectors,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recorded motion: its poses, with the time counted from the first row, and that row's time in the file [s]."""
+
+    table: FromTable
+    first: float
+
+
+def recording_path(folder: Path, file: str) -> Path | Traversable:
+    """The file in a folder; where there is none, the recording that ships under that name."""
+    path = folder / file
+    shipped = resources.files(_SHIPPED_FROM).joinpath("shipped", Path(file).name)
+    return shipped if file == shipped.name and shipped.is_file() and not path.exists() else path
+
+
+def read_recording(
+    path: Path | Traversable, columns: Mapping[str, str] | str = "", largest_gap: float | None = None
+) -> Recording:
+    """A motion from a CSV or Parquet file.
+
+    Parameters
+    ----------
+    columns
+        Which columns, where the header does not say it; see `columns_of`.
+    largest_gap
+        The longest time between two rows [s]; by default five times the median.
+
+    Raises
+    ------
+    MotionError
+        The file cannot be read; a column or its unit is missing; a row holds no number, a time that does not
+        increase, a gap before it, or a quaternion whose length is not 1; names file, column and row.
+    """
+    try:
+        table = read_table(path)
+        chosen = columns_of(table.columns, columns)
+        first, since = times_of(table, chosen["time"].name)
+        values = {name: each.factor * numbers_of(table, each.name) for name, each in chosen.items() if name != "time"}
+        first, since = chosen["time"].factor * first, chosen["time"].factor * since
+        check_increasing(since, first)
+        _check_gaps(since, first, largest_gap)
+        position, turning = list(values)[:3], list(values)[3:]
+        orientation = _ORIENTATION_FROM[turning[0].partition("[")[0]](_stacked(values, turning))
+        return Recording(FromTable(since, _stacked(values, position), orientation), first)
+    except MotionError as error:
+        raise MotionError(f"{path}: {error}") from error
+
+
+def _stacked(values: Mapping[str, FloatArray], names: list[str]) -> FloatArray:
+    return np.stack([values[name] for name in names], axis=1)
+
+
+def _check_gaps(time: FloatArray, first: float, largest: float | None) -> None:
+    steps = np.diff(time)
+    if not steps.size:
+        return
+    median = float(np.median(steps))
+    bound = _LONGEST_STEP * median if largest is None else largest
+    long = np.flatnonzero(steps > bound * (1 + 1e-9))
+    if long.size:
+        k = int(long[0])
+        raise MotionError(
+            f"a gap of {steps[k]:.6g} s before row {k + 2}, at {first + time[k + 1]:.10g} s; expected steps of at most "
+            f"{bound:.6g} s, where the median is {median:.6g} s; cut the file there, or bridge the gap by a spline: "
+            f"largest_gap = {steps[k]:.6g}"
+        )

@@ -1,0 +1,95 @@
+"""Tables of numbers from CSV and Parquet files."""
+
+import math
+from importlib.resources.abc import Traversable
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    import polars
+
+_SEPARATORS = {b";": "semicolons", b"\t": "tabulators"}
+
+
+def read_table(path: Path | Traversable) -> "polars.DataFrame":
+    """The table of a file: of CSV as texts, of Parquet with its own types.
+
+    Raises
+    ------
+    MotionError
+        The file cannot be read, or is neither.
+    """
+    import polars  # the schema of experiments, which knows of tables, does without
+
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise MotionError(f"cannot read this reference: {error.strerror or error}") from error
+    if content.startswith(b"PAR1"):
+        try:
+            return polars.read_parquet(BytesIO(content))
+        except (polars.exceptions.PolarsError, OSError) as error:
+            raise MotionError(f"is not Parquet: {str(error).splitlines()[0]}") from error
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise MotionError("is UTF-16, as some spreadsheets write it; expected CSV in UTF-8")
+    header = content.partition(b"\n")[0]
+    other = next((name for mark, name in _SEPARATORS.items() if mark in header), None)
+    if other is not None and b"," not in header:
+        raise MotionError(
+            f"its columns are separated by {other}, as some spreadsheets write them; expected commas between "
+            "them, and points in numbers"
+        )
+    try:
+        # as texts, so that true is no number
+        return polars.read_csv(content, infer_schema=False).with_columns(polars.all().str.strip_chars())
+    except polars.exceptions.PolarsError as error:
+        raise MotionError(f"is not CSV: {str(error).splitlines()[0]}") from error
+
+
+def numbers_of(table: "polars.DataFrame", name: str) -> FloatArray:
+    """A column as numbers (n,).
+
+    Raises
+    ------
+    MotionError
+        The column is there twice, or holds something else than finite numbers; names the first row, counted from 1.
+    """
+    import polars
+
+    if f"{name}_duplicated_0" in table.columns:
+        raise MotionError(f"has the column {name} twice; expected every column once")
+    column = table[name]
+    if not (column.dtype.is_numeric() or column.dtype == polars.String):
+        raise MotionError(f"{name} has values of the type {column.dtype}; expected numbers")
+    numbers = column.cast(polars.Float64, strict=False)
+    bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
+    if bad:
+        found = column[bad[0]]
+        remedy = ", with a point, not a comma" if isinstance(found, str) and "," in found else ""
+        raise MotionError(f"{name} in row {bad[0] + 1} is {found!r}; expected a finite number{remedy}")
+    return np.array(numbers.to_numpy(), dtype=float)
+
+
+def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
+    """A column of times as its first number, and all of them (n,) since then.
+
+    Whole numbers are subtracted as such: nanoseconds since 1970 have more digits than a floating-point number.
+
+    Raises
+    ------
+    MotionError
+        As `numbers_of`.
+    """
+    import polars
+
+    numbers = numbers_of(table, name)
+    whole = table[name].cast(polars.Int64, strict=False)
+    is_whole = not (whole.null_count() or table[name].dtype.is_float())
+    since = (whole - whole[0]).to_numpy().astype(float) if is_whole and len(whole) else numbers - numbers[:1]
+    return (float(numbers[0]) if len(numbers) else 0.0), since
