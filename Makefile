@@ -84,6 +84,7 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_view.py
 	$(BIN)/python docs/figures/draw_architecture.py
 	$(BIN)/python docs/figures/draw_workspace.py
+	$(BIN)/python docs/figures/draw_recorded.py
 
 lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest
