@@ -1,0 +1,241 @@
+"""Calibration of joints and offsets. Logs come from SciPy's rotations and Euclid's distance, noisy and quantised."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify import geometry_equations as eq
+from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.geometry import GEOMETRY, PoseAccuracy, identify_geometry
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.model.forward_kinematics import forward_kinematics
+from gough_stewart.model.platform import Platform
+from tests.support.uneven import UNEVEN
+
+NOMINAL = replace(UNEVEN, leg_length_min=None, leg_length_max=None)
+SIZE = NOMINAL.characteristic_length
+# A tracker: 0.05 mm in each coordinate, 0.05 mm over the size of the platform in each angle.
+NOISE, ENCODER = 5e-5, 1e-6
+WRONG = 1e-3  # of joints and offsets [m]
+X, X_T = Rotation.from_euler("xyz", [0.3, -0.4, 2.1]), np.array([4.0, -3.0, 1.2])
+Y, Y_T = Rotation.from_euler("xyz", [1.0, 0.2, -0.7]), np.array([0.1, 0.2, 0.15])
+
+
+class Machine:
+    """A platform whose joints are not where the drawing has them, and whose encoders start elsewhere."""
+
+    def __init__(self, seed: int = 1) -> None:
+        rng = np.random.default_rng(seed)
+        self.base = NOMINAL.base_points + WRONG * rng.normal(size=(6, 3))
+        self.top = NOMINAL.platform_points + WRONG * rng.normal(size=(6, 3))
+        self.offset = WRONG * rng.normal(size=6)
+        self.numbers = np.concatenate([self.base.ravel(), self.top.ravel(), self.offset])
+
+    def encoders(self, position: np.ndarray, turn: Rotation) -> np.ndarray:
+        ends = np.stack([position + turn.apply(np.array(p)) for p in self.top], axis=1)
+        return np.asarray(np.linalg.norm(ends - self.base, axis=2) + self.offset)
+
+    def log(self, seed: int, n: int = 60, noise: float = NOISE) -> Log:
+        rng = np.random.default_rng(seed)
+        position, turn = some_poses(rng, n)
+        shown = Rotation.from_rotvec(noise / SIZE * rng.normal(size=(n, 3))) * turn
+        length = np.round(self.encoders(position, turn) / ENCODER) * ENCODER
+        return Log(length, position=position + noise * rng.normal(size=(n, 3)), orientation=shown.as_euler("xyz"))
+
+
+def some_poses(rng: np.random.Generator, n: int) -> tuple[np.ndarray, Rotation]:
+    position = NOMINAL.home_position + SIZE * rng.uniform(-0.3, 0.3, (n, 3))
+    return position, Rotation.from_euler("xyz", NOMINAL.home_orientation + rng.uniform(-0.3, 0.3, (n, 3)))
+
+
+def in_own_frame(log: Log) -> Log:
+    """As a tracker shows a target on the platform, both somewhere."""
+    assert log.position is not None
+    assert log.orientation is not None
+    turn = Rotation.from_euler("xyz", log.orientation)
+    position = X_T + X.apply(log.position + turn.apply(Y_T))
+    return replace(log, position=position, orientation=(X * turn * Y).as_euler("xyz"))
+
+
+def pose_error(machine: Machine, platform: Platform, offset: np.ndarray, *, relative: bool = False) -> float:
+    """Root mean square of position and of angle times size, over fresh poses [m].
+
+    Between the machine's pose and the one that the platform has at what the encoders show; `relative` after the best
+    motion of world and of the platform's frame.
+    """
+    position, turn = some_poses(np.random.default_rng(77), 25)
+    found = [forward_kinematics(platform, each - offset) for each in machine.encoders(position, turn)]
+    there = np.array([each.position for each in found])
+    turned = Rotation.from_euler("xyz", [each.orientation for each in found])
+
+    def gap(v: np.ndarray) -> np.ndarray:
+        of_world, of_platform = Rotation.from_rotvec(v[:3]), Rotation.from_rotvec(v[6:9])
+        moved = of_world.apply(there + turned.apply(v[9:])) + v[3:6] - position
+        angle = (of_world * turned * of_platform * turn.inv()).as_rotvec()
+        return np.concatenate([moved.ravel(), SIZE * angle.ravel()])
+
+    best = least_squares(gap, np.zeros(12)).x if relative else np.zeros(12)
+    return float(np.sqrt((gap(best) ** 2).sum() / len(position)))
+
+
+def gain(machine: Machine, found: Estimate, *, relative: bool = False) -> float:
+    """Pose error before over pose error after."""
+    offset = np.array(found["leg_length_offset"]) if found["leg_length_offset"].size else np.zeros(6)
+    after = pose_error(machine, found.platform(NOMINAL), offset, relative=relative)
+    return pose_error(machine, NOMINAL, np.zeros(6), relative=relative) / after
+
+
+def test_sixty_poses_make_fresh_poses_twenty_times_as_exact() -> None:
+    """Expected: the figure that this project promises; the machine's own poses."""
+    machine = Machine()
+    found = identify_geometry(machine.log(2), NOMINAL)
+    assert gain(machine, found) > 20
+    assert found.rank == 42
+    assert 0.9 < found.details["factor"] < 1.1
+
+
+def test_intervals_hold_the_truth_in_95_of_100() -> None:
+    """Expected: 92 to 98 % of 30 logs with 42 numbers each."""
+    machine = Machine(3)
+    accuracy = PoseAccuracy(ENCODER / np.sqrt(12), NOISE)
+    holds = []
+    for seed in range(30):
+        found = identify_geometry(machine.log(seed), NOMINAL, accuracy=accuracy, nominal_error=1.0)
+        low, high = found.interval.T
+        holds.append((low < machine.numbers) & (machine.numbers < high))
+    assert 0.92 < np.mean(holds) < 0.98
+
+
+def test_derivatives_are_those_of_differences() -> None:
+    """Expected: central differences of the residuals, in a frame of its own and for single angles in world."""
+    rng, machine = np.random.default_rng(5), Machine()
+    log = in_own_frame(machine.log(4, n=3))
+    assert log.position is not None
+    assert log.orientation is not None
+    position, turn = some_poses(rng, 3)
+    poses = eq.Poses(position, turn.as_matrix())
+    nominal = eq.Geometry(NOMINAL.base_points, NOMINAL.platform_points, 1e-3 * rng.normal(size=6))
+    single = np.where([True, True, False], turn.as_euler("xyz") + 1e-3, np.nan)
+    guess = eq.Frames(X_T, X.as_matrix(), Y_T, Y.as_matrix())
+    # residuals of a rotation are small where their derivatives are those of vectors
+    shown = (X * Rotation.from_matrix(poses.rotation) * Y).as_euler("xyz")
+    cases = ((log.position, shown, guess), (position + 0.01, single, eq.SAME))
+    for at, orientation, frames in cases:
+        measured = eq.Measured(log.leg_length, at, orientation, rng.uniform(0.5, 2, 12))
+        now = eq.equations(nominal, frames, poses, measured)
+
+        def residuals(s: np.ndarray, at: eq.Measured = measured, frames: eq.Frames = frames) -> np.ndarray:
+            moved = poses.plus(np.tile(s[54:], (3, 1)))
+            return eq.equations(nominal.plus(s[:42]), frames.plus(s[42:54]), moved, at).residual
+
+        steps = 1e-6 * np.eye(60)
+        expected = np.stack([(residuals(-s) - residuals(s)) / 2e-6 for s in steps], axis=-1)
+        found = np.concatenate([now.by_geometry, now.by_frames, now.by_pose], axis=-1)
+        # single angles are in world, where frames are no unknowns
+        columns = slice(None) if frames is guess else np.r_[:42, 54:60]
+        assert np.allclose(found[..., columns], expected[..., columns], rtol=0, atol=1e-6)
+        assert np.abs(expected).max() > 0.1
+
+
+def test_a_tracker_in_its_own_frame_calibrates_all_but_where_base_and_platform_are() -> None:
+    """Expected: motions between poses as exact as in world; unseen are the 12 rigid motions of base and platform."""
+    machine = Machine()
+    found = identify_geometry(in_own_frame(machine.log(2)), NOMINAL, pose_frame="own")
+    assert gain(machine, found, relative=True) > 20
+    assert found.rank == 30
+    seen = found.directions[:30]
+    for points, at in ((NOMINAL.base_points, 0), (NOMINAL.platform_points, 18)):
+        for motion in (*np.eye(3), *(np.cross(axis, points) for axis in np.eye(3))):
+            rigid = np.zeros(42)
+            rigid[at : at + 18] = np.broadcast_to(motion, (6, 3)).ravel()
+            assert np.abs(seen @ rigid).max() < 0.01 * np.linalg.norm(rigid)
+    assert "base and platform are as a whole" in " ".join(found.notes)
+    frames = found.details["frames"]
+    assert np.abs(frames.X - X.as_matrix()).max() < 3e-3
+    assert np.abs(frames.y - Y_T).max() < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("part", "least"),
+    [("position", 4.0), ("orientation", 1.0), ("inclination", 1.0)],
+)
+def test_a_part_of_the_pose_calibrates_in_part(part: str, least: float) -> None:
+    """Expected: better than nominal; less than whole poses; no more combinations than there are equations."""
+    machine, log = Machine(), Machine().log(2)
+    assert log.orientation is not None
+    some = {
+        "position": replace(log, orientation=None),
+        "orientation": replace(log, position=None),
+        "inclination": replace(log, position=None, orientation=np.where([1, 1, 0], log.orientation, np.nan)),
+    }[part]
+    found = identify_geometry(some, NOMINAL)
+    whole = identify_geometry(log, NOMINAL)
+    assert least < gain(machine, found) < gain(machine, whole)
+    assert found.rank < 42
+    few = identify_geometry(some.rows(slice(0, 9)), NOMINAL)
+    assert 0 < few.rank <= 9 * {"position": 3, "orientation": 3, "inclination": 2}[part]
+
+
+def test_what_is_not_seen_keeps_its_nominal_value() -> None:
+    """Expected: five poses say nothing of most combinations; no step from nominal along those."""
+    found = identify_geometry(Machine().log(6, n=5), NOMINAL)
+    assert 0 < found.rank <= 30
+    step = found.values - found.nominal
+    assert np.abs(found.directions[found.rank :] @ step).max() < 1e-9
+    assert np.abs(found.directions[: found.rank] @ step).max() > 1e-4
+    assert f"{found.rank} of 42 combinations are seen" in " ".join(found.notes)
+
+
+def test_some_names_are_found_while_the_others_stay() -> None:
+    """Expected: offsets of a machine whose joints are where they should be, to twice their standard errors or so."""
+    machine = Machine()
+    machine.base, machine.top = NOMINAL.base_points, NOMINAL.platform_points
+    found = identify_geometry(machine.log(7), NOMINAL, ["leg_length_offset[2]", "leg_length_offset[5]"])
+    assert found.names == ("leg_length_offset[2]", "leg_length_offset[5]")
+    assert found.details["factor"] > 2  # four offsets are there that were not looked for
+    all_six = identify_geometry(machine.log(7), NOMINAL, ["leg_length_offset"])
+    assert np.abs((all_six.values - machine.offset) / all_six.standard_errors).max() < 3.5
+    assert all_six.platform(NOMINAL) == NOMINAL
+
+
+def test_a_pose_that_is_not_like_the_others_is_named() -> None:
+    log = Machine().log(2)
+    assert log.position is not None
+    position = log.position.copy()
+    position[16, 1] += 2e-3
+    notes = " ".join(identify_geometry(replace(log, position=position), NOMINAL).notes)
+    assert "row 17 is" in notes
+    assert notes.count("row ") == 1
+
+
+def refused(log: Log, match: str, names: Any = GEOMETRY, **options: Any) -> None:
+    with pytest.raises(IdentificationError, match=match):
+        identify_geometry(log, NOMINAL, names, **options)
+
+
+def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
+    log = Machine().log(2)
+    assert log.orientation is not None
+    assert log.position is not None
+    refused(replace(log, position=None, orientation=None), "any six of them have a pose")
+    refused(
+        replace(log, leg_length=log.leg_length[:, [1, 0, 2, 3, 4, 5]]),
+        "contradicts the nominal geometry: platform_points.*legs and joints in the same order",
+    )
+    shifted = log.position + np.array([0.3, 0.0, 0.0])
+    refused(replace(log, position=shifted), "contradicts any geometry.*times their standard", ["leg_length_offset"])
+    refused(replace(log, leg_length=1e-3 * log.leg_length, position=None), "row 1: the nominal platform has no pose")
+    refused(log, "platform_mass beside method geometry", ["platform_mass", "base_points"])
+    gap = log.leg_length.copy()
+    gap[7, 3] = np.nan
+    refused(replace(log, leg_length=gap), "row 8 lacks a leg length")
+    refused(log.rows(slice(0, 2)), "expected more poses", nominal_error=1e-6)
+    refused(log, "nominal_error is 0", nominal_error=0.0)
+    refused(log, "expected standard errors > 0", accuracy=PoseAccuracy(position=-1.0))
+    single = np.where([1, 1, 0], log.orientation, np.nan)
+    refused(replace(log, orientation=single), "row 1 has some angles of three", pose_frame="own")
