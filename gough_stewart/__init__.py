@@ -70,6 +70,12 @@ Workspace
     sweep                     where a platform can go, how well, how strongly, on a grid
     evaluate_poses            the same at poses of one's own
 
+Identification
+    identify                  parameters from a log, with confidence intervals
+    Estimate                  what that gives
+    read_log                  a log of a machine from CSV or Parquet
+    Log                       what it gives
+
 The paper
     reproduce                 Liu, Li & Li (2000) by five roads, compared
 

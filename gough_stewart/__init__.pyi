@@ -22,6 +22,10 @@ from gough_stewart.harness.experiment.files import save_record as save_record
 from gough_stewart.harness.experiment.run import run as run
 from gough_stewart.harness.experiment.schema import Experiment as Experiment
 from gough_stewart.harness.export.export import export as export
+from gough_stewart.harness.identify.estimate import Estimate as Estimate
+from gough_stewart.harness.identify.identify import identify as identify
+from gough_stewart.harness.identify.log import Log as Log
+from gough_stewart.harness.identify.log import read_log as read_log
 from gough_stewart.harness.motion.references import Chirp as Chirp
 from gough_stewart.harness.motion.references import Circle as Circle
 from gough_stewart.harness.motion.references import Hold as Hold

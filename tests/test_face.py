@@ -31,6 +31,7 @@ NAMES = [
     "experiment_names", "load_experiment", "Experiment", "run", "margins", "LoopMargins", "export",
     "Record", "read_record", "save_record", "metrics", "view",
     "sweep", "evaluate_poses",
+    "identify", "Estimate", "read_log", "Log",
     "reproduce",
     "GoughStewartError", "StepError", "UnstableLoopError",
 ]

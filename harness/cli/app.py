@@ -10,6 +10,7 @@ import typer
 from gough_stewart.harness.cli.build import build_command
 from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
+from gough_stewart.harness.cli.identify import identify_command
 from gough_stewart.harness.cli.margins import margins_command
 from gough_stewart.harness.cli.presets import presets_command
 from gough_stewart.harness.cli.reproduce import reproduce_command
@@ -50,6 +51,7 @@ app.command("presets")(presets_command)
 app.command("run")(run_command)
 app.command("experiments")(experiments_command)
 app.command("margins")(margins_command)
+app.command("identify")(identify_command)
 app.command("export")(export_command)
 app.command("view")(view_command)
 app.command("workspace")(workspace_command)

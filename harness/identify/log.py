@@ -13,6 +13,7 @@ import polars
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.quantities import UNITS
+from gough_stewart.harness.results.record import Record
 from gough_stewart.model.vectors import FloatArray
 
 # A name, perhaps with an index, and perhaps a unit in brackets: "leg_length[1]", "leg_length_1 (mm)", "time [ms]".
@@ -87,7 +88,21 @@ def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
     path = Path(path)
     if path.is_dir():
         path = next((path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()), path)
-    table = _table(path)
+    return _log_of(_table(path), _metadata(path), str(path), force_per_current)
+
+
+def log_of(record: Record) -> Log:
+    """What a run would have logged: what its sensors measured, true values of what they did not, and its forces.
+
+    Raises
+    ------
+    LogError
+        As `read_log`.
+    """
+    return _log_of(record.table, record.metadata, "record", None)
+
+
+def _log_of(table: polars.DataFrame, metadata: Mapping[str, Any], path: str, force_per_current: float | None) -> Log:
     found = _columns(table.columns, path)
     values = {name: _numbers(table, columns, path) for name, columns in found.items()}
     if "leg_length" not in values:
@@ -107,11 +122,11 @@ def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
         values.get("position"),
         values.get("orientation"),
         _OF_RUNS in table.columns,
-        str(path),
+        path,
     )
     if len(log) < 2:
         raise LogError(f"{path}: {len(log)} rows; expected a log of some seconds, or of some poses")
-    return _at_samples(log, _metadata(path))
+    return _at_samples(log, metadata)
 
 
 def _table(path: Path) -> polars.DataFrame:
@@ -128,7 +143,7 @@ def _table(path: Path) -> polars.DataFrame:
         raise LogError(f"{path}: cannot be read as a table ({str(error).splitlines()[0]}); {_FORM}") from error
 
 
-def _columns(heads: list[str], path: Path) -> dict[str, list[tuple[str, float]]]:
+def _columns(heads: list[str], path: str) -> dict[str, list[tuple[str, float]]]:
     """Of every quantity that is there its columns in order, each with its factor to SI units."""
     parts: dict[tuple[str, int], tuple[str, str | None]] = {}
     for head in heads:
@@ -150,7 +165,7 @@ def _columns(heads: list[str], path: Path) -> dict[str, list[tuple[str, float]]]
     return found
 
 
-def _with_factor(head: str, unit: str | None, expected: str, path: Path) -> tuple[str, float]:
+def _with_factor(head: str, unit: str | None, expected: str, path: str) -> tuple[str, float]:
     if unit is None:
         return head, 1.0
     if unit not in _UNITS[expected]:
@@ -158,7 +173,7 @@ def _with_factor(head: str, unit: str | None, expected: str, path: Path) -> tupl
     return head, _UNITS[expected][unit]
 
 
-def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: Path) -> FloatArray:
+def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: str) -> FloatArray:
     parts = []
     for head, factor in columns:
         column = table[head]

@@ -1,0 +1,72 @@
+"""The command `identify`: parameters of a platform from a log."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, say_written
+
+
+class Method(StrEnum):
+    """How parameters are found."""
+
+    linear = "linear"
+
+
+def identify_command(
+    log: Annotated[Path, typer.Argument(help="CSV or Parquet; or the folder of a record.", metavar="LOG", parser=path)],
+    estimate: Annotated[
+        str,
+        typer.Option(
+            help="What to estimate, such as platform_mass,platform_com,leg_viscous_friction; NAME[1..6] for each leg.",
+            metavar="NAME,…",
+        ),
+    ],
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    method: Annotated[Method, typer.Option(help="How.")] = Method.linear,
+    force_per_current: Annotated[
+        float | None, typer.Option(help="Of each motor [N/A], for logs with motor_current[1..6].", metavar="FACTOR")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
+        "results/identify"
+    ),
+) -> None:
+    """Parameters of a platform from a log of time, leg lengths and forces, with honest uncertainty.
+
+    The log is a record of `run`, or has the columns `time`, `leg_length[1..6]`, `actuator_force[1..6]` or
+    `motor_current[1..6]`, with units in their names where they are not SI: `time [ms]`.
+
+    Writes **platform.toml**, which `run` takes, and **estimate.json**: values, intervals, correlation, what the log
+    could see, residuals.
+
+    Examples
+    --------
+    - `gough-stewart identify log.csv --platform nominal.toml --estimate platform_mass,platform_com`
+    """
+    with clear_errors() as written:
+        nominal = chosen_platform(preset, platform)
+        with preparing():
+            from gough_stewart.harness.identify.files import FILES, identification_files
+            from gough_stewart.harness.identify.identify import identify
+            from gough_stewart.harness.identify.log import read_log
+            from gough_stewart.harness.identify.tables import sheets_of
+            from gough_stewart.harness.output.tables import to_terminal
+            from gough_stewart.model.files import check_output_folder, write_files
+
+        check_output_folder(out, FILES)
+        with progress_bar() as progress:
+            progress.add_task("identifying", total=None)
+            found = identify(read_log(log, force_per_current), nominal, estimate, method.value)
+            files = identification_files(found, nominal)
+        write_files(out, files)
+        written.append(out)
+        console = Terminal()
+        for sheet in sheets_of(found):
+            console.print(to_terminal(sheet))
+        for note in found.notes:
+            console.say(note)
+        say_written(files, out)

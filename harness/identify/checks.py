@@ -1,0 +1,124 @@
+"""Whether a log can be of this platform, sampled evenly, with forces, in the units that it says."""
+
+import numpy as np
+
+from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# Of a sample, how far from the even time a row may be.
+_JITTER = 0.1
+_SLOWEST_SAMPLES = 0.1  # [s]
+# Of lengths and forces against those at home: beyond that factor it is another unit.
+_LENGTH_FACTOR = 3.0
+_FORCE_FACTOR = 50.0
+_OVER_LIMIT = 3.0
+
+
+def sample_time_of(log: Log) -> float:
+    """The even time from row to row [s].
+
+    Raises
+    ------
+    LogError
+        No time, times that do not increase, gaps, or rows too slow for a motion.
+    """
+    if log.time is None:
+        raise LogError(f"{log.where}: no column time; expected one, since the motion between rows is needed")
+    steps = np.diff(log.time)
+    h = float(np.median(steps))
+    back = np.flatnonzero(steps <= 0)
+    if back.size:
+        k = int(back[0])
+        raise LogError(
+            f"{log.where}: time goes from {log.time[k]:.9g} to {log.time[k + 1]:.9g} s in row {k + 2}; expected "
+            "increasing times"
+        )
+    uneven = np.flatnonzero(np.abs(steps - h) > _JITTER * h)
+    if uneven.size:
+        k = int(uneven[0])
+        raise LogError(
+            f"{log.where}: a gap of {steps[k]:.6g} s after row {k + 1} (time {log.time[k]:.6g} s), where rows are "
+            f"{h:.6g} s apart, and {uneven.size - 1} more; expected even times: use the longest part without a gap, or "
+            "record again"
+        )
+    if h > _SLOWEST_SAMPLES:
+        raise LogError(
+            f"{log.where}: rows are {h:g} s apart; expected at most {_SLOWEST_SAMPLES:g} s for a motion. Is time "
+            "in ms? Then the column's name is 'time [ms]'"
+        )
+    return float(log.time[-1] - log.time[0]) / (len(log) - 1)
+
+
+def force_of(log: Log) -> FloatArray:
+    """The actuator forces (n, 6) [N].
+
+    Raises
+    ------
+    LogError
+        There are none.
+    """
+    if log.actuator_force is None:
+        raise LogError(
+            f"{log.where}: no forces; expected columns actuator_force[1..6], or motor_current[1..6] with "
+            "force_per_current"
+        )
+    return log.actuator_force
+
+
+def check_lengths(log: Log, platform: Platform) -> None:
+    """Refuse leg lengths that are in another unit, or not this platform's.
+
+    Raises
+    ------
+    LogError
+        Names the leg, its length, and what was expected.
+    """
+    home = np.asarray(leg_geometry(platform, platform.home_position, platform.home_orientation).length)
+    found = np.median(log.leg_length, axis=0)
+    ratio = found / home
+    k = int(np.argmax(np.abs(np.log(np.maximum(ratio, 1e-9)))))
+    if not 1 / _LENGTH_FACTOR < ratio[k] < _LENGTH_FACTOR:
+        unit = _unit_for(ratio[k], {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6})
+        raise LogError(
+            f"{log.where}: leg {k + 1} is {found[k]:.6g} m long in the middle, at home it is {home[k]:.6g} m; no such "
+            f"machine can have that. {unit}Encoders that count from home need their length at home added"
+        )
+
+
+def check_forces(log: Log, platform: Platform) -> None:
+    """Refuse forces that are in another unit, or that these actuators cannot have.
+
+    Raises
+    ------
+    LogError
+        Names the forces, and what was expected.
+    """
+    force = force_of(log)
+    weight = float(np.linalg.norm(static_leg_forces(platform, platform.home_position, platform.home_orientation)))
+    found = float(np.median(np.linalg.norm(force, axis=1)))
+    limit = platform.actuator_force_max
+    strongest = float(np.abs(force).max())
+    ratio = found / weight if weight > 0 else 1.0
+    if not 1 / _FORCE_FACTOR < ratio < _FORCE_FACTOR:
+        unit = _unit_for(ratio, {"N": 1.0, "kN": 1e-3, "mN": 1e3})
+        raise LogError(
+            f"{log.where}: the six forces have a norm of {found:.4g} N in the middle, those that hold the platform at "
+            f"home have {weight:.4g} N; no such machine can have that. {unit}Otherwise check force_per_current"
+        )
+    if limit is not None and strongest > _OVER_LIMIT * limit:
+        raise LogError(
+            f"{log.where}: a force of {strongest:.6g} N, where actuator_force_max is {limit:g} N; no such machine can "
+            "have that. Check the unit, force_per_current, and the platform's limit"
+        )
+
+
+def _unit_for(ratio: float, units: dict[str, float]) -> str:
+    """What unit would explain a ratio, as a sentence."""
+    for unit, factor in units.items():
+        if unit not in ("m", "N") and 1 / _LENGTH_FACTOR < ratio / factor < _LENGTH_FACTOR:
+            return f"They look like {unit}: write the unit into the columns' names, such as 'name[1] [{unit}]'. "
+    return ""

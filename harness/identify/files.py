@@ -1,0 +1,21 @@
+"""The files of an identification."""
+
+from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import platform_to_toml
+
+FILES = ("platform.toml", "estimate.json")
+
+
+def identification_files(estimate: Estimate, nominal: Platform) -> dict[str, bytes]:
+    """Contents by file name: the platform as `run` takes it, and everything that is known of it.
+
+    Raises
+    ------
+    PlatformError
+        What was found makes no platform together with the rest of the nominal one.
+    """
+    return {
+        "platform.toml": platform_to_toml(estimate.platform(nominal)).encode(),
+        "estimate.json": estimate.to_json(),
+    }

@@ -1,0 +1,63 @@
+"""Parameters from a log, by whichever method can tell them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.linear import identify_linear
+from gough_stewart.harness.identify.log import Log, log_of, read_log
+from gough_stewart.harness.results.record import Record
+from gough_stewart.model.platform import Platform
+
+Method = Literal["linear", "output_error"]
+_METHODS: Mapping[str, Callable[..., Estimate]] = {
+    "linear": identify_linear,
+}
+
+
+def identify(
+    log: Log | Record | Path | str,
+    platform: Platform,
+    estimate: Sequence[str] | str,
+    method: Method = "linear",
+    **options: Any,
+) -> Estimate:
+    """Estimate parameters of a platform from a log, with confidence intervals.
+
+    Parameters
+    ----------
+    log
+        A file as `read_log` takes it, a `Log`, or a `Record`.
+    platform
+        The nominal one: what is not estimated is taken from it, and what is begins there.
+    estimate
+        Parameters, or elements of them: a list, or a text with commas. `leg_viscous_friction` is one number for all
+        legs, `leg_viscous_friction[1..6]` six.
+    method
+        "linear" is least squares of inverse dynamics: masses, centres of mass, inertias, armature, friction.
+    options
+        Of the method: `cutoff` [Hz] of the filter, `validation`, the share of the log that checks the fit.
+
+    Raises
+    ------
+    LogError
+        A log that cannot be evaluated, or that this platform cannot have made.
+    IdentificationError
+        Parameters that this method, or this log, cannot tell; names them.
+
+    Examples
+    --------
+    >>> nominal, record = gs.load_preset("liu2000"), gs.run("circle_computed_torque", {"loop.duration": 4})
+    >>> found = gs.identify(record, nominal, "platform_mass,leg_viscous_friction")
+    >>> found.values, found.interval, found.platform(nominal).platform_mass
+    """
+    if method not in _METHODS:
+        raise IdentificationError(f"method is {method!r}; expected one of {', '.join(_METHODS)}")
+    names = estimate.split(",") if isinstance(estimate, str) else list(estimate)
+    if isinstance(log, Record):
+        log = log_of(log)
+    elif not isinstance(log, Log):
+        log = read_log(log)
+    return _METHODS[method](log, platform, names, **options)

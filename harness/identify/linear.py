@@ -1,0 +1,195 @@
+"""Linear identification: weighted least squares of inverse dynamics, in which masses and friction are linear."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import qr
+
+from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values
+from gough_stewart.harness.identify.linear_parameters import (
+    SIZE,
+    elements_of,
+    gradient,
+    linear_parameters,
+    with_estimated,
+)
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.names import expanded, value_of
+from gough_stewart.harness.identify.physical import best_fit
+from gough_stewart.harness.identify.regression import Rows, rows_of
+from gough_stewart.harness.identify.statistics import long_run_covariance, whiteness
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# Of the rows, the last ones, that check the fit.
+VALIDATION = 0.2
+# A combination with a larger standard error, as a share of its scale, is not seen; nor one below rounding.
+_UNSEEN = 1.0
+_ROUNDING = 1e-9
+_REWEIGHTINGS = 3
+
+
+def identify_linear(
+    log: Log, platform: Platform, names: Sequence[str], *, cutoff: float | None = None, validation: float = VALIDATION
+) -> Estimate:
+    """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
+
+    Rows are weighted with the inverse covariance of their residuals over the legs; the covariance of the result is the
+    sandwich A⁻¹ S A⁻¹ with A = Gᵀ Wᵀ Σ⁻¹ W G, G = ∂φ/∂θ, and S the long-run covariance of the scores, right for
+    residuals that remember.
+
+    Parameters
+    ----------
+    names
+        Parameters or elements of them.
+    cutoff
+        Of the filter [Hz]; found from the log by default.
+    validation
+        Share of the log, its end, that is kept aside to check the fit.
+
+    Raises
+    ------
+    IdentificationError
+        A parameter that is not linear, or that this log cannot tell; names it.
+    LogError
+        A log that cannot be evaluated.
+    """
+    names = expanded(names, platform)
+    elements = elements_of(platform)
+    for name in names:
+        if name not in elements and f"{name}[1]" not in elements:
+            raise IdentificationError(
+                f"{name}: inverse dynamics is not linear in it; use the method output_error, or for joints and offsets "
+                "geometry",
+                [name],
+            )
+    rows = rows_of(log, platform, cutoff)
+    fitted = len(rows.time) - int(validation * len(rows.time))
+    if 6 * fitted < 3 * len(names):
+        raise LogError(f"{log.where}: only {fitted} rows after the filter of {rows.cutoff:.3g} Hz; record longer")
+    scale = scales(rows, platform, names)
+    W, F = rows.regressor[:fitted], rows.force[:fitted]
+    _check_excitation(W, elements, names, scale)
+
+    whitening = np.eye(6) / max(float(np.abs(F).max()), 1e-300)
+    for _ in range(_REWEIGHTINGS):
+        Ww = np.einsum("ij,tjk->tik", whitening, W)
+        R, z = _compressed(Ww, F @ whitening.T)
+        fit = best_fit(R, z, elements, names, scale)
+        found = with_estimated(elements, names, fit.values)
+        phi, G = linear_parameters(found), gradient(found, names)
+        residual = rows.force - rows.regressor @ phi
+        whitening = _whitening(residual[:fitted])
+    Ww = np.einsum("ij,tjk->tik", whitening, W)
+    D = np.einsum("tik,kp->tip", Ww, G * scale)
+    scores = np.einsum("tip,ti->tp", D, residual[:fitted] @ whitening.T)
+    values, V = np.linalg.eigh(np.einsum("tip,tiq->pq", D, D))
+    sigma, directions = np.sqrt(np.maximum(values[::-1], 0.0)), V[:, ::-1].T
+    _check_seen(sigma, directions, names)
+    inverse = directions.T / sigma**2 @ directions
+    inflation = 6 * fitted / (6 * fitted - len(names))
+    covariance = inflation * inverse @ long_run_covariance(scores) @ inverse
+    notes: tuple[str, ...] = (f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept aside",)
+    if fit.at_bound:
+        notes += (f"at the bound of what is physical: {', '.join(fit.at_bound)}",)
+    return Estimate(
+        method="linear",
+        names=names,
+        values=fit.values,
+        nominal=nominal_values(names, platform),
+        covariance=covariance * np.outer(scale, scale),
+        singular_values=sigma,
+        directions=directions,
+        scale=scale,
+        rank=len(sigma),
+        residuals=Residuals(
+            "force of leg",
+            "N",
+            _rms(residual[:fitted]),
+            _rms(residual[fitted:]) if fitted < len(residual) else None,
+            np.std(F, axis=0),
+            whiteness(residual[:fitted]),
+        ),
+        notes=notes,
+        details={
+            "time": rows.time,
+            "measured": rows.force,
+            "fitted": rows.regressor @ phi,
+            "before": rows.regressor @ linear_parameters(elements),
+            "validation_from": float(rows.time[fitted]) if fitted < len(rows.time) else None,
+        },
+    )
+
+
+def scales(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
+    """What a change of each element is large against (p,): sizes of this platform, or of the log's own forces."""
+    mass, rho = platform.platform_mass, platform.characteristic_length
+    velocity = np.sqrt((rows.regressor[:, :, 15:21] ** 2).sum(axis=2).mean())
+    force = max(float(np.std(rows.force, axis=0).mean()), 1e-9 * float(np.abs(rows.force).max()))
+    general = {
+        "platform_com": rho,
+        "platform_inertia": mass * rho**2,
+        "leg_armature": mass / 6 + platform.leg_upper_mass,
+        "leg_viscous_friction": force / max(float(velocity), 1e-12),
+        "leg_coulomb_friction": force,
+    }
+    return np.array([general.get(name.partition("[")[0]) or value_of(platform, name) or 1.0 for name in names])
+
+
+def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:
+    """Refuse combinations that this motion, or any, leaves without a force: rank-revealing QR with pivots."""
+    D = (W @ (gradient(elements, names) * scale)).reshape(-1, len(names))
+    size = np.linalg.norm(D, axis=0)
+    if not size.all():
+        dead = [name for name, s in zip(names, size, strict=True) if s == 0]
+        raise IdentificationError(f"no force in this log depends on {', '.join(dead)}; leave them out", dead)
+    R, pivots = qr(D, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
+    if rank == len(names):
+        return
+    dependent = [names[k] for k in pivots[rank:]]
+    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
+    texts = []
+    for j, name in enumerate(dependent):
+        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
+        texts.append(f"{name} acts as a combination of {', '.join(parts)} does")
+    raise IdentificationError(
+        f"too little excitation: {'; '.join(texts)}; leave out one of each, or move the platform in more ways "
+        "(gough-stewart excite)",
+        dependent,
+    )
+
+
+def _check_seen(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:
+    """Refuse combinations whose standard error is as large as they are."""
+    unseen = [k for k in range(len(sigma)) if not sigma[k] * _UNSEEN > 1]
+    if not unseen:
+        return
+    involved = [name for j, name in enumerate(names) if any(abs(directions[k][j]) > 0.3 for k in unseen)]
+    texts = "; ".join(
+        f"{combination_text(directions[k], names)} (± {100 / sigma[k]:.0f} % of its size)" for k in unseen
+    )
+    raise IdentificationError(
+        f"too little excitation for {', '.join(involved)}: this log does not tell {texts}; estimate fewer parameters, "
+        "or record a motion made for it (gough-stewart excite)",
+        involved,
+    )
+
+
+def _compressed(W: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """R and z with |F − W φ|² = |z − R φ|² + constant."""
+    R = np.asarray(np.linalg.qr(np.column_stack([W.reshape(-1, SIZE), F.reshape(-1)]), mode="r"))
+    return R[:SIZE, :SIZE], R[:SIZE, SIZE]
+
+
+def _whitening(residual: FloatArray) -> FloatArray:
+    """A matrix (6, 6) that gives residuals unit covariance."""
+    covariance = residual.T @ residual / len(residual)
+    covariance += 1e-12 * np.trace(covariance) / 6 * np.eye(6) + np.finfo(float).tiny * np.eye(6)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+def _rms(residual: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt((residual**2).mean(axis=0)))

@@ -1,0 +1,145 @@
+"""The parameters φ in which inverse dynamics is linear, F = W φ, and how a platform's own make them.
+
+    platform   m, m r_G, I = J + m (r_G·r_G 1 − r_G r_Gᵀ) about Op
+    legs       m2, m2 d, m1 r1, I0 = m1 r1² + J1 + J2 + m2 d², m_a: all that the equations of a leg hold
+    friction   viscous and Coulomb, of each leg
+
+[Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.leg_dynamics`.]
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import casadi
+import numpy as np
+
+from gough_stewart.harness.identify.names import value_of
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.interrupts import interrupts_held_back
+from gough_stewart.model.kinematics import jacobian_of_legs, leg_geometry, rates_of_legs
+from gough_stewart.model.leg_dynamics import friction_force
+from gough_stewart.model.parameters import PHYSICAL, Parameters
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import Array, FloatArray, transpose
+
+PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_SCALARS = (
+    "platform_mass",
+    "leg_lower_mass",
+    "leg_upper_mass",
+    "leg_lower_com",
+    "leg_upper_com",
+    "leg_lower_inertia",
+    "leg_upper_inertia",
+    "leg_armature",
+)
+COM = tuple(f"platform_com[{a}]" for a in (1, 2, 3))
+INERTIA = tuple(f"platform_inertia[{a + 1},{b + 1}]" for a, b in PAIRS)
+FRICTION = ("leg_viscous_friction", "leg_coulomb_friction")
+# Beside them only the smoothing velocity of friction is left of a platform; these make the regressor.
+_FIXED = ("base_points", "platform_points", "gravity")
+SIZE = 10 + 5 + 12
+
+
+def elements_of(platform: Platform) -> dict[str, float]:
+    """All elements that make φ, with the platform's values; friction for each leg."""
+    values = {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA)}
+    for name in FRICTION:
+        per_leg = np.broadcast_to(np.asarray(getattr(platform, name)), (6,))
+        values |= {f"{name}[{k + 1}]": float(per_leg[k]) for k in range(6)}
+    return values
+
+
+def linear_parameters(elements: Mapping[str, Any]) -> Array:
+    """φ (SIZE,) of the elements, real or complex."""
+    e = elements
+    m, c = e["platform_mass"], np.array([e[name] for name in COM])
+    J = [e[name] for name in INERTIA]
+    I = [J[k] + m * ((c @ c) * (a == b) - c[a] * c[b]) for k, (a, b) in enumerate(PAIRS)]
+    m1, m2, r1, d = (e[f"leg_{name}"] for name in ("lower_mass", "upper_mass", "lower_com", "upper_com"))
+    I0 = m1 * r1**2 + e["leg_lower_inertia"] + e["leg_upper_inertia"] + m2 * d**2
+    friction = [e[f"{name}[{k}]"] for name in FRICTION for k in range(1, 7)]
+    return np.array([m, *(m * c), *I, m2, m2 * d, m1 * r1, I0, e["leg_armature"], *friction])
+
+
+def with_estimated(elements: Mapping[str, Any], names: Sequence[str], values: Sequence[Any] | Array) -> dict[str, Any]:
+    """The elements with some replaced; friction without an index is that of all legs."""
+    changed = dict(elements)
+    for name, value in zip(names, values, strict=True):
+        changed |= {f"{name}[{k}]": value for k in range(1, 7)} if name in FRICTION else {name: value}
+    return changed
+
+
+def gradient(elements: Mapping[str, Any], names: Sequence[str]) -> FloatArray:
+    """∂φ/∂θ (SIZE, p) by these elements, by complex steps: exact for polynomials as these to the last digit."""
+    step = 1e-30
+    values = [elements[f"{name}[1]" if name in FRICTION else name] for name in names]
+    columns = []
+    for k in range(len(names)):
+        moved = [v + (1j * step if i == k else 0) for i, v in enumerate(values)]
+        columns.append(linear_parameters(with_estimated(elements, names, moved)).imag / step)
+    return np.stack(columns, axis=1)
+
+
+def regressor(platform: Platform, state: State, acceleration: Acceleration) -> FloatArray:
+    """W (n, 6, SIZE): the actuator forces of n states for each of φ alone, by the physics with unit parameters.
+
+    Inverse dynamics with F = W φ; joints, gravity and the smoothing velocity of friction are the platform's.
+    """
+    motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
+    fixed = [np.ravel(getattr(platform, name)) for name in _FIXED]
+    columns = np.array(_wrenches_function()(motion.T, np.concatenate(fixed))).T.reshape(len(motion), -1, 6)
+    legs = leg_geometry(platform, state.position, state.orientation)
+    inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), transpose(columns))
+    # friction acts along the actuator: a force of the leg's own, and of no other
+    rates = rates_of_legs(legs, state).length_rate
+    alone = [friction_force(_units(platform, **{name: 1}), rates)[..., None] * np.eye(6) for name in FRICTION]
+    return np.concatenate([inertial, *alone], axis=-1)
+
+
+@cache
+@interrupts_held_back()
+def _wrenches_function() -> casadi.Function:
+    """CasADi Function: (motion (18), joints and gravity) -> Jᵀ F of each inertial parameter alone, in turn."""
+    motion, fixed = casadi.SX.sym("motion", 18), casadi.SX.sym("fixed", 39)
+    numbers = np.array([casadi.vertsplit(motion)], dtype=object)
+    state, acceleration = State.from_vector(numbers[:, :12]), Acceleration(numbers[:, 12:15], numbers[:, 15:])
+    joints = np.array([casadi.vertsplit(fixed)], dtype=object)
+    places = {
+        "base_points": joints[:, :18].reshape(1, 6, 3),
+        "platform_points": joints[:, 18:36].reshape(1, 6, 3),
+        "gravity": joints[:, 36:],
+    }
+
+    def wrench(**units: Any) -> Array:
+        parameters = replace(_units(None, **units), **places)
+        return np.asarray(inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, wanted: wanted)[0])
+
+    mass, upper = wrench(platform_mass=1), wrench(leg_upper_mass=1)
+    columns = [mass]
+    for axis in np.eye(3):
+        # about Op this body has no inertia, so that only the moment is left beside the mass
+        about = np.outer(axis, axis) - np.eye(3)
+        columns.append(wrench(platform_mass=1, platform_com=axis, platform_inertia=about) - mass)
+    for a, b in PAIRS:
+        unit = np.zeros((3, 3))
+        unit[a, b] = unit[b, a] = 1
+        columns.append(wrench(platform_inertia=unit))
+    columns.append(upper)
+    columns.append(wrench(leg_upper_mass=1, leg_upper_com=1, leg_upper_inertia=-1) - upper)
+    columns.append(wrench(leg_lower_mass=1, leg_lower_com=1, leg_lower_inertia=-1))
+    columns.append(wrench(leg_lower_inertia=1))
+    columns.append(wrench(leg_armature=1))
+    result = casadi.cse(casadi.vertcat(*(element for column in columns for element in column)))
+    return casadi.Function("wrenches", [motion, fixed], [result])
+
+
+def _units(platform: Platform | None, **units: Any) -> Parameters:
+    """Parameters that are all 0 but these, with what φ does not hold of the platform."""
+    values: dict[str, Any] = {row.name: np.zeros(row.shape) for row in PHYSICAL} | {"leg_friction_velocity": 1.0}
+    values |= {name: getattr(platform, name) for name in (*_FIXED, "leg_friction_velocity") if platform is not None}
+    values |= {name: np.asarray(value, dtype=float) for name, value in units.items()}
+    return Parameters(**values)

@@ -1,0 +1,36 @@
+"""Statistics of fits: covariances that hold for residuals which remember, whiteness, what a regressor sees."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from gough_stewart.model.vectors import FloatArray
+
+
+def long_run_covariance(scores: FloatArray) -> FloatArray:
+    """Covariance (p, p) of the sum of a score's rows (n, p) that may remember some rows before them.
+
+    S = Γ0 + Σ_l (1 − l/(m + 1)) (Γ_l + Γ_lᵀ), Γ_l = Σ_t s_t s_{t−l}ᵀ, m = ⌊4 (n/100)^(2/9)⌋; positive semidefinite
+    [Newey & West, Econometrica 55(3), 1987, eq. (5)].
+    """
+    n = len(scores)
+    lags = int(4 * (n / 100) ** (2 / 9))
+    total = scores.T @ scores
+    for lag in range(1, min(lags, n - 1) + 1):
+        between = scores[lag:].T @ scores[:-lag]
+        total = total + (1 - lag / (lags + 1)) * (between + between.T)
+    return np.asarray(total)
+
+
+def whiteness(residuals: FloatArray, lags: int = 10) -> FloatArray:
+    """p-values (k,) that residuals (n, k) are white: Q = n (n + 2) Σ_l ρ_l²/(n − l) is χ² with as many degrees as lags.
+
+    [Ljung & Box, Biometrika 65(2), 1978.]
+    """
+    n = len(residuals)
+    r = residuals - residuals.mean(axis=0)
+    power = (r**2).sum(axis=0)
+    lags = min(lags, n - 2)
+    with np.errstate(all="ignore"):
+        rho = np.stack([(r[lag:] * r[:-lag]).sum(axis=0) / power for lag in range(1, lags + 1)])
+        Q = n * (n + 2) * (rho**2 / (n - np.arange(1, lags + 1))[:, None]).sum(axis=0)
+    return np.asarray(np.where(power > 0, chi2.sf(Q, lags), 1.0))
