@@ -11,7 +11,7 @@ from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.model.platform_toml import load_preset
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}
-NOISE, RATE, CUTOFF = 1e-4, 200.0, 8.0  # [m], [Hz], [Hz]
+NOISE, RATE, CUTOFF = 2e-5, 200.0, 8.0  # [m], [Hz], [Hz]
 
 
 def main() -> None:
@@ -26,12 +26,12 @@ def main() -> None:
         figure = Figure(figsize=(8, 3.6), layout="constrained")
         axes = figure.subplots()
         for reference, colour, label, width in (
-            (noisy, "#C8CDD3", "rows with 0.1 mm of noise", 0.7),
-            (smoothed(noisy, CUTOFF), "#0072B2", "the same, smoothing = 8 Hz", 1.6),
-            (ride, "#222222", "without noise", 0.9),
+            (noisy, "#A9B2BC", "rows with 0.02 mm of noise", 0.7),
+            (smoothed(noisy, CUTOFF), "#0072B2", "the same, smoothing = 8 Hz", 2.4),
+            (ride, "#222222", "without noise", 0.8),
         ):
             axes.plot(time, reference(time).acceleration[:, 0], color=colour, lw=width, label=label)
-        axes.set(xlabel="time [s]", ylabel="surge acceleration [m/s²]", xlim=(2, 4), ylim=(-12, 12))
+        axes.set(xlabel="time [s]", ylabel="surge acceleration [m/s²]", xlim=(2, 4), ylim=(-10, 12))
         axes.legend(loc="upper right", frameon=False, ncols=3)
         axes.spines[["top", "right"]].set_visible(False)
         save_svg("recorded.svg", figure)

@@ -115,6 +115,16 @@ def test_a_log_at_uneven_times_with_rotation_vectors_and_names_of_its_own_is_rec
     assert_recovered(read_recording(written(tmp_path / "log.csv", columns), names).table, 0.03, unevenness=3.0)
 
 
+@pytest.mark.parametrize("turns", [0, 1, -3])
+def test_angles_from_0_to_360_degrees_are_counted_from_the_half_turn_around_zero(turns: int, tmp_path: Path) -> None:
+    """Expected: a slow yaw through zero, without a jump, whatever whole turns the log had made before."""
+    yaw = np.linspace(-5.0, 5.0, 41)
+    columns: dict[str, Any] = {"t [s]": 0.1 * np.arange(41)} | {f"{axis} [m]": np.zeros(41) for axis in "xyz"}
+    columns |= {"roll [deg]": yaw % 360 + 360 * turns, "pitch [deg]": np.zeros(41), "yaw [deg]": (yaw + 0.1) % 360}
+    orientation = read_recording(written(tmp_path / "log.csv", columns)).table.orientation
+    assert np.degrees(orientation) == pytest.approx(np.stack([yaw, 0 * yaw, yaw + 0.1], axis=1), abs=1e-12)
+
+
 def test_nanoseconds_since_1970_keep_their_digits(tmp_path: Path) -> None:
     """Expected: steps of 1 ms to the last digit, where a floating-point number of that size has 256 ns."""
     stamps = 1_700_000_000_123_456_789 + 1_000_000 * np.arange(50)
