@@ -287,8 +287,8 @@ def test_resampling_keeps_what_the_new_rate_can_have_and_takes_out_the_rest(
     assert least <= gain <= most
     middle = slice(40, 360)
     expected = gain * np.sin(2 * np.pi * frequency * table.time[:, None] + np.arange(3))
-    assert table.position[middle] == pytest.approx(expected[middle], abs=2e-6)
-    assert table.orientation[middle] == pytest.approx(-expected[middle] / 2, abs=2e-6)
+    assert table.position[middle] == pytest.approx(expected[middle], abs=2e-9)
+    assert table.orientation[middle] == pytest.approx(-expected[middle] / 2, abs=2e-9)
 
 
 def test_resampling_keeps_both_ends_and_refuses_more_rows_than_there_are() -> None:
