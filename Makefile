@@ -57,6 +57,7 @@ bench: $(VENV)/bench
 	$(BIN)/python benchmarks/controller.py
 	$(BIN)/python benchmarks/coupled.py
 	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/lanes.py
 	$(BIN)/python benchmarks/workspace.py
 	$(BIN)/python benchmarks/view.py
 

@@ -4,6 +4,7 @@ import runpy
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.support.interpreter import Interpreter
@@ -38,3 +39,10 @@ def test_a_step_of_the_loop_is_timed_around_that_of_the_unit(monkeypatch: pytest
     monkeypatch.setitem(measured["seconds_a_step"].__globals__, "SETTINGS", ["loop.duration=0.3"])
     whole, inside = measured["seconds_a_step"]("3.0")
     assert 0 < inside < whole
+
+
+def test_many_platforms_are_timed_beside_the_scalar_kernel(tmp_path: Path) -> None:
+    """Expected: every row takes some time; the benchmark itself compares what the two kernels compute."""
+    measured = runpy.run_path(str(FOLDER / "lanes.py"))["microseconds_a_member"](20, 2, tmp_path)
+    assert len(measured) == 8
+    assert all(0 < microseconds < np.inf for microseconds in measured.values())

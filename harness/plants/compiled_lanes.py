@@ -26,28 +26,32 @@ class CompiledLanes:
 
     def __init__(self, library: LanesLibrary) -> None:
         self.features = library.features
-        self._library = ctypes.CDLL(str(library.path))
-        self._library.lanes_check.restype = self._library.lanes_step.restype = ctypes.c_int64
+        self.library = ctypes.CDLL(str(library.path))
+        self.library.lanes_check.restype = self.library.lanes_step.restype = ctypes.c_int64
 
     def check(self, batch: Batch) -> int:
         """See `LaneKernel`."""
-        return int(self._library.lanes_check(_reference(batch)))
+        return int(self.library.lanes_check(reference(batch)))
 
-    def step(self, batch: Batch, size: float, substeps: int, *, checked: bool = True) -> int:
+    def step(
+        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, checked: bool = True
+    ) -> int:
         """See `LaneKernel`."""
-        step, n = ctypes.c_double(size), ctypes.c_int64(substeps)
-        return int(self._library.lanes_step(_reference(batch), step, n, ctypes.c_int64(not checked)))
+        out = ctypes.c_void_p(None if signals is None else signals.ctypes.data)
+        numbers = ctypes.c_double(size), ctypes.c_int64(substeps), ctypes.c_int64(not checked)
+        return int(self.library.lanes_step(reference(batch), *numbers, out))
 
     def signals(self, batch: Batch, out: FloatArray) -> None:
         """See `LaneKernel`."""
-        self._library.lanes_signals(_reference(batch), ctypes.c_void_p(out.ctypes.data))
+        self.library.lanes_signals(reference(batch), ctypes.c_void_p(out.ctypes.data))
 
     def results(self, batch: Batch, out: FloatArray) -> None:
         """See `LaneKernel`."""
-        self._library.lanes_results(_reference(batch), ctypes.c_void_p(out.ctypes.data))
+        self.library.lanes_results(reference(batch), ctypes.c_void_p(out.ctypes.data))
 
 
-def _reference(batch: Batch) -> Any:
+def reference(batch: Batch) -> Any:
+    """What the functions of the library take; it lives as long as the batch may be used by it."""
     states = batch.states
     pointers = (getattr(batch, name).ctypes.data for name in _ARRAYS)
     return ctypes.byref(_CBatch(states.shape[1] // WIDTH, states.strides[0] // states.itemsize, *pointers))

@@ -92,8 +92,10 @@ class LaneKernel(Protocol):
     def check(self, batch: Batch) -> int:
         """How many cannot begin a motion where they are."""
 
-    def step(self, batch: Batch, size: float, substeps: int, *, checked: bool = True) -> int:
-        """So many substeps of RK4 of this size [s]; how many have failed."""
+    def step(
+        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, checked: bool = True
+    ) -> int:
+        """So many substeps of RK4 of this size [s], and the signals at their end; how many have failed."""
 
     def signals(self, batch: Batch, out: FloatArray) -> None:
         """The head of the results (24, M)."""

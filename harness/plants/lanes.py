@@ -91,7 +91,8 @@ class LanesPlant(Plant):
 
     def signals(self) -> FloatArray:
         """Rule 10: a view."""
-        self._kernel.signals(self._batch, self._signals)
+        if self._steps == 0:  # afterwards, the step leaves them
+            self._kernel.signals(self._batch, self._signals)
         return self._signals[:, : self.shape[0]].T
 
     def results(self) -> FloatArray:
@@ -109,7 +110,7 @@ class LanesPlant(Plant):
         if is_estimated:
             self._fine.states[:] = batch.states
             self._kernel.step(self._fine, substep / 2, 2 * self.substeps, checked=False)
-        failed = self._kernel.step(batch, substep, self.substeps)
+        failed = self._kernel.step(batch, substep, self.substeps, self._signals)
         if failed:
             failures |= self._stop_failed(substep)
         if is_estimated:

@@ -22,7 +22,9 @@ class NumpyLanes:
         """See `LaneKernel`."""
         return _check(batch, batch.states, batch.running != 0, 0)
 
-    def step(self, batch: Batch, size: float, substeps: int, *, checked: bool = True) -> int:
+    def step(
+        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, checked: bool = True
+    ) -> int:
         """See `LaneKernel`."""
         parameters, running = batch.parameters_of(), batch.running != 0
         x, failed = batch.states.copy(), 0
@@ -32,6 +34,8 @@ class NumpyLanes:
                 failed += _check(batch, x, running, k)
                 running &= batch.failure == Failure.GOES_ON
         batch.states[:] = np.where(running, x, batch.states)
+        if signals is not None:
+            self.signals(batch, signals)
         return failed
 
     def signals(self, batch: Batch, out: FloatArray) -> None:

@@ -46,15 +46,35 @@ static void write_rows(double *to, int n, const lanes rows[], int64_t stride)
         put(to + i * stride, rows[i]);
 }
 
-static void read_group(group *g, const batch *of, int64_t block)
+/* How many parameters the geometry needs: those before the first that it does not. */
+#define N_GEOMETRY P_PLATFORM_MASS
+
+/* The numbers of a block on their way from memory, while the one before it is computed. */
+static void fetch(const batch *of, int64_t block, int parameters)
 {
+    if (block >= of->blocks)
+        return;
+    for (int i = 0; i < parameters; i++)
+        __builtin_prefetch(of->parameters + (block * N_PARAMETERS + i) * WIDTH);
+    for (int i = 0; i < N_STATES; i++)
+        __builtin_prefetch(of->states + i * of->stride + block * WIDTH);
+}
+
+/* All but the inputs; `parameters` of them will be needed. */
+static void read_group(group *g, const batch *of, int64_t block, int parameters)
+{
+    fetch(of, block + 1, parameters);
     g->of = of;
     g->first = block * WIDTH;
     g->p = (const lanes *)of->parameters + block * N_PARAMETERS;
     g->running = *(const mask_anywhere *)(of->running + g->first);
     g->side = get(of->side + g->first);
     read_rows(g->x, N_STATES, of->states + g->first, of->stride);
-    read_rows(g->u, N_INPUTS, of->inputs + g->first, of->stride);
+}
+
+static void read_inputs(group *g)
+{
+    read_rows(g->u, N_INPUTS, g->of->inputs + g->first, g->of->stride);
 }
 
 /* As check_pose of c/plant/pose_limits.c, for one member: FAILURE_GOES_ON or why not. */
@@ -146,13 +166,14 @@ static void substep(group *g, double size)
 }
 
 /* What has become of those that ran: the ones that still do move on, the others are counted. */
-static int64_t settle(const group *g, mask ran)
+static int64_t settle(group *g, mask ran)
 {
     const batch *of = g->of;
     int64_t failed = 0;
     for (int i = 0; i < N_STATES; i++) {
         double *row = of->states + i * of->stride + g->first;
-        put(row, choose(g->running, g->x[i], get(row)));
+        g->x[i] = choose(g->running, g->x[i], get(row));
+        put(row, g->x[i]);
     }
     put(of->side + g->first, choose(g->running, g->side, get(of->side + g->first)));
     for (int lane = 0; lane < WIDTH; lane++)
@@ -160,12 +181,20 @@ static int64_t settle(const group *g, mask ran)
     return failed;
 }
 
-int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t unchecked)
+static void write_signals(const group *g, double *signals)
+{
+    lanes y[N_SIGNALS];
+    kernel_signals(g->x, g->p, y);
+    write_rows(signals + g->first, N_SIGNALS, y, g->of->stride);
+}
+
+int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t unchecked, double *signals)
 {
     int64_t failed = 0;
     for (int64_t block = 0; block < of->blocks; block++) {
         group g;
-        read_group(&g, of, block);
+        read_group(&g, of, block, N_PARAMETERS);
+        read_inputs(&g);
         mask ran = g.running;
         for (int64_t k = 1; k <= substeps && any(g.running); k++) {
             substep(&g, size);
@@ -174,6 +203,8 @@ int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t unche
         }
         if (any(ran))
             failed += settle(&g, ran);
+        if (signals)
+            write_signals(&g, signals);
     }
     return failed;
 }
@@ -183,7 +214,7 @@ int64_t lanes_check(const batch *of)
     int64_t failed = 0;
     for (int64_t block = 0; block < of->blocks; block++) {
         group g;
-        read_group(&g, of, block);
+        read_group(&g, of, block, N_GEOMETRY);
         mask ran = g.running;
         check(&g, 0);
         failed += settle(&g, ran);
@@ -195,10 +226,8 @@ void lanes_signals(const batch *of, double *signals)
 {
     for (int64_t block = 0; block < of->blocks; block++) {
         group g;
-        lanes y[N_SIGNALS];
-        read_group(&g, of, block);
-        kernel_signals(g.x, g.p, y);
-        write_rows(signals + g.first, N_SIGNALS, y, of->stride);
+        read_group(&g, of, block, N_GEOMETRY);
+        write_signals(&g, signals);
     }
 }
 
@@ -207,7 +236,8 @@ void lanes_results(const batch *of, double *results)
     for (int64_t block = 0; block < of->blocks; block++) {
         group g;
         lanes y[N_RESULTS];
-        read_group(&g, of, block);
+        read_group(&g, of, block, N_PARAMETERS);
+        read_inputs(&g);
         kernel_outputs(g.x, g.u, g.p, y);
         write_rows(results + g.first, N_RESULTS, y, of->stride);
     }
@@ -218,7 +248,8 @@ void lanes_derivatives(const batch *of, double *derivatives)
     for (int64_t block = 0; block < of->blocks; block++) {
         group g;
         lanes rate[N_STATES];
-        read_group(&g, of, block);
+        read_group(&g, of, block, N_PARAMETERS);
+        read_inputs(&g);
         kernel_derivatives(g.x, g.u, g.p, rate);
         write_rows(derivatives + g.first, N_STATES, rate, of->stride);
     }

@@ -27,8 +27,9 @@ typedef struct {
 } batch;
 
 /* `substeps` steps of classical RK4, each of `size` [s], under constant inputs. Members that fail stay as they were, with
-   the reason; the number of them. Poses are checked at the end of each substep unless `unchecked`. */
-OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t unchecked);
+   the reason; the number of them. Poses are checked at the end of each substep unless `unchecked`. Writes the signals at the
+   end (N_SIGNALS, M), unless NULL: while all is at hand they cost little. */
+OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t unchecked, double *signals);
 /* Whether a motion may begin in the present poses: as `lanes_step`, of no duration. */
 OFFERED int64_t lanes_check(const batch *of);
 /* (N_SIGNALS, M) */

@@ -1,0 +1,134 @@
+"""Cost of many platforms at once, per member and on one core: `make bench`.
+
+`motion_base` with parameters of its own for each member and friction on; machine code in vectors against the scalar
+kernel of the FMU, compiled with the FMU's flags and called for as many members. All rows take turns; best of many
+rounds.
+"""
+
+import ctypes
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from gough_stewart.fmu_build.codegen import function_source
+from gough_stewart.fmu_build.targets import native
+from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.harness.plants.compiled_lanes import CompiledLanes, reference
+from gough_stewart.harness.plants.lane_batch import N_INPUTS, N_PARAMETERS, N_STATES, rows
+from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
+from gough_stewart.model import interface, kernel
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.state import State
+
+MEMBERS = 4096
+ROUNDS = 300
+# So short that the members stay where they are.
+STEP = 1e-15
+_SCALAR = """#include <math.h>
+static double sq(double x)
+{{
+    return x * x;
+}}
+{kernel}
+__attribute__((visibility("default")))
+void many(long long n, const double *x, const double *u, const double *p, double *y)
+{{
+    for (long long k = 0; k < n; k++)
+        kernel_derivatives(x + {states} * k, u + {inputs} * k, p + {parameters} * k, y + {states} * k);
+}}
+"""
+
+
+def plant_of(members: int) -> LanesPlant:
+    """All different, in gentle motion."""
+    rng, nominal = np.random.default_rng(15), load_preset("motion_base")
+    some = [replace(nominal, platform_mass=nominal.platform_mass * rng.uniform(0.8, 1.2)) for _ in range(64)]
+    platforms = [some[k % len(some)] for k in range(members)]
+    starts = [
+        State(platform.home_position + rng.uniform(-0.1, 0.1, 3), *rng.uniform(-0.1, 0.1, (3, 3)))
+        for platform in platforms
+    ]
+    return lanes_plant(platforms, starts, substeps=1, compiler=True)
+
+
+def scalar_kernel(folder: Path) -> ctypes.CDLL:
+    """`many`: the FMU's derivatives for one member after the other."""
+    text = _SCALAR.format(
+        kernel=function_source(kernel.derivatives_function(), "static void kernel_"),
+        states=N_STATES,
+        inputs=N_INPUTS,
+        parameters=N_PARAMETERS,
+    )
+    library = folder / f"scalar{native().suffix}"
+    library.write_bytes(compile_library("scalar", {"scalar.c": text}, {}, native()))
+    return ctypes.CDLL(str(library))
+
+
+def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[str, float]:
+    """Of each row, per call."""
+    plant = plant_of(members)
+    batch, code = plant._batch, plant._kernel
+    if not isinstance(code, CompiledLanes):
+        raise TypeError("what is timed is the machine code")
+    signals, results = (rows(len(names), batch.blocks) for names in (range(24), interface.RESULT_COLUMNS))
+    rates, library, of = rows(N_STATES, batch.blocks), code.library, reference(batch)
+    scalar = scalar_kernel(folder)
+    p = batch.parameters.transpose(0, 2, 1).reshape(-1, N_PARAMETERS)
+    numbers = [np.ascontiguousarray(each) for each in (batch.states.T, batch.inputs.T, p, rates.T)]
+    pointers = [ctypes.c_void_p(each.ctypes.data) for each in numbers]
+    out = ctypes.c_void_p(rates.ctypes.data)
+    calls: dict[str, Callable[[], object]] = {
+        "evaluation, scalar kernel": lambda: scalar.many(ctypes.c_longlong(members), *pointers),
+        "evaluation, in vectors": lambda: library.lanes_derivatives(of, out),
+        "RK4 step": lambda: code.step(batch, STEP, 1),
+        "RK4 step without checks": lambda: code.step(batch, STEP, 1, checked=False),
+        "checks of the pose": lambda: code.check(batch),
+        "RK4 step with signals": lambda: code.step(batch, STEP, 1, signals),
+        "signals alone": lambda: code.signals(batch, signals),
+        "results": lambda: code.results(batch, results),
+    }
+    best = dict.fromkeys(calls, np.inf)
+    for _ in range(rounds):
+        for name, call in calls.items():
+            start = time.perf_counter()
+            call()
+            best[name] = min(best[name], time.perf_counter() - start)
+    # what is timed is the same mathematics
+    if not np.allclose(rates.T[:members], numbers[3][:members], rtol=1e-9, atol=1e-9):
+        raise RuntimeError("the kernels in vectors and the scalar one differ")
+    return {name: 1e6 * seconds / members for name, seconds in best.items()}
+
+
+def main() -> int:
+    """Measure, print the table, and say which targets are missed."""
+    with TemporaryDirectory() as folder:
+        cost = microseconds_a_member(MEMBERS, ROUNDS, Path(folder))
+    # four in a step, as a run has them: the parameters come from memory once
+    cost = {**cost, "evaluation, in an RK4 step": cost["RK4 step without checks"] / 4}
+    scalar, vector = cost["evaluation, scalar kernel"], cost["evaluation, in an RK4 step"]
+    table = Table(f"{MEMBERS} members on one core", "µs a member", "scalar evaluations")
+    for name, microseconds in cost.items():
+        table.add_row(name, f"{microseconds:.3f}", f"{microseconds / scalar:.2f}")
+    console = Console()
+    console.print(table)
+    targets = Table("target", "measured", "")
+    missed = 0
+    for text, measured, holds in (
+        ("evaluation ≤ 0.06 µs a member", f"{vector:.3f} µs", vector <= 0.06),
+        ("≥ 4 × the scalar kernel", f"{scalar / vector:.1f} ×", scalar >= 4 * vector),
+    ):
+        targets.add_row(text, measured, "ok" if holds else "[bold red]missed[/bold red]")
+        missed += not holds
+    console.print(targets)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

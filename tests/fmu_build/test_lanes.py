@@ -1,0 +1,115 @@
+"""The library of many platforms: its elementary functions, and how it is kept."""
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gough_stewart.fmu_build import lanes
+from gough_stewart.fmu_build.lanes import WIDTH, lanes_library
+from gough_stewart.model.vectors import FloatArray
+
+# Of rounding: half a unit in the last place of 1.
+U = 2.0**-53
+# The numbers of x86 with 64 bits of mantissa; elsewhere as good as double, which is no reference.
+needs_long_double = pytest.mark.skipif(np.finfo(np.longdouble).nmant < 60, reason="no long double to compare with")
+
+
+def _elementary(x: FloatArray) -> FloatArray:
+    """sin, cos and tanh (3, n) of n numbers, a multiple of eight."""
+    library = ctypes.CDLL(str(lanes_library().path))
+    y = np.empty((3, len(x)))
+    pointers = (ctypes.c_void_p(array.ctypes.data) for array in (x, y))
+    library.lanes_elementary(ctypes.c_int64(len(x) // WIDTH), *pointers)
+    return y
+
+
+def _samples(largest: float) -> FloatArray:
+    """Dense between −7 and 7, then all magnitudes up to the largest, and next to the multiples of π/4."""
+    rng = np.random.default_rng(5)
+    n = 1 << 15
+    magnitudes = 10.0 ** rng.uniform(-300, np.log10(largest), n) * rng.choice([-1.0, 1.0], n)
+    steps = (1 + np.arange(n)) * rng.choice([-1.0, 1.0], n) * (np.pi / 4) * (1 + rng.integers(-3, 4, n) * 2 * U)
+    return np.concatenate([rng.uniform(-7, 7, 4 * n), magnitudes, rng.uniform(-largest, largest, n), steps])
+
+
+@needs_long_double
+def test_sine_and_cosine_are_right_to_a_unit_in_the_last_place() -> None:
+    """Expected: the C library's, in long double."""
+    x = _samples(1e6)
+    sine, cosine, _ = _elementary(x)
+    exact = x.astype(np.longdouble)
+    assert np.abs(sine - np.sin(exact)).max() < 1.6 * U
+    assert np.abs(cosine - np.cos(exact)).max() < 1.6 * U
+
+
+@needs_long_double
+def test_sine_is_relatively_right_down_to_the_smallest_angles() -> None:
+    """Expected: the C library's, in long double."""
+    x = _samples(0.7)
+    x = x[np.abs(x) < 0.78]
+    x = x[: len(x) // WIDTH * WIDTH]
+    exact = np.sin(x.astype(np.longdouble))
+    assert np.abs((_elementary(x)[0] - exact) / exact).max() < 2.2 * U
+
+
+@needs_long_double
+def test_hyperbolic_tangent_is_right_to_two_units_in_the_last_place() -> None:
+    """Expected: the C library's, in long double; also where it differs from x or 1 by little."""
+    x = _samples(1e3)
+    exact = np.tanh(x.astype(np.longdouble))
+    assert np.abs((_elementary(x)[2] - exact) / exact).max() < 4 * U
+
+
+def test_what_is_not_a_number_stays_so_and_limits_are_kept() -> None:
+    """Expected: NaN of NaN, of infinite angles and of those beyond a million; tanh ±1 at ±∞, and 0 of 0."""
+    x = np.array([np.nan, np.inf, -np.inf, 1.1e6, 0.0, 1e300, -30.0, -0.0])
+    sine, cosine, tangent = _elementary(x)
+    for angle in (sine, cosine):
+        np.testing.assert_array_equal(np.isnan(angle), [True, True, True, True, False, True, False, False])
+    np.testing.assert_array_equal(tangent, [np.nan, 1.0, -1.0, 1.0, 0.0, 1.0, -1.0, 0.0])
+    assert sine[4] == 0
+    assert cosine[4] == 1
+
+
+def test_a_library_is_kept_and_a_damaged_one_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: one compilation for two askings, and a further one after a byte has changed."""
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
+    made = []
+
+    def compiled() -> bytes:
+        made.append(1)
+        return b"machine code"
+
+    monkeypatch.setattr(lanes, "_compiled", compiled)
+    first, second = lanes_library(), lanes_library()
+    assert first == second
+    assert len(made) == 1
+    first.path.write_bytes(b"machine c0de")
+    assert lanes_library().path.read_bytes() == b"machine code"
+    assert len(made) == 2
+
+
+@pytest.mark.parametrize("what", ["FLAGS", "_processor", "state_of_sources"])
+def test_another_processor_flag_or_source_has_a_library_of_its_own(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(lanes, "_compiled", lambda: b"machine code")
+    path = lanes_library().path
+    monkeypatch.setattr(lanes, what, ("-O0",) if what == "FLAGS" else lambda: "another fma")
+    assert lanes_library().path != path
+
+
+def test_features_tell_machine_codes_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(lanes, "_processor", lambda: "flags: avx2 fma sse2")
+    found = []
+    for code in (b"one", b"other"):
+        monkeypatch.setattr(lanes, "_compiled", lambda code=code: code)
+        found.append(lanes_library())
+        found[-1].path.unlink()
+    assert "avx2 fma " in found[0].features
+    assert found[0].path == found[1].path
+    assert found[0].features != found[1].features
