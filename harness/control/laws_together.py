@@ -4,7 +4,7 @@ Numbers of a member are those of its own law, `laws.law_of`, but for rounding; t
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -85,6 +85,16 @@ def _structure(controller: Controller) -> str:
     )
 
 
+class _Turn(NamedTuple):
+    """(x, u) of a sample, and what makes x⁺ and forces of it; samples take turns between two."""
+
+    xu: FloatArray
+    x: FloatArray  # views
+    u: FloatArray
+    next_state: Callable[[], None]
+    outputs: Callable[[], None]
+
+
 class _LinearLaws:
     """As `LinearLaw`, with (x, u) of all members in columns."""
 
@@ -93,56 +103,60 @@ class _LinearLaws:
 
     def __init__(self, controllers: Sequence[LinearController], n_members: int) -> None:
         first = controllers[0]
-        systems = {id(each.system): each.system for each in controllers}
-        self._n = n = first.system.nstates
-        own = {key: np.block([[s.A, s.B], [s.C, s.D]]) for key, s in systems.items()}
-        if len(own) > 1:
-            self._matrices = np.stack([own[id(each.system)] for each in controllers])
-        else:
-            self._matrices = own[id(first.system)]
-        self._product = Product(self._matrices, n_members)
-        self._xu = np.zeros((n + first.system.ninputs, n_members))
-        self._x, self._u = self._xu[:n], self._xu[n:]  # views
+        # all of one system are one matrix
+        same = all(each.system is first.system for each in controllers)
+        systems = [each.system for each in (controllers[:1] if same else controllers)]
+        A, B, C, D = (np.stack([getattr(system, name) for system in systems]) for name in "ABCD")
+        n = first.system.nstates
+        self._matrices = np.concatenate([np.concatenate([A, B], axis=2), np.concatenate([C, D], axis=2)], axis=1)
+        next_state = Product(self._matrices[:, :n, :], n_members)
+        outputs = Product(self._matrices[:, n:, :], n_members)
+        self._y = np.zeros((N_LEGS, n_members))
+        one, other = np.zeros((2, n + first.system.ninputs, n_members))
+        self._now, self._next = (
+            _Turn(now, now[:n], now[n:], next_state.of(now, following), outputs.of(now, self._y))
+            for now, following in ((one, other), (other, one))
+        )
         self.used = first.signals
         self._at = as_slice(signals.positions(first.signals))
         self._form = first.system.ninputs
 
     def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
         """Memory at rest under constant inputs."""
-        n = self._n
+        n = len(self._now.x)
         self._feed(wanted, measured, np.zeros((N_LEGS, 1)))
-        if not n:
-            return
-        self._x[:] = 0.0
-        forcing = self._product(self._xu)[:n]
-        matrices = np.broadcast_to(self._matrices, (self._xu.shape[1], *self._matrices.shape[-2:]))
-        for member, matrix in enumerate(matrices):
-            A = matrix[:n, :n]
-            poles = np.diag(A)
-            if not (A - np.diag(poles)).any():
-                free = integrates(poles)
-                self._x[:, member] = np.where(free, 0.0, forcing[:, member] / np.where(free, 1.0, 1 - poles))
-            else:
-                self._x[:, member] = rest(A, integrating_modes(A), forcing[:, member])
+        self._now.next_state()
+        forcing = self._next.x.T  # (N, n)
+        A = np.broadcast_to(self._matrices[:, :n, :n], (len(forcing), n, n))
+        poles = np.diagonal(A, axis1=1, axis2=2)
+        free = integrates(poles)
+        x = np.where(free, 0.0, forcing / np.where(free, 1.0, 1 - poles))
+        for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
+            x[member] = rest(A[member], integrating_modes(A[member]), forcing[member])
+        self._now.x[...] = x.T
 
     @property
     def state(self) -> FloatArray:
-        """A copy of x (N, n)."""
-        return self._x.copy().T
+        """A view of x (N, n), valid until the sample after the next."""
+        return self._now.x.T
 
     def _feed(self, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
-        n = len(measured)
+        u, n = self._now.u, len(measured)
         if self._form == n:
-            np.subtract(wanted, measured, out=self._u)
+            np.subtract(wanted, measured, out=u)
             return
-        self._u[:n], self._u[n : 2 * n] = wanted, measured
+        u[:n], u[n : 2 * n] = wanted, measured
         if self._form > 2 * n:
-            self._u[2 * n :] = excess
+            u[2 * n :] = excess
 
     def _advance(self, due: BoolArray | None) -> FloatArray:
-        both = self._product(self._xu)
-        np.copyto(self._x, both[: self._n], where=True if due is None else due)
-        return both[self._n :]
+        now, following = self._now, self._next
+        now.outputs()
+        now.next_state()
+        if due is not None:
+            np.copyto(following.x, now.x, where=~due)
+        self._now, self._next = following, now
+        return self._y
 
 
 class _LegLaws(_LinearLaws):

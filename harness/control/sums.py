@@ -6,6 +6,7 @@ along chains of the matrix, (i, j), (i + r, j + c), (i + 2 r, j + 2 c), …: of 
 kind of element.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from gough_stewart.model.vectors import FloatArray
 class _Chain(NamedTuple):
     rows: slice
     columns: slice
-    values: FloatArray  # (length, N), or (length, 1) where they are alike for all
+    values: FloatArray  # (length, N)
     is_first: bool  # of its rows
 
 
@@ -25,24 +26,28 @@ class Product:
     """y = M x of members whose matrices (N, rows, columns), or one for all (rows, columns), have zeros alike."""
 
     def __init__(self, matrices: FloatArray, n_members: int) -> None:
-        M = matrices[None] if matrices.ndim == 2 else matrices
+        M = np.broadcast_to(matrices, (n_members, *matrices.shape[-2:]))
         self._chains = [
             _Chain(_every(rows), _every(columns), np.ascontiguousarray(M[:, rows, columns].T), rank == 0)
             for rank, rows, columns in _chains((M != 0).any(axis=0))
         ]
-        self._y = np.zeros((M.shape[1], n_members))
-        self._work = np.zeros_like(self._y)
+        self._work = np.zeros((M.shape[1], n_members))
 
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """The product y (rows, N) with x (columns, N); valid until the next call."""
+    def of(self, x: FloatArray, y: FloatArray) -> Callable[[], None]:
+        """What writes M x of x (columns, N) into y (rows, N), always these arrays; rows without elements stay."""
+        # taken out beforehand, as views cost Python as much as the arithmetic
+        steps: list[tuple[np.ufunc, FloatArray, FloatArray, FloatArray]] = []
         for rows, columns, values, is_first in self._chains:
-            if is_first:
-                np.multiply(values, x[columns], out=self._y[rows])
-            else:
-                term = np.multiply(values, x[columns], out=self._work[: len(values)])
-                y = self._y[rows]
-                np.add(y, term, out=y)
-        return self._y
+            term = y[rows] if is_first else self._work[: len(values)]
+            steps.append((np.multiply, values, x[columns], term))
+            if not is_first:
+                steps.append((np.add, y[rows], term, y[rows]))
+
+        def product() -> None:
+            for operation, a, b, out in steps:
+                operation(a, b, out)
+
+        return product
 
 
 def _every(numbers: NDArray[np.intp]) -> slice:

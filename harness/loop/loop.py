@@ -219,11 +219,11 @@ def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes:
         error: PerMember = math.sqrt(gap @ gap)
         if error <= bound:
             return
+    elif members.all_below(gap, members.smallest(bound)):
+        return
     else:
         x, y, z = gap.T
         error = np.sqrt(x * x + y * y + z * z)
-        if (error <= bound).all():
-            return
     outcomes.end(
         ~np.less_equal(error, bound),  # true of NaN, too
         "diverged",

@@ -69,7 +69,7 @@ class Sampler:
 
     def _sample(self, j: int, time: float, reading: FloatArray, due: BoolArray | None) -> Sampled:
         if self._shape and not self._outcomes.all_go:
-            due = self._outcomes.going if due is None else due & self._outcomes.going
+            due = self._outcomes.going & (True if due is None else due)
         command = self._loop.feedforward[j]
         if self._loop.injection is not None:
             command = command + self._loop.injection[j]
@@ -111,12 +111,11 @@ class Sampler:
         if due is not None:
             # what a member has commanded stays until its next sample; of one that has ended nothing is left
             command = np.where(due[:, None], command, np.where(going[:, None], self.command, 0.0))
-        self.command = np.broadcast_to(command, (*self._shape, 6))
-        # false of NaN, too
-        if not (command.max() <= LARGEST_NUMBER and command.min() >= -LARGEST_NUMBER):
+        self.command = command if command.ndim == 2 else np.broadcast_to(command, (*self._shape, 6))
+        if not members.all_below(self.command, LARGEST_NUMBER):
             beyond = ~(np.abs(self.command) <= LARGEST_NUMBER).all(axis=-1)
             self._outcomes.end(beyond, "diverged", lambda member: _forces_are(self.command[member]), time=time)
-            due = going.copy() if due is None else due & going
+            due = going & (True if due is None else due)
         cut, excess = self._drives.command(j, self.command, due)
         if due is None:
             self.force_limited, self._excess = cut, excess
@@ -132,7 +131,7 @@ class Sampler:
         if law.failures:
             failed = np.isin(np.arange(self._shape[0]), list(law.failures))
             self._outcomes.end(failed, "stopped", lambda k: str(law.failures[k]), counts=False)
-            due = self._outcomes.going.copy() if due is None else due & self._outcomes.going
+            due = self._outcomes.going & (True if due is None else due)
         return force, due
 
 

@@ -79,9 +79,9 @@ class _Steps:
     def round(self, exact: FloatArray, out: FloatArray) -> None:
         """Into `out`, which may be `exact` itself."""
         kept = exact.copy() if self._some_have_none else None
-        np.divide(exact, self._step, out=out)
-        np.rint(out, out=out)
-        np.multiply(out, self._step, out=out)
+        np.divide(exact, self._step, out)
+        np.rint(out, out)
+        np.multiply(out, self._step, out)
         if kept is not None:
             np.copyto(out, kept, where=self._none)
 

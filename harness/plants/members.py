@@ -31,6 +31,20 @@ def stacked(values: Sequence[Any]) -> Any:
     return np.moveaxis(np.stack([np.asarray(each) for each in values], axis=-1), -1, -2)
 
 
+def all_below(values: FloatArray, bound: float) -> bool:
+    """Whether vectors (N, size) are certainly all shorter than a bound; where not, one has to look more closely.
+
+    All squares together are at once at hand, and no sum of theirs is larger; false of NaN, too.
+    """
+    row = values.T.reshape(-1)
+    return bool(row @ row < bound * bound)
+
+
+def smallest(value: PerMember) -> Any:
+    """Of all members."""
+    return value.min() if isinstance(value, np.ndarray) else value
+
+
 def of(value: PerMember, member: int) -> Any:
     """That of one member, of a number that all have alike or of an array (N,)."""
     return np.ravel(value)[member if np.ndim(value) else 0]

@@ -1,0 +1,227 @@
+"""How members end: each for its own cause, while the others go on as if they were alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.random import SeedSequence
+
+from gough_stewart.harness.control.laws import LinearController, Sample
+from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.control.pid import pid, sampled
+from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.errors import ControllerError, PlantError
+from gough_stewart.harness.loop.loop import Limits, Loop, observe
+from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.sensors import Readings, Sensors
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.together import together
+from gough_stewart.harness.plants import signals
+from gough_stewart.model.vectors import FloatArray
+from tests.support.fake_plants import ManyMasses, Masses
+from tests.support.loops import FORCES, constant, loop_of
+from tests.support.members import (
+    FEATURES,
+    Member,
+    T,
+    alone,
+    assert_same,
+    gains_of_member,
+    law_of_member,
+    member_of,
+    side_by_side,
+)
+
+
+def failing(sample: Sample) -> FloatArray:
+    """Gives up at 0.1 s."""
+    if sample.time > 0.095:
+        raise RuntimeError("no more")
+    return FORCES
+
+
+def without_a_number(sample: Sample) -> FloatArray:
+    """One force is none from 0.15 s on."""
+    return np.where((np.arange(6) == 3) & (sample.time > 0.145), np.nan, FORCES)
+
+
+def ending_members() -> list[Member]:
+    """Two that run to their end among five that do not."""
+    at_ease = member_of(0, law_of_member(0))
+    loop = replace(at_ease.loop, limits=Limits((0.5, 1.75), "stop", 0.5))
+    return [
+        Member(loop, law_of_member(0)),
+        Member(loop, law_of_member(0), fails_at=0.05),
+        Member(replace(loop, limits=Limits((0.5, 1.601), "stop", 0.5)), constant(-FORCES)),
+        Member(loop, failing),
+        Member(loop, without_a_number),
+        Member(replace(loop, limits=Limits((0.0, 9.0), "stop", 1e-3)), constant()),
+        Member(loop, law_of_member(2), 1.3),
+    ]
+
+
+def test_members_end_each_for_its_cause_and_the_others_go_on() -> None:
+    """Expected: outcome, words and rows of single runs, to the last bit."""
+    some = ending_members()
+    many = side_by_side(some)
+    for k, each in enumerate(some):
+        single = alone(each)
+        assert_same(many, k, single)
+        assert many.outcomes[k] == single.outcome
+    statuses = [outcome.status for outcome in many.outcomes]
+    assert statuses == ["completed", "diverged", "stopped", "stopped", "diverged", "diverged", "completed"]
+    assert len({outcome.time for outcome in many.outcomes}) == 6
+
+
+def test_members_that_have_ended_stand_still() -> None:
+    """Expected: the plant's signals of the row behind their end, in all rows that follow.
+
+    At that row a controller may have failed, to which it does not count; all others stand there from their end on.
+    """
+    many = side_by_side(ending_members())
+    for k, outcome in enumerate(many.outcomes):
+        last = round(outcome.time / 0.002) + (k == 3)
+        after = many.results[last:, k, :24]
+        assert (after == after[0]).all()
+
+
+class Counting(Observer):
+    """Counts the rows of each member."""
+
+    def __init__(self, n: int) -> None:
+        self.rows, self.calls = np.zeros(n, dtype=int), 0
+
+    def row(self, row: Row) -> None:
+        self.rows += row.running
+        self.calls += 1
+
+
+def test_rows_count_up_to_the_row_of_the_outcome() -> None:
+    """Expected: as many as a single run records; the loop ends when nobody is left."""
+    some = ending_members()
+    for who in (range(7), range(1, 6)):
+        chosen = [some[k] for k in who]
+        counting = Counting(len(chosen))
+        plant = ManyMasses([each.platform_mass for each in chosen], [each.fails_at for each in chosen])
+        law_from = laws_together([each.controller for each in chosen], T, np.zeros((0, 6, 6)))
+        outcomes = observe(plant, law_from, together([each.loop for each in chosen]), counting)
+        assert counting.rows.tolist() == [len(alone(each).time) for each in chosen]
+        assert counting.calls == counting.rows.max()
+        if len(chosen) == 7:  # with nobody left nothing is frozen
+            assert plant.frozen.tolist() == [outcome.status != "completed" for outcome in outcomes]
+
+
+def test_a_function_that_gives_no_forces_at_first_ends_its_member_alone() -> None:
+    """Expected: no row of its own, an outcome at time 0; the other one as alone."""
+    fine = member_of(1, law_of_member(1))
+    many = side_by_side([Member(fine.loop, lambda _sample: None), fine])
+    assert many.outcomes[0].status == "stopped"
+    assert many.outcomes[0].time == 0.0
+    assert "time 0 s; expected 6 forces" in str(many.outcomes[0].cause)
+    assert_same(many, 1, alone(fine))
+
+
+def test_ctrl_c_ends_those_that_still_run() -> None:
+    def interrupt(time: float) -> None:
+        if time > 0.2:
+            raise KeyboardInterrupt
+
+    some = ending_members()
+    plant = ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some])
+    law_from = laws_together([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    outcomes = observe(plant, law_from, together([each.loop for each in some]), Counting(7), interrupt)
+    assert [outcome.status == "interrupted" for outcome in outcomes] == [True, *[False] * 5, True]
+
+
+def test_noise_of_a_member_is_that_of_its_seed_alone() -> None:
+    """Expected: in any company, member k has the noise of a single run with `SeedSequence(9).spawn()[k]`."""
+    children = SeedSequence(9).spawn(5)
+    noise = {"leg_length": 1e-3, "position": 2e-3}
+    n = 150  # more than a block
+    true = np.zeros((3, signals.SIZE))
+
+    def of(seeds: tuple[SeedSequence, ...]) -> FloatArray:
+        readings = Readings(Sensors(noise, seed=seeds), n, (len(seeds),))
+        return np.array([readings(k, true[: len(seeds)]).copy() for k in range(n)])
+
+    some, fewer = of((children[4], children[1], children[2])), of((children[2],))
+    for at, k in enumerate((4, 1, 2)):
+        single = Readings(Sensors(noise, seed=SeedSequence(9, spawn_key=(k,))), n)
+        np.testing.assert_array_equal(some[:, at], [single(j, true[0]) for j in range(n)])
+    np.testing.assert_array_equal(some[:, 2], fewer[:, 0])
+    assert (some[:, 0, 12:18] != some[:, 1, 12:18]).all()
+
+
+def test_jitter_of_a_member_is_that_of_its_seed_alone() -> None:
+    """Expected: rows of samples as of a single run with the member's jitter and seed."""
+    seeds = tuple(SeedSequence(9).spawn(3))
+    jitter = np.array([0.004, 0.0, 0.009])
+    rows = Timing(1.0, T, 0.001, jitter, seeds).rows_of_samples
+    for k in range(3):
+        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), seeds[k]).rows_of_samples)
+    assert len(np.unique(rows[:, 2] % 10)) == 9
+
+
+def loop_with(**parts: object) -> Loop:
+    return loop_of(0.1, **parts)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("other", "match"),
+    [
+        (loop_of(0.2), "duration of loop 0 is 0.1 and of loop 1 0.2; expected the same"),
+        (loop_of(0.1, 0.02), "sample_time of loop 0 is 0.01"),
+        (loop_of(0.1, plant_step=0.001), "plant_step of loop 0 is 0.002"),
+        (loop_with(limits=Limits(on_stroke="stop")), "on_stroke of loop 0 is 'warn' and of loop 1 'stop'"),
+        (loop_with(sensors=Sensors(sample_time=0.004)), "the sensors' sample_time of loop 0 is None"),
+        (loop_of(0.1, wants=False), "whether there is a reference of loop 0 is True and of loop 1 False"),
+        (loop_with(injection=np.zeros((10, 6))), "whether there is an injection"),
+    ],
+)
+def test_loops_that_cannot_be_together_are_refused(other: Loop, match: str) -> None:
+    with pytest.raises(ControllerError, match=match):
+        together([loop_of(0.1), other])
+
+
+def test_what_is_alike_for_all_stays_as_it_is() -> None:
+    """Expected: no leading axis but where members differ."""
+    one = loop_of(0.1)
+    both = together([one, replace(one, start_force=np.ones(6))])
+    assert both.wanted is one.wanted
+    assert both.feedforward is one.feedforward
+    assert (both.start_force == [[0.0] * 6, [1.0] * 6]).all()
+    assert both.limits.stroke == one.limits.stroke
+    assert both.timing == one.timing
+    assert both.shape == (2,)
+
+
+def test_controllers_that_cannot_be_together_are_refused() -> None:
+    pd_only, pid_too = (LinearController(sampled(pid(gains_of_member(0, integral)), T)) for integral in (False, True))
+    with pytest.raises(ControllerError, match=r"different structure.*12 states, 18 inputs.*6 states, 12 inputs"):
+        laws_together([pid_too, pd_only], T, np.zeros((0, 6, 6)))
+    with pytest.raises(ControllerError, match="different structure, a function; linear"):
+        laws_together([pid_too, constant()], T, np.zeros((0, 6, 6)))
+    with pytest.raises(ControllerError, match=r"mine.fmu is a unit.*linear or a function"):
+        laws_together([UnitController("mine.fmu")], T, np.zeros((0, 6, 6)))  # type: ignore[arg-type]
+    with pytest.raises(ControllerError, match="the controller's sample time is 0\\.01 s, the loop's 0\\.02 s"):
+        laws_together([pd_only, pd_only], 0.02, np.zeros((0, 6, 6)))
+
+
+def test_a_loop_of_another_shape_than_the_plant_is_refused() -> None:
+    loop = together([loop_of(0.1), loop_of(0.1)])
+    for plant in (ManyMasses([1.0, 1.0, 1.0]), Masses()):
+        with pytest.raises(ControllerError, match=r"a loop of shape \(2,\) around a plant of shape \("):
+            observe(plant, None, loop, Counting(2))
+
+
+def test_a_plant_of_one_refuses_what_some_members_do() -> None:
+    with pytest.raises(PlantError, match="Masses is a plant of one platform"):
+        Masses().freeze(np.array([True]))
+
+
+def test_features_name_what_the_tests_of_members_turn_on() -> None:
+    """Expected: with a feature on, its numbers differ from member to member; a misspelt one would test nothing."""
+    plain = together([member_of(k, law_of_member(k)).loop for k in range(4)])
+    for feature in FEATURES:
+        featured = together([member_of(k, law_of_member(k), [feature]).loop for k in range(4)])
+        assert repr(featured) != repr(plain), feature

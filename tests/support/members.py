@@ -1,0 +1,142 @@
+"""Members that run side by side, each with another plant, controller and loop, and the same alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from gough_stewart.harness.control.laws import Sample, controller_of, law_of
+from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.loop.actuators import Actuators
+from gough_stewart.harness.loop.loop import Change, Limits, Loop
+from gough_stewart.harness.loop.run import Run, simulate
+from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.together import together
+from gough_stewart.model.vectors import FloatArray
+from tests.support.fake_plants import ManyMasses, Masses
+from tests.support.loops import KD, KP, reference
+
+T = 0.01
+
+
+@dataclass
+class Member:
+    """One of many: its plant, its controller, its loop."""
+
+    loop: Loop
+    controller: Any
+    platform_mass: float = 1.0
+    fails_at: float = np.inf
+
+
+def jacobians_of(member: int, n: int = 50) -> FloatArray:
+    """Six by six, another one at each sample, far from singular."""
+    rng = np.random.default_rng([7, member])
+    return np.asarray(np.eye(6) + 0.08 * rng.normal(size=(n, 6, 6)))
+
+
+def alone(member: Member, jacobians: FloatArray | None = None) -> Run:
+    """As a single run."""
+    made = controller_of(member.controller)
+    J = np.zeros((0, 6, 6)) if jacobians is None else jacobians
+    return simulate(
+        Masses(member.platform_mass, member.fails_at),
+        lambda wanted, measured: law_of(made, T, J, wanted, measured),
+        member.loop,
+    )
+
+
+def side_by_side(some: Sequence[Member], jacobians: FloatArray | None = None) -> Run:
+    """All at once."""
+    J = np.zeros((0, 6, 6)) if jacobians is None else jacobians
+    return simulate(
+        ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some]),
+        laws_together([controller_of(each.controller) for each in some], T, J),
+        together([each.loop for each in some]),
+    )
+
+
+def assert_same(many: Run, k: int, single: Run, tolerance: float = 0.0) -> None:
+    """Every row and sample of a member, up to its own end; flags and outcome, too."""
+    rows = len(single.time)
+    at = single.sample_of_row if single.sample_of_row.ndim == 1 else single.sample_of_row[:, 0]
+    samples = int(at[-1]) + 1
+    assert many.outcomes[k].status == single.outcomes[0].status
+    assert many.outcomes[k].time == single.outcomes[0].time
+    for name, n in (("results", rows), ("inputs", rows), ("command", samples), ("controller_state", samples)):
+        found, expected = getattr(many, name)[:n, k], getattr(single, name)[:n]
+        expected = expected.reshape(found.shape)
+        if tolerance:
+            np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(1.0, np.abs(expected).max()))
+        else:
+            np.testing.assert_array_equal(found, expected)
+    for name, n in (("rate_limited", rows), ("stroke_exceeded", rows), ("force_limited", samples)):
+        found, expected = getattr(many, name)[:n, k], getattr(single, name)[:n]
+        np.testing.assert_array_equal(found, expected.reshape(found.shape))
+    whose = many.sample_of_row[:rows] if many.sample_of_row.ndim == 1 else many.sample_of_row[:rows, k]
+    np.testing.assert_array_equal(whose, at)
+
+
+def law_of_member(k: int) -> Any:
+    """A function, exact to the last bit in one and in many: elementwise, with gains of its own."""
+
+    def law(sample: Sample) -> FloatArray:
+        error = sample.reference["leg_length"] - sample.measured["leg_length"]
+        rate = sample.reference["leg_velocity"] - sample.measured["leg_velocity"]
+        return np.asarray((1 + 0.1 * k) * KP * error + (1 - 0.05 * k) * KD * rate)
+
+    return law
+
+
+def gains_of_member(k: int, integral: bool = True) -> Gains:
+    """Of six unequal channels, other ones for each member."""
+    return Gains((1 + 0.1 * k) * KP, (1 - 0.05 * k) * KD, ((20 - k) * KP / 10) if integral else 0.0)
+
+
+def member_of(k: int, controller: Any, features: Sequence[str] = ()) -> Member:
+    """Member k, in whom everything is another that the features name."""
+    on = set(features)
+    rng = np.random.default_rng(k)
+    timing = Timing(
+        0.5, T, 0.002, jitter=(0.004 + 0.0015 * (k % 3)) * ("jitter" in on), seed=SeedSequence(5, spawn_key=(k,))
+    )
+    wanted = reference(timing.times) if "references" not in on else reference(timing.times * (1 + 0.1 * k))
+    samples = len(timing.samples)
+    loop = Loop(
+        timing,
+        wanted,
+        feedforward=(1 + k) * rng.normal(size=(samples, 6)) if "feedforward" in on else np.zeros((samples, 6)),
+        start_force=rng.normal(size=6) if "start" in on else np.zeros(6),
+        sensors=Sensors(
+            {"leg_length": 1e-4 * (k % 4), "leg_velocity": 1e-3} if "noise" in on else {},
+            {"leg_length": 1e-4 * (1 + k % 2), "position": 1e-4 * (k % 2)} if "quantisation" in on else {},
+            0.006 if "encoders" in on else None,
+            seed=SeedSequence(5, spawn_key=(k,)),
+        ),
+        actuators=Actuators(
+            (3.0 + k if k % 3 else None) if "force_limit" in on else None,
+            (200.0 + 50 * k if k % 2 else None) if "rate_limit" in on else None,
+            0.003 * (k % 3) if "lag" in on else 0.0,
+            (k % 3) if "delays" in on else 1,
+        ),
+        limits=Limits((0.5, 1.75), "warn", 0.5),
+        changes=(
+            Change(0.1 + 0.02 * (k % 3), {"platform_mass": 1.5 + 0.1 * k}),
+            Change(0.1, external_wrench=(1.0 + k) * np.arange(6.0)),
+            Change(0.1 + 0.1 * (k % 2), {"platform_mass": 1.2}, external_wrench=-np.arange(6.0)),
+        )[: k % 4]
+        if "changes" in on
+        else (),
+        injection=rng.normal(size=(samples, 6)) if "injection" in on else None,
+    )
+    return Member(loop, controller, 1 + 0.07 * k)
+
+
+FEATURES = [
+    "jitter", "references", "feedforward", "start", "noise", "quantisation", "encoders", "force_limit", "rate_limit",
+    "lag", "delays", "changes", "injection",
+]  # fmt: skip
