@@ -222,12 +222,10 @@ def test_units_of_two_systems_lie_apart(builds: list[str], monkeypatch: pytest.M
 def test_a_disk_that_does_not_keep_a_unit_is_an_error_that_names_the_folder(
     builds: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def forget(folder: Path, files: dict[str, bytes]) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            (folder / name).write_bytes(content[:3])
+    def forget(path: Path, content: bytes) -> None:
+        path.write_bytes(content[:3])
 
-    monkeypatch.setattr(cached, "write_files", forget)
+    monkeypatch.setattr(cached, "write_whole", forget)
     with pytest.raises(BuildError, match="delete the folder") as caught:
         cached_build("2.0")
     assert str(tmp_path) in str(caught.value)

@@ -1,7 +1,9 @@
 """The library of many platforms: its elementary functions, and how it is kept."""
 
 import ctypes
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -89,6 +91,26 @@ def test_a_library_is_kept_and_a_damaged_one_is_made_anew(tmp_path: Path, monkey
     first.path.write_bytes(b"machine c0de")
     assert lanes_library().path.read_bytes() == b"machine code"
     assert len(made) == 2
+
+
+def test_several_at_once_find_a_whole_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: all have the library, whoever wrote last; nothing half-written lies beside it."""
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
+    together = Barrier(4)
+
+    def compiled() -> bytes:
+        together.wait(10)
+        return b"machine code" * 100_000
+
+    monkeypatch.setattr(lanes, "_compiled", compiled)
+    with ThreadPoolExecutor(4) as threads:
+        found = set(threads.map(lambda _: lanes_library(), range(4)))
+    (library,) = found
+    assert library.path.read_bytes() == b"machine code" * 100_000
+    assert sorted(file.name for file in library.path.parent.iterdir()) == [
+        library.path.name,
+        f"{library.path.name}.sha256",
+    ]
 
 
 @pytest.mark.parametrize("what", ["FLAGS", "_processor", "state_of_sources"])
