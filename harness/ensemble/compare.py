@@ -1,0 +1,161 @@
+"""Two ensembles of the same members: how much better the one is than the other, and how sure that is."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import polars
+from numpy.typing import NDArray
+from scipy import stats
+
+from gough_stewart.harness.ensemble.names import shown_metric
+from gough_stewart.harness.ensemble.result import CAUSE, ENDED, MEMBER, OUTCOME, VARIED, Ensemble
+from gough_stewart.harness.ensemble.tables import usual_metrics
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.model.vectors import FloatArray
+
+CONFIDENCE = 0.95
+_RESAMPLES = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """B − A of every figure of merit, member by member.
+
+    `differences` has a row for each figure of merit that members have in both: `metric`, `pairs`, `mean_a`, `mean_b`,
+    the `mean` of the differences with `mean_low` and `mean_high` (Student's t), their `median` with `median_low` and
+    `median_high` (bootstrap), and `less_b`, the share of members in which B has the smaller number. Confidence is
+    95 %, of each number alone.
+    """
+
+    a: Ensemble
+    b: Ensemble
+    names: tuple[str, str]
+    differences: polars.DataFrame
+    both_completed: int
+    only_a: int  # completed in A, but not in B
+    only_b: int
+    neither: int
+
+
+def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
+    """Compare two ensembles of the same members (common random numbers): members that completed in both.
+
+    Raises
+    ------
+    RecordError
+        Their members are not the same: other numbers of them, or other values of what varies in both.
+    """
+    _check_same(a, b)
+    completed_a, completed_b = ((each.members[OUTCOME] == "completed").to_numpy() for each in (a, b))
+    both = completed_a & completed_b
+    rows = [
+        {"metric": name, **_difference(a.values(name)[both], b.values(name)[both])}
+        for name in a.metrics
+        if name in b.metrics
+    ]
+    rows = [row for row in rows if row["pairs"]]
+    return Comparison(
+        a,
+        b,
+        names,
+        polars.DataFrame(rows, infer_schema_length=None, nan_to_null=True) if rows else polars.DataFrame(),
+        int(both.sum()),
+        int((completed_a & ~completed_b).sum()),
+        int((completed_b & ~completed_a).sum()),
+        int((~completed_a & ~completed_b).sum()),
+    )
+
+
+def compare_sheets(found: Comparison, usual: bool = True) -> list[Sheet]:
+    """Differences with their confidence, and who completed; at most 80 columns wide."""
+    first, second = found.names
+    ended = Sheet(f"{found.a.members.height} members in both", ("", f"completed in {second}", "not"))
+    ended.add(f"completed in {first}", str(found.both_completed), str(found.only_a))
+    ended.add("not", str(found.only_b), str(found.neither))
+    names = usual_metrics(found.a) if usual else list(found.a.metrics)
+    table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
+    sheets = [ended]
+    of = f"of the {found.both_completed} that completed in both"
+    for kind, title, ends in (("mean", "mean difference", True), ("median", "median difference", False)):
+        heads = (first, second) if ends else (f"less in {second}",)
+        sheet = Sheet(f"{second} − {first}, {title}, {of}", ("", *heads, second + " − " + first, "95 %"))
+        for name in names:
+            if name in table:
+                row, shown = table[name], shown_metric(name)
+                low, mid, high, *means = (
+                    number_text(None if row[key] is None else shown.factor * row[key], 3)
+                    for key in (f"{kind}_low", kind, f"{kind}_high", "mean_a", "mean_b")
+                )
+                first_cells = means if ends else [f"{100 * row['less_b']:.0f} %"]
+                sheet.add(Named(shown.text, shown.unit), *first_cells, mid, f"{low} … {high}")
+        sheets.append(sheet)
+    return sheets
+
+
+def difference(found: Comparison) -> Ensemble:
+    """B − A of each member as an ensemble of its own: its figures of merit are the differences."""
+    a, b = found.a, found.b
+    both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
+    kept = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
+    columns = {name: b.values(name) - a.values(name) for name in a.metrics if name in b.metrics}
+    outcome = {OUTCOME: both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)}
+    table = a.members.select(kept).with_columns(**outcome, **{CAUSE: polars.lit(None, polars.String)})
+    table = table.with_columns(polars.Series(name, values, nan_to_null=True) for name, values in columns.items())
+    first, second = found.names
+    return Ensemble(table, a.bands.clear(), {**a.metadata, "title": f"{second} − {first}"})
+
+
+def _check_same(a: Ensemble, b: Ensemble) -> None:
+    if a.members.height != b.members.height or a.members[MEMBER].to_list() != b.members[MEMBER].to_list():
+        raise RecordError(
+            f"{a.members.height} and {b.members.height} members; expected the same members in both, "
+            "for instance by the same --members and --seed"
+        )
+    for name in a.varied:
+        if name in b.varied:
+            x, y = a.values(name), b.values(name)
+            differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
+            if differ.any():
+                k = int(differ.argmax())
+                raise RecordError(
+                    f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in the one and {y[k]:.6g} in the other; "
+                    "expected the same [ensemble] in both, with the same seed"
+                )
+
+
+def _difference(x: FloatArray, y: FloatArray) -> dict[str, float | int | None]:
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    gap = y - x
+    n = len(gap)
+    if not n:
+        return {"pairs": 0}
+    mean, median = float(gap.mean()), float(np.median(gap))
+    row: dict[str, float | int | None] = {"pairs": n, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
+    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * gap.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
+    low, high = _median_interval(gap)
+    row |= {"mean": mean, "mean_low": mean - half, "mean_high": mean + half}
+    return row | {"median": median, "median_low": low, "median_high": high, "less_b": float((gap < 0).mean())}
+
+
+def _median_interval(gap: FloatArray) -> tuple[float, float]:
+    """By bootstrap: quantiles of the medians of members drawn again, always the same ones."""
+    low, high = _middle_ranks(len(gap))
+    ordered = np.sort(gap)
+    medians = (ordered[low] + ordered[high]) / 2
+    ends = np.quantile(medians, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
+    return float(ends[0]), float(ends[1])
+
+
+@lru_cache(4)
+def _middle_ranks(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Of the two middle members among n drawn again from n ordered ones: the median of any sample is between them."""
+    rng = np.random.default_rng(1)
+    low, high = np.zeros(_RESAMPLES, dtype=np.intp), np.zeros(_RESAMPLES, dtype=np.intp)
+    for k in range(_RESAMPLES):
+        # how often each is drawn, and so how many are at most as large
+        at_most = np.cumsum(np.bincount(rng.integers(0, n, n), minlength=n))
+        low[k], high[k] = np.searchsorted(at_most, ((n - 1) // 2, n // 2), side="right")
+    return low, high

@@ -1,0 +1,170 @@
+"""One page of an ensemble for the browser: bands, histograms, dependence, sensitivity, worst members; no network."""
+
+import html
+from collections.abc import Mapping, Sequence
+from string import Template
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.ensemble.names import Shown, shown_input, shown_metric, shown_signal
+from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
+from gough_stewart.harness.ensemble.statistics import failures, finite
+from gough_stewart.harness.ensemble.tables import failure_sheet, quantile_sheet, worst_sheet
+from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.pages import asset, document, packed, plotly
+from gough_stewart.harness.output.tables import Sheet, to_html
+from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
+
+PAGE = "report.html"
+# Points that a browser still moves at once.
+_MOST_POINTS = 10_000
+_MARKS = ((0.05, "5 %"), (0.5, "50 %"), (0.95, "95 %"))
+_MOST_BARS = 15
+
+
+def ensemble_page(
+    ensemble: Ensemble,
+    by: str,
+    worst: Mapping[int, str],
+    sensitivities: Sequence[Sensitivity] = (),
+    more: Sequence[Sheet] = (),
+) -> bytes:
+    """The page, the same bytes for the same ensemble; nothing is loaded from anywhere.
+
+    Parameters
+    ----------
+    by
+        The figure of merit that is shown first, and of which the worst members are.
+    worst
+        Worst members, with the address of a page of their own relative to this one; "" for none.
+    sensitivities
+        Of figures of merit.
+    more
+        Tables to show before the others.
+    """
+    n = ensemble.members.height
+    seed = f"seed {ensemble.metadata['seed']}, " if "seed" in ensemble.metadata else ""
+    lead = f"{n} members, {seed}sampling {ensemble.metadata.get('sampling', 'random').replace('_', ' ')}"
+    body = Template(asset("ensemble", "ensemble.html")).substitute(
+        title=html.escape(ensemble.title),
+        lead=html.escape(lead),
+        hint=html.escape(_hint(n)),
+        tables="".join(_in_box(to_html(sheet)) for sheet in more) + _tables(ensemble, by, worst),
+        footer="Made by gough-stewart, with plotly.js inside.",
+    )
+    scripts = [plotly(), asset("output", "page.js") + asset("ensemble", "ensemble.js")]
+    data = _data(ensemble, by, sensitivities)
+    return document(f"{ensemble.title}: ensemble", body, asset("ensemble", "ensemble.css"), data, scripts)
+
+
+def _hint(n: int) -> str:
+    parts = ["Bands: median, 25 to 75 %, 5 to 95 %, and extremes of the members that are still running."]
+    if n > MOST_MEMBERS:
+        error = 100 * np.sqrt(0.05 * 0.95 / MOST_MEMBERS)
+        parts.append(
+            f"Their quantiles are of the first {MOST_MEMBERS} members (the 5 % line is that of {5 - error:.1f} to "
+            f"{5 + error:.1f} % of all), their extremes of all."
+        )
+    if n > _MOST_POINTS:
+        parts.append(f"Points and histograms are of the first {_MOST_POINTS} members, tables of all.")
+    return " ".join(parts)
+
+
+def _tables(ensemble: Ensemble, by: str, worst: Mapping[int, str]) -> str:
+    sheets = [to_html(quantile_sheet(ensemble, [name for name in ensemble.metrics if _is_known(ensemble, name)]))]
+    if failures(ensemble.members):
+        sheets.append(to_html(failure_sheet(ensemble, most=50, width=400)))
+    if worst:
+        sheets.insert(0, _linked(to_html(worst_sheet(ensemble, list(worst), by)), worst))
+    return "".join(map(_in_box, sheets))
+
+
+def _linked(table: str, worst: Mapping[int, str]) -> str:
+    """The numbers of members as links to their pages."""
+    for member, address in worst.items():
+        if address:
+            cell = f'<th scope="row">{member}</th>'
+            link = f'<th scope="row"><a href="{html.escape(address)}">{member}, in 3-D</a></th>'
+            table = table.replace(cell, link, 1)
+    return table
+
+
+def _data(ensemble: Ensemble, by: str, sensitivities: Sequence[Sensitivity]) -> dict[str, Any]:
+    first = ensemble.members.head(_MOST_POINTS)
+    some = Ensemble(first, ensemble.bands, ensemble.metadata)
+    names = [name for name in ensemble.metrics if _is_known(ensemble, name)]
+    signals = list(dict.fromkeys(ensemble.bands["signal"].to_list()))
+    time = ensemble.bands["time"].unique().sort().to_numpy()
+    return {
+        "colours": COLOURS,
+        "by": by,
+        "member": packed(first[MEMBER].to_numpy(), "i4"),
+        "completed": packed((first[OUTCOME] == "completed").to_numpy().astype(int), "i1"),
+        "metrics": [_metric(ensemble, some, name) for name in names],
+        "inputs": [
+            {**_named(shown_input(name), name), "values": packed(some.values(name), "f4")}
+            for name in ensemble.varied
+            if len(finite(some.values(name)))
+        ],
+        "time": packed(time, "f4"),
+        "signals": [_signal(ensemble, column) for column in signals],
+        "sensitivity": {found.metric: _sensitivity(found) for found in sensitivities},
+    }
+
+
+def _named(shown: Shown, name: str) -> dict[str, Any]:
+    return {"name": name, "text": shown.text, "unit": shown.unit}
+
+
+def _metric(ensemble: Ensemble, some: Ensemble, name: str) -> dict[str, Any]:
+    shown = shown_metric(name)
+    levels = np.quantile(finite(ensemble.values(name)), [level for level, _ in _MARKS])
+    return {
+        **_named(shown, name),
+        "values": packed(shown.factor * some.values(name), "f4"),
+        "marks": [
+            {"value": float(shown.factor * value), "text": text}
+            for value, (_, text) in zip(levels, _MARKS, strict=True)
+        ],
+    }
+
+
+def _signal(ensemble: Ensemble, column: str) -> dict[str, Any]:
+    part, shown = ensemble.bands.filter(polars.col("signal") == column), shown_signal(column)
+    lines = {
+        name: packed(shown.factor * part[name].fill_null(np.nan).to_numpy(), "f4")
+        for name in ("lowest", *QUANTILES, "highest")
+    }
+    return {**_named(shown, column), **lines}
+
+
+def _sensitivity(found: Sensitivity) -> dict[str, Any]:
+    order = found.order[:_MOST_BARS]
+    bars = [("alone" if found.total is not None else "β", found.main, found.main_confidence)]
+    if found.total is not None and found.total_confidence is not None:
+        bars.append(("in total", found.total, found.total_confidence))
+    return {
+        "remark": found.remark,
+        "axis": "share of the variance" if found.total is not None else "standardised regression coefficient β",
+        "inputs": [found.inputs[k] for k in order],
+        "bars": [
+            {"name": name, "values": _plain(values[order]), "confidence": _plain(confidence[order])}
+            for name, values, confidence in bars
+        ],
+    }
+
+
+def _plain(values: Any) -> list[float]:
+    """For JSON, which has no NaN."""
+    return [float(value) for value in np.nan_to_num(values)]
+
+
+def _is_known(ensemble: Ensemble, name: str) -> bool:
+    return len(finite(ensemble.values(name))) > 0
+
+
+def _in_box(table: str) -> str:
+    return f"<div>{table}</div>"

@@ -1,0 +1,160 @@
+"""Which of what varies makes a figure of merit vary: Sobol' indices, or standardised regression."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gough_stewart.harness.ensemble.result import OUTCOME, Ensemble, metric_name
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.model.vectors import FloatArray
+
+Method = Literal["sobol", "regression"]
+_CONFIDENCE = 0.95
+_RESAMPLES = 100
+# Regression and its resampling of more members would say the same, slower.
+_MOST = 20_000
+_SMALLEST_R2 = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """How much of a figure of merit's variance is whose.
+
+    - `sobol`: the share `main` of each input alone (first order), and `total`, with everything in which it takes part;
+      each with half of its confidence interval. They need nothing but independent inputs.
+    - `regression`: `main` is the standardised regression coefficient β, of y on all inputs, both divided by their
+      standard deviations; its square is the share, as far as y is linear in them, which `r2` says.
+    """
+
+    metric: str
+    method: Method
+    inputs: tuple[str, ...]
+    main: FloatArray
+    main_confidence: FloatArray  # half the width at 95 %
+    total: FloatArray | None
+    total_confidence: FloatArray | None
+    r2: float | None
+    used: int  # members that it is of
+    left_out: int  # of those that there are
+
+    @property
+    def order(self) -> list[int]:
+        """Inputs, the most influential first."""
+        size = np.abs(self.main) if self.total is None else self.total
+        return [int(k) for k in np.argsort(-size, kind="stable")]
+
+    @property
+    def remark(self) -> str:
+        """What a reader has to know."""
+        of = f"of {self.used} members" + (f", {self.left_out} without a value left out" if self.left_out else "")
+        if self.r2 is None:
+            return f"Sobol' indices {of}; whiskers are 95 % confidence"
+        text = f"standardised regression {of}, R² = {self.r2:.2f}; whiskers are 95 % confidence"
+        if self.r2 < _SMALLEST_R2:
+            text += "; the metric is far from linear in what varies: take sampling = 'saltelli' for Sobol' indices"
+        return text
+
+
+def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
+    """Of one figure of merit: Sobol' indices where the members are Saltelli's design, else regression.
+
+    Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259, as SALib has it.
+    Confidence is by resampling members.
+
+    Raises
+    ------
+    RecordError
+        There is no such metric, nothing varies, or too few members have a value.
+    """
+    metric_name(ensemble.members, metric)
+    merit = np.where(_completed(ensemble), ensemble.values(metric), np.nan)
+    if ensemble.metadata.get("sampling") == "saltelli":
+        return _sobol(metric, merit, ensemble.metadata["groups"])
+    return _regression(ensemble, metric, merit)
+
+
+def group_name(columns: Sequence[str]) -> str:
+    """What to call columns that vary together: `base_points` of `base_points[1,1]`, `base_points[1,2]` and so on."""
+    if len(columns) == 1:
+        return columns[0]
+    names = dict.fromkeys(column.partition("[")[0] for column in columns)
+    return " & ".join(names)
+
+
+def _completed(ensemble: Ensemble) -> FloatArray:
+    return np.asarray((ensemble.members[OUTCOME] == "completed").to_numpy())
+
+
+def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity:
+    from SALib.analyze import sobol
+
+    names = [group_name(columns) for columns in groups]
+    block = len(groups) + 2
+    points = merit[: len(merit) // block * block].reshape(-1, block)
+    # a point counts only with all of its members
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 2:
+        raise RecordError(f"{metric}: {len(points)} points of Saltelli's design are complete; expected at least 2")
+    if np.ptp(points) == 0:
+        raise RecordError(f"{metric}: is the same for all members; expected one that varies")
+    problem = {"num_vars": len(names), "names": names, "bounds": [[0, 1]] * len(names)}
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        found = sobol.analyze(
+            problem, points.ravel(), calc_second_order=False, conf_level=_CONFIDENCE, num_resamples=_RESAMPLES, seed=1
+        )
+    S1, S1_conf, ST, ST_conf = (np.asarray(found[key], dtype=float) for key in ("S1", "S1_conf", "ST", "ST_conf"))
+    left_out = len(merit) - points.size
+    return Sensitivity(metric, "sobol", tuple(names), S1, S1_conf, ST, ST_conf, None, points.size, left_out)
+
+
+def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivity:
+    columns = {name: ensemble.values(name) for name in ensemble.varied}
+    X = np.stack(list(columns.values()), axis=1) if columns else np.zeros((len(merit), 0))
+    usable = np.flatnonzero(np.isfinite(merit))
+    # texts, and what is the same for all, have no coefficient
+    kept = [k for k, x in enumerate(X.T) if len(usable) and np.isfinite(x[usable]).all() and np.ptp(x[usable]) > 0]
+    n, p = len(usable), len(kept)
+    if not kept:
+        raise RecordError(f"{metric}: nothing that is a number varies; expected an [ensemble] with distributions")
+    if n < p + 3:
+        raise RecordError(f"{metric}: {n} members have a value; expected at least {p + 3} for {p} inputs")
+    if np.ptp(merit[usable]) == 0:
+        raise RecordError(f"{metric}: is the same for all members; expected one that varies")
+    usable = usable[:_MOST]
+    x, y = X[usable][:, kept], merit[usable]
+    beta, r2 = _standardised(x, y)
+    with np.errstate(all="ignore"):
+        again = _resampled((x - x.mean(axis=0)) / x.std(axis=0), (y - y.mean()) / y.std())
+    low, high = np.nanquantile(again, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2), axis=0)
+    names = tuple(list(columns)[k] for k in kept)
+    left_out = len(merit) - len(usable)
+    return Sensitivity(metric, "regression", names, beta, (high - low) / 2, None, None, r2, len(usable), left_out)
+
+
+def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
+    """Coefficients (p,) of y/σ_y on x/σ_x, and R²."""
+    z, w = (x - x.mean(axis=0)) / x.std(axis=0), (y - y.mean()) / y.std()
+    beta = np.linalg.lstsq(z, w, rcond=None)[0]
+    return beta, float(1 - np.mean((w - z @ beta) ** 2))
+
+
+def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:
+    """The coefficients (_RESAMPLES, p) of members drawn again, by normal equations; NaN where they are singular."""
+    n, p = z.shape
+    rows = np.concatenate([z, w[:, None]], axis=1)
+    rng = np.random.default_rng(1)
+    found = np.full((_RESAMPLES, p), np.nan)
+    for k in range(_RESAMPLES):
+        some = rows[rng.integers(0, n, n)]
+        some = some - some.mean(axis=0)
+        C = some.T @ some
+        scale = np.sqrt(np.diag(C))
+        try:
+            found[k] = np.linalg.solve(C[:p, :p], C[:p, p]) * scale[:p] / scale[p]
+        except np.linalg.LinAlgError:
+            continue
+    return found

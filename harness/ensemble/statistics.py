@@ -1,0 +1,85 @@
+"""Numbers about all members: quantiles of every figure of merit, and failures by cause."""
+
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.ensemble.result import CAUSE, ENDED, IMPOSSIBLE, MEMBER, OUTCOME, metric_names, numbers
+from gough_stewart.harness.results.bands import LEVELS, QUANTILES
+from gough_stewart.model.vectors import FloatArray
+
+# A number in the text of a cause: it differs from member to member.
+_NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(\.\d+)?([eE][-+]?\d+)?")
+
+
+class Failure(NamedTuple):
+    """Members that did not complete, for the same cause."""
+
+    outcome: str
+    cause: str  # of the first of them
+    members: tuple[int, ...]
+
+
+def finite(values: FloatArray) -> FloatArray:
+    """Those that are defined."""
+    return np.asarray(values[np.isfinite(values)])
+
+
+def quantiles(members: polars.DataFrame) -> polars.DataFrame:
+    """A row for each figure of merit: how many members have it, mean, deviation, extremes and quantiles.
+
+    A run that ended early counts with the numbers that it has up to there; `failures` says which those are.
+    """
+    rows: list[dict[str, Any]] = []
+    for name in metric_names(members):
+        values = finite(numbers(members, name))
+        row: dict[str, Any] = {"metric": name, "defined": len(values)}
+        if len(values):
+            deviation = float(values.std(ddof=1)) if len(values) > 1 else None
+            row |= {"mean": float(values.mean()), "deviation": deviation, "lowest": float(values.min())}
+            row |= dict(zip(QUANTILES, np.quantile(values, LEVELS).tolist(), strict=True))
+            row["highest"] = float(values.max())
+        rows.append(row)
+    schema = {
+        "metric": polars.String,
+        "defined": polars.Int64,
+        **dict.fromkeys(("mean", "deviation", "lowest", *QUANTILES, "highest"), polars.Float64),
+    }
+    return polars.DataFrame(rows, schema=schema)
+
+
+def failures(members: polars.DataFrame) -> tuple[Failure, ...]:
+    """Members that did not complete, by outcome and cause, the most frequent first.
+
+    Causes that differ in their numbers alone are one.
+    """
+    found: dict[tuple[str, str], list[int]] = {}
+    first: dict[tuple[str, str], str] = {}
+    failed = members.filter(polars.col(OUTCOME) != "completed")
+    for member, outcome, cause in failed.select(MEMBER, OUTCOME, CAUSE).iter_rows():
+        text = str(cause or "")
+        key = (str(outcome), _NUMBER.sub("#", text))
+        found.setdefault(key, []).append(int(member))
+        first.setdefault(key, text)
+    made = [Failure(key[0], first[key], tuple(each)) for key, each in found.items()]
+    return tuple(sorted(made, key=lambda failure: -len(failure.members)))
+
+
+def worst_members(members: polars.DataFrame, by: str, number: int) -> list[int]:
+    """The members with the largest value of a figure of merit; before them those that did not complete, earliest first.
+
+    Impossible members have no run, and are left out. Of margins the smallest are the worst.
+    """
+    runs = members.filter(polars.col(OUTCOME) != IMPOSSIBLE)
+    merit = numbers(runs, by)
+    badness = -merit if by in SMALL_IS_BAD else merit
+    completed = (runs[OUTCOME] == "completed").to_numpy()
+    ended = numbers(runs, ENDED)
+    order = np.lexsort((np.where(np.isnan(badness), np.inf, -badness), np.where(completed, 0.0, ended), completed))
+    return [int(member) for member in runs[MEMBER].to_numpy()[order][:number]]
+
+
+# Of these, more is better.
+SMALL_IS_BAD = ("stroke.margin", "margins.disk", "margins.stable")

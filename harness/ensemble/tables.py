@@ -1,0 +1,107 @@
+"""An ensemble as tables for the terminal and for its page."""
+
+from collections.abc import Sequence
+
+import polars
+
+from gough_stewart.harness.ensemble.names import shown_input, shown_metric
+from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble, numbers
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
+from gough_stewart.harness.ensemble.statistics import failures, quantiles
+from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.harness.results.bands import LEVELS, QUANTILES
+
+# What is shown of a figure of merit in one line; the page shows all of them.
+_MOST_CAUSES, _CAUSE_WIDTH, _MOST_INPUTS = 8, 38, 8
+_USUAL = (
+    *("tracking.position.norm_rms", "tracking.position.norm_peak"),
+    *("tracking.orientation.norm_rms", "tracking.orientation.norm_peak", "tracking.leg_length.peak"),
+    *("force.peak", "power.peak", "energy.absolute_total", "stroke.margin"),
+    *("saturation.force_limited.any", "saturation.rate_limited.any", "stroke.exceeded.any"),
+    *("margins.stable", "margins.disk"),
+)
+_USUAL_OF_STEPS = ("overshoot_percent", "rise_time", "settling_time")
+
+
+def ensemble_sheets(ensemble: Ensemble, usual: bool = True) -> list[Sheet]:
+    """Quantiles of the figures of merit, the usual ones or all, and failures; at most 80 columns wide."""
+    names = usual_metrics(ensemble) if usual else ensemble.metrics
+    sheets = [quantile_sheet(ensemble, names)]
+    if failures(ensemble.members):
+        sheets.append(failure_sheet(ensemble))
+    return sheets
+
+
+def usual_metrics(ensemble: Ensemble) -> list[str]:
+    """Figures of merit that are looked at first, and that some member has; not those that are always 0."""
+    names = [
+        name
+        for name in ensemble.metrics
+        if name in _USUAL or (name.startswith("step_response.") and name.endswith(_USUAL_OF_STEPS))
+    ]
+    shares = ("saturation.", "stroke.exceeded")
+    order = {name: k for k, name in enumerate(_USUAL)}
+
+    def is_worth_it(name: str) -> bool:
+        values = ensemble.members[name].drop_nulls()
+        return len(values) > 0 and not (name.startswith(shares) and float(values.cast(polars.Float64).max() or 0) == 0)  # type: ignore[arg-type]
+
+    return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, 4.5))
+
+
+def quantile_sheet(ensemble: Ensemble, names: Sequence[str]) -> Sheet:
+    """A row for each figure of merit: its quantiles."""
+    counts = ensemble.members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
+    ended = ", ".join(f"{count} {outcome}" for outcome, count in counts)
+    sheet = Sheet(
+        f"{ensemble.members.height} members: {ended}", ("", *(f"{100 * level:g} %" for level in LEVELS), "of")
+    )
+    table = {row["metric"]: row for row in quantiles(ensemble.members).iter_rows(named=True)}
+    for name in names:
+        row, shown = table[name], shown_metric(name)
+        cells = [number_text(None if row[q] is None else shown.factor * row[q], 3) for q in QUANTILES]
+        sheet.add(Named(shown.text, shown.unit), *cells, str(row["defined"]))
+    return sheet
+
+
+def failure_sheet(ensemble: Ensemble, most: int = _MOST_CAUSES, width: int = _CAUSE_WIDTH) -> Sheet:
+    """Members that did not complete, by cause; the text is that of the first of them."""
+    sheet = Sheet("Not completed", ("", "members", "cause of the first", "first"))
+    found = failures(ensemble.members)
+    for failure in found[:most]:
+        cause = failure.cause if len(failure.cause) <= width else failure.cause[: width - 1] + "…"
+        sheet.add(failure.outcome, str(len(failure.members)), cause, str(failure.members[0]))
+    if len(found) > most:
+        sheet.add("other", str(sum(len(failure.members) for failure in found[most:])), "", "")
+    return sheet
+
+
+def sensitivity_sheet(found: Sensitivity, most: int = _MOST_INPUTS) -> Sheet:
+    """The most influential inputs with what they make of a figure of merit."""
+    shown = shown_metric(found.metric)
+    heads = ("", "β", "±") if found.total is None else ("", "alone", "±", "in total", "±")
+    sheet = Sheet(f"What makes the {shown.text} vary", heads)
+    for k in found.order[:most]:
+        cells = [number_text(found.main[k], 2), number_text(found.main_confidence[k], 2)]
+        if found.total is not None and found.total_confidence is not None:
+            cells += [number_text(found.total[k], 2), number_text(found.total_confidence[k], 2)]
+        sheet.add(found.inputs[k], *cells)
+    return sheet
+
+
+def worst_sheet(ensemble: Ensemble, worst: Sequence[int], by: str) -> Sheet:
+    """These members: how they ended, the figure of merit, and what varies."""
+    shown = shown_metric(by)
+    inputs = [shown_input(name) for name in ensemble.varied][:_MOST_INPUTS]
+    heads = tuple(f"{each.text} [{each.unit}]" if each.unit else each.text for each in inputs)
+    sheet = Sheet(f"Worst members by {shown.text}", ("member", "outcome", f"{shown.text} [{shown.unit}]", *heads))
+    merit = ensemble.values(by)
+    row_of = {int(member): k for k, member in enumerate(ensemble.members[MEMBER].to_list())}
+    varied = [numbers(ensemble.members, f"varied.{name}") for name in ensemble.varied[:_MOST_INPUTS]]
+    for member in worst:
+        k = row_of[member]
+        outcome = str(ensemble.members[OUTCOME][k])
+        sheet.add(
+            str(member), outcome, number_text(shown.factor * merit[k]), *(number_text(each[k]) for each in varied)
+        )
+    return sheet

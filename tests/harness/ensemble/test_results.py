@@ -1,0 +1,201 @@
+"""What is said of an ensemble, on members whose figures of merit are closed forms of what varies."""
+
+import json
+import re
+
+import numpy as np
+import polars
+import pytest
+from rich.console import Console
+
+from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
+from gough_stewart.harness.ensemble.figures import ensemble_figures
+from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.sensitivity import group_name, sensitivity
+from gough_stewart.harness.ensemble.statistics import failures, quantiles, worst_members
+from gough_stewart.harness.ensemble.tables import ensemble_sheets, sensitivity_sheet
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.output.tables import to_terminal
+from gough_stewart.harness.sampling.design import Design
+from gough_stewart.model.vectors import FloatArray
+from tests.support.ensembles import INPUTS, SLOPES, ensemble_of
+
+PEAK = "tracking.position.norm_peak"
+
+
+def normal(n: int, seed: int = 2) -> FloatArray:
+    return np.random.default_rng(seed).normal(size=(n, 4))
+
+
+def failing() -> Ensemble:
+    """60 members: three diverge for causes that differ in numbers, one is stopped, one is impossible."""
+    outcome, cause = ["completed"] * 60, list[str | None]([None] * 60)
+    for k, gap in ((4, "0.31"), (17, "1.2e-3"), (41, "12")):
+        outcome[k], cause[k] = "diverged", f"the platform is {gap} m from its reference; the bound is 0.05 m"
+    outcome[23], cause[23] = "stopped", "leg 3 is 1.7 m long; its stroke is 0.9 to 1.6 m"
+    outcome[9], cause[9] = "impossible", "platform_mass is -3 kg; expected > 0 kg"
+    return ensemble_of(normal(60), outcome, cause)
+
+
+def test_standardised_coefficients_are_those_of_the_closed_form_and_their_confidence_holds_them() -> None:
+    """Expected: aₖ / |a| of y = a · x; noise of the sample is in R² = 1 and the inputs' own correlations alone."""
+    found = sensitivity(ensemble_of(normal(4000)), PEAK)
+    assert found.inputs == INPUTS
+    np.testing.assert_allclose(found.main, SLOPES / np.linalg.norm(SLOPES), atol=0.03)
+    assert found.r2 == pytest.approx(1.0)
+    assert [INPUTS[k] for k in found.order] == list(INPUTS)
+    # y of x², of which no line knows anything
+    bent = sensitivity(ensemble_of(normal(4000)), "tracking.position.norm_rms")
+    assert bent.r2 is not None
+    assert bent.r2 < 0.05
+    assert (np.abs(bent.main) <= 2 * bent.main_confidence + 0.02).all()
+    assert "saltelli" in bent.remark
+
+
+def test_sobol_indices_are_those_of_the_closed_form() -> None:
+    """Expected: y = a · x has aₖ² / |a|² alone and in total; of a product nothing alone, all in total."""
+    design = Design("saltelli", 5, 6 * 1024, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
+    # uniform of unit deviation
+    x = np.sqrt(12) * (design.points(0, design.members) - 0.5)
+    ensemble = ensemble_of(x, sampling="saltelli")
+    found = sensitivity(ensemble, PEAK)
+    np.testing.assert_allclose(found.main, SLOPES**2 / (SLOPES @ SLOPES), atol=0.03)
+    assert found.total is not None
+    np.testing.assert_allclose(found.total, SLOPES**2 / (SLOPES @ SLOPES), atol=0.03)
+    product = sensitivity(ensemble, "power.peak")
+    assert product.total is not None
+    np.testing.assert_allclose(product.main, 0, atol=0.05)
+    np.testing.assert_allclose(product.total, [1, 1, 0, 0], atol=0.1)
+
+
+def test_a_point_of_which_a_member_failed_is_left_out_whole() -> None:
+    """Expected: the indices of the others; six members are missing, those of a point of four inputs."""
+    design = Design("saltelli", 5, 6 * 512, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
+    x = np.sqrt(12) * (design.points(0, design.members) - 0.5)
+    outcome = ["completed"] * len(x)
+    outcome[6 * 100 + 3] = "diverged"
+    found = sensitivity(ensemble_of(x, outcome, sampling="saltelli"), PEAK)
+    assert (found.used, found.left_out) == (6 * 511, 6)
+    np.testing.assert_allclose(found.main, SLOPES**2 / (SLOPES @ SLOPES), atol=0.05)
+
+
+def test_what_cannot_be_said_is_refused_with_the_reason() -> None:
+    """Expected: the message names the metric, and what is missing."""
+    ensemble = ensemble_of(normal(40))
+    with pytest.raises(RecordError, match=r"no metric 'force.peek'.*force\.peak"):
+        sensitivity(ensemble, "force.peek")
+    with pytest.raises(RecordError, match="6 members have a value; expected at least 7 for 4 inputs"):
+        sensitivity(ensemble_of(normal(6)), PEAK)
+    members = ensemble.members.with_columns(polars.lit(1.0).alias(PEAK))
+    with pytest.raises(RecordError, match="is the same for all members"):
+        sensitivity(Ensemble(members, ensemble.bands, ensemble.metadata), PEAK)
+    assert group_name(["base_points[1,1]", "base_points[1,2]", "platform_mass"]) == "base_points & platform_mass"
+
+
+def test_quantiles_leave_out_what_is_undefined_and_say_how_many_there_are() -> None:
+    """Expected: the sorted values at their ranks, written out for 41 members."""
+    x = normal(41)
+    table = {row["metric"]: row for row in quantiles(ensemble_of(x).members).iter_rows(named=True)}
+    ordered = np.sort(1e-2 + 1e-3 * x @ SLOPES)
+    row = table[PEAK]
+    assert [row[q] for q in ("q05", "q25", "q50", "q75", "q95")] == pytest.approx(ordered[[2, 10, 20, 30, 38]].tolist())
+    assert (row["lowest"], row["highest"], row["mean"]) == pytest.approx((ordered[0], ordered[-1], ordered.mean()))
+    assert table["step_response.z.settling_time"]["defined"] == int((x[:, 1] > -1.5).sum())
+    assert "rows" not in table
+
+
+def test_failures_are_counted_by_cause_whatever_the_numbers_in_it() -> None:
+    """Expected: the five of them, as they were made."""
+    found = failures(failing().members)
+    assert [(each.outcome, each.members) for each in found] == [
+        ("diverged", (4, 17, 41)),
+        ("impossible", (9,)),
+        ("stopped", (23,)),
+    ]
+    assert found[0].cause.startswith("the platform is 0.31 m")
+
+
+def test_the_worst_members_are_those_that_ended_early_and_then_those_with_the_largest_number() -> None:
+    """Expected: the four that ended, but not the impossible one, then by sorting; of a margin the smallest."""
+    ensemble = failing()
+    merit = ensemble.values(PEAK)
+    others = [k for k in np.argsort(-merit) if k not in (4, 17, 41, 23, 9)]
+    found = worst_members(ensemble.members, PEAK, 7)
+    assert set(found[:4]) == {4, 17, 41, 23}
+    assert found[4:] == others[:3]
+    assert worst_members(ensemble_of(normal(60)).members, "margins.disk", 1) == [int(np.argmax(normal(60)[:, 1]))]
+
+
+def test_tables_are_whole_in_eighty_columns() -> None:
+    """Expected: no text is cut, of all usual metrics and of the comparison."""
+    ensemble = failing()
+    both = compare(ensemble, ensemble, ("slow", "fast"))
+    console = Console(width=80, color_system=None)
+    for sheet in (*ensemble_sheets(ensemble), sensitivity_sheet(sensitivity(ensemble, PEAK)), *compare_sheets(both)):
+        with console.capture() as shown:
+            console.print(to_terminal(sheet))
+        cut = [line for line in shown.get().splitlines() if "…" in line.replace(" … ", "")]
+        # causes are cut on purpose, and once
+        assert not [
+            line for line in cut if "diverged" not in line and "impossible" not in line and "stopped" not in line
+        ]
+
+
+def test_the_page_links_its_worst_members_and_holds_every_member_and_signal() -> None:
+    """Expected: the members' own numbers, read back from what the page's script reads; nothing of the network."""
+    ensemble = failing()
+    found = [sensitivity(ensemble, PEAK)]
+    page = ensemble_page(ensemble, PEAK, {17: "worst/member-17/report.html", 5: ""}, found).decode()
+    assert '<a href="worst/member-17/report.html">17, in 3-D</a>' in page
+    assert "default-src 'none'" in page
+    data = json.loads(re.findall(r'<script type="application/json" id="data">(.*?)</script>', page)[0])
+    assert [each["name"] for each in data["inputs"]] == list(INPUTS)
+    assert {each["name"] for each in data["metrics"]} == set(ensemble.metrics)
+    assert [each["name"] for each in data["signals"]][3] == "error.position.norm"
+    assert data["sensitivity"][PEAK]["inputs"] == [INPUTS[k] for k in found[0].order]
+    assert page == ensemble_page(ensemble, PEAK, {17: "worst/member-17/report.html", 5: ""}, found).decode()
+
+
+def test_figures_are_the_same_bytes_each_time_and_leave_out_what_is_not_there() -> None:
+    """Expected: four pictures; without bands and inputs those of the figures of merit alone."""
+    ensemble = failing()
+    files = ensemble_figures(ensemble, PEAK, sensitivity(ensemble, PEAK))
+    names = ("bands", "histograms", "dependence", "sensitivity")
+    assert set(files) == {f"{name}.{kind}" for name in names for kind in ("png", "svg")}
+    assert all(file.startswith(b"\x89PNG") for name, file in files.items() if name.endswith("png"))
+    bare = ensemble.members.select([name for name in ensemble.members.columns if not name.startswith("varied.")])
+    assert set(ensemble_figures(Ensemble(bare, ensemble.bands.clear(), {}), PEAK)) == {
+        "histograms.png",
+        "histograms.svg",
+    }
+
+
+def test_differences_of_the_same_members_are_far_surer_than_those_of_other_members() -> None:
+    """Expected: B is A less 0.2 mm and a little noise σ: Student's interval of n differences, from σ and n alone."""
+    x = normal(400)
+    a = ensemble_of(x)
+    noise = 1e-5 * np.random.default_rng(9).normal(size=400)
+    shifted = a.members.with_columns(polars.Series(PEAK, a.values(PEAK) - 2e-4 + noise))
+    found = compare(a, Ensemble(shifted, a.bands, a.metadata))
+    row = found.differences.filter(polars.col("metric") == PEAK).row(0, named=True)
+    assert row["mean"] == pytest.approx(-2e-4 + noise.mean(), rel=1e-9)
+    # t of 399 degrees of freedom is 1.966
+    half = 1.966 * noise.std(ddof=1) / 20
+    assert (row["mean_high"] - row["mean_low"]) / 2 == pytest.approx(half, rel=1e-3)
+    assert row["median"] == pytest.approx(-2e-4 + np.median(noise), rel=1e-9)
+    # of normal numbers the median's error is √(π/2) of the mean's
+    assert (row["median_high"] - row["median_low"]) / 2 == pytest.approx(np.sqrt(np.pi / 2) * half, rel=0.3)
+    assert difference(found).values(PEAK) == pytest.approx(noise - 2e-4)
+
+
+def test_members_that_complete_in_one_only_are_counted_and_other_members_refused() -> None:
+    """Expected: the counts of the two lists; a message that names what differs."""
+    first, x = failing(), normal(60)
+    second = ensemble_of(x, ["stopped"] * 2 + ["completed"] * 58, ["late"] * 2 + [None] * 58)
+    found = compare(first, second)
+    assert (found.both_completed, found.only_a, found.only_b, found.neither) == (53, 2, 5, 0)
+    with pytest.raises(RecordError, match="60 and 59 members"):
+        compare(first, ensemble_of(x[:59]))
+    with pytest.raises(RecordError, match=r"platform_mass of member 0 is .* expected the same \[ensemble\]"):
+        compare(first, ensemble_of(normal(60, seed=3)))
