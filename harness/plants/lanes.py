@@ -223,7 +223,7 @@ def _compiled() -> CompiledLanes:
 
 @cache
 def _warn(reason: str) -> None:
-    warnings.warn(f"many platforms are stepped by NumPy, some thirty times slower: {reason}", stacklevel=2)
+    warnings.warn(f"many platforms are stepped by NumPy, some fifty times slower: {reason}", stacklevel=2)
 
 
 def _home_pose(platform: Platform) -> FloatArray:
