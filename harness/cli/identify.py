@@ -14,6 +14,7 @@ class Method(StrEnum):
     """How parameters are found."""
 
     linear = "linear"
+    output_error = "output_error"
 
 
 def identify_command(

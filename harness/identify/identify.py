@@ -8,12 +8,14 @@ from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
+from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 
 Method = Literal["linear", "output_error"]
 _METHODS: Mapping[str, Callable[..., Estimate]] = {
     "linear": identify_linear,
+    "output_error": identify_output_error,
 }
 
 
@@ -36,9 +38,11 @@ def identify(
         Parameters, or elements of them: a list, or a text with commas. `leg_viscous_friction` is one number for all
         legs, `leg_viscous_friction[1..6]` six.
     method
-        "linear" is least squares of inverse dynamics: masses, centres of mass, inertias, armature, friction.
+        "linear" is least squares of inverse dynamics: masses, centres of mass, inertias, armature, friction;
+        "output_error" simulates the plant and takes any physical parameter, `leg_friction_velocity` among them.
     options
-        Of the method: `cutoff` [Hz] of the filter, `validation`, the share of the log that checks the fit.
+        Of the method: `cutoff` [Hz] of the filter, `validation`, the share of the log that checks the fit; of
+        "output_error" also `starts` and `seed`.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Linear identification: weighted least squares of inverse dynamics, in which masses and friction are linear."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.linalg import qr
@@ -8,6 +8,7 @@ from scipy.linalg import qr
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values
 from gough_stewart.harness.identify.linear_parameters import (
+    FRICTION,
     SIZE,
     elements_of,
     gradient,
@@ -16,9 +17,9 @@ from gough_stewart.harness.identify.linear_parameters import (
 )
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded, value_of
-from gough_stewart.harness.identify.physical import best_fit
+from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regression import Rows, rows_of
-from gough_stewart.harness.identify.statistics import long_run_covariance, whiteness
+from gough_stewart.harness.identify.statistics import uncertainty, whiteness
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -56,14 +57,16 @@ def identify_linear(
         A log that cannot be evaluated.
     """
     names = expanded(names, platform)
+    nominal = nominal_values(names, platform)
     elements = elements_of(platform)
     for name in names:
-        if name not in elements and f"{name}[1]" not in elements:
+        if name not in elements and name.partition("[")[0] not in FRICTION:
             raise IdentificationError(
                 f"{name}: inverse dynamics is not linear in it; use the method output_error, or for joints and offsets "
                 "geometry",
                 [name],
             )
+    elements = with_estimated(elements, names, nominal.tolist())
     rows = rows_of(log, platform, cutoff)
     fitted = len(rows.time) - int(validation * len(rows.time))
     if 6 * fitted < 3 * len(names):
@@ -76,20 +79,15 @@ def identify_linear(
     for _ in range(_REWEIGHTINGS):
         Ww = np.einsum("ij,tjk->tik", whitening, W)
         R, z = _compressed(Ww, F @ whitening.T)
-        fit = best_fit(R, z, elements, names, scale)
+        fit = _fitted(R, z, elements, names, scale)
         found = with_estimated(elements, names, fit.values)
         phi, G = linear_parameters(found), gradient(found, names)
         residual = rows.force - rows.regressor @ phi
-        whitening = _whitening(residual[:fitted])
+        whitening = whitening_of(residual[:fitted])
     Ww = np.einsum("ij,tjk->tik", whitening, W)
     D = np.einsum("tik,kp->tip", Ww, G * scale)
-    scores = np.einsum("tip,ti->tp", D, residual[:fitted] @ whitening.T)
-    values, V = np.linalg.eigh(np.einsum("tip,tiq->pq", D, D))
-    sigma, directions = np.sqrt(np.maximum(values[::-1], 0.0)), V[:, ::-1].T
-    _check_seen(sigma, directions, names)
-    inverse = directions.T / sigma**2 @ directions
-    inflation = 6 * fitted / (6 * fitted - len(names))
-    covariance = inflation * inverse @ long_run_covariance(scores) @ inverse
+    sigma, directions, covariance = uncertainty(D, residual[:fitted] @ whitening.T)
+    check_seen(sigma, directions, names)
     notes: tuple[str, ...] = (f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept aside",)
     if fit.at_bound:
         notes += (f"at the bound of what is physical: {', '.join(fit.at_bound)}",)
@@ -97,7 +95,7 @@ def identify_linear(
         method="linear",
         names=names,
         values=fit.values,
-        nominal=nominal_values(names, platform),
+        nominal=nominal,
         covariance=covariance * np.outer(scale, scale),
         singular_values=sigma,
         directions=directions,
@@ -106,8 +104,8 @@ def identify_linear(
         residuals=Residuals(
             "force of leg",
             "N",
-            _rms(residual[:fitted]),
-            _rms(residual[fitted:]) if fitted < len(residual) else None,
+            rms(residual[:fitted]),
+            rms(residual[fitted:]) if fitted < len(residual) else None,
             np.std(F, axis=0),
             whiteness(residual[:fitted]),
         ),
@@ -120,6 +118,21 @@ def identify_linear(
             "validation_from": float(rows.time[fitted]) if fitted < len(rows.time) else None,
         },
     )
+
+
+def _fitted(
+    R: FloatArray, z: FloatArray, elements: Mapping[str, float], names: Sequence[str], scale: FloatArray
+) -> BestFit:
+    """Minimise |z − R φ(θ)|²: φ is linear, or bilinear in mass and centre of mass."""
+    start = np.array([elements[name] for name in names])
+
+    def residual(theta: FloatArray) -> FloatArray:
+        return np.asarray(R @ linear_parameters(with_estimated(elements, names, theta)) - z)
+
+    def jacobian(theta: FloatArray) -> FloatArray:
+        return np.asarray(R @ gradient(with_estimated(elements, names, theta), names))
+
+    return best_fit(residual, jacobian, elements, names, scale, start)
 
 
 def scales(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
@@ -162,7 +175,7 @@ def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence
     )
 
 
-def _check_seen(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:
+def check_seen(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:
     """Refuse combinations whose standard error is as large as they are."""
     unseen = [k for k in range(len(sigma)) if not sigma[k] * _UNSEEN > 1]
     if not unseen:
@@ -184,12 +197,12 @@ def _compressed(W: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
     return R[:SIZE, :SIZE], R[:SIZE, SIZE]
 
 
-def _whitening(residual: FloatArray) -> FloatArray:
+def whitening_of(residual: FloatArray) -> FloatArray:
     """A matrix (6, 6) that gives residuals unit covariance."""
     covariance = residual.T @ residual / len(residual)
     covariance += 1e-12 * np.trace(covariance) / 6 * np.eye(6) + np.finfo(float).tiny * np.eye(6)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def _rms(residual: FloatArray) -> FloatArray:
+def rms(residual: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt((residual**2).mean(axis=0)))

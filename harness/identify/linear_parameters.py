@@ -45,12 +45,9 @@ SIZE = 10 + 5 + 12
 
 
 def elements_of(platform: Platform) -> dict[str, float]:
-    """All elements that make φ, with the platform's values; friction for each leg."""
-    values = {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA)}
-    for name in FRICTION:
-        per_leg = np.broadcast_to(np.asarray(getattr(platform, name)), (6,))
-        values |= {f"{name}[{k + 1}]": float(per_leg[k]) for k in range(6)}
-    return values
+    """All elements that make φ, with the platform's values."""
+    factors = [f"{name}_factor[{k}]" for name in FRICTION for k in range(1, 7)]
+    return {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA, *FRICTION, *factors)}
 
 
 def linear_parameters(elements: Mapping[str, Any]) -> Array:
@@ -61,22 +58,24 @@ def linear_parameters(elements: Mapping[str, Any]) -> Array:
     I = [J[k] + m * ((c @ c) * (a == b) - c[a] * c[b]) for k, (a, b) in enumerate(PAIRS)]
     m1, m2, r1, d = (e[f"leg_{name}"] for name in ("lower_mass", "upper_mass", "lower_com", "upper_com"))
     I0 = m1 * r1**2 + e["leg_lower_inertia"] + e["leg_upper_inertia"] + m2 * d**2
-    friction = [e[f"{name}[{k}]"] for name in FRICTION for k in range(1, 7)]
+    # a leg's own friction goes before the common one with its factor
+    friction = [
+        e[own] if (own := f"{name}[{k}]") in e else e[name] * e[f"{name}_factor[{k}]"]
+        for name in FRICTION
+        for k in range(1, 7)
+    ]
     return np.array([m, *(m * c), *I, m2, m2 * d, m1 * r1, I0, e["leg_armature"], *friction])
 
 
 def with_estimated(elements: Mapping[str, Any], names: Sequence[str], values: Sequence[Any] | Array) -> dict[str, Any]:
-    """The elements with some replaced; friction without an index is that of all legs."""
-    changed = dict(elements)
-    for name, value in zip(names, values, strict=True):
-        changed |= {f"{name}[{k}]": value for k in range(1, 7)} if name in FRICTION else {name: value}
-    return changed
+    """The elements with some replaced, or added: the friction of one leg."""
+    return {**elements, **dict(zip(names, values, strict=True))}
 
 
 def gradient(elements: Mapping[str, Any], names: Sequence[str]) -> FloatArray:
     """∂φ/∂θ (SIZE, p) by these elements, by complex steps: exact for polynomials as these to the last digit."""
     step = 1e-30
-    values = [elements[f"{name}[1]" if name in FRICTION else name] for name in names]
+    values = [elements[name] for name in names]
     columns = []
     for k in range(len(names)):
         moved = [v + (1j * step if i == k else 0) for i, v in enumerate(values)]
@@ -139,7 +138,9 @@ def _wrenches_function() -> casadi.Function:
 
 def _units(platform: Platform | None, **units: Any) -> Parameters:
     """Parameters that are all 0 but these, with what φ does not hold of the platform."""
-    values: dict[str, Any] = {row.name: np.zeros(row.shape) for row in PHYSICAL} | {"leg_friction_velocity": 1.0}
+    values: dict[str, Any] = {row.name: np.zeros(row.shape) for row in PHYSICAL}
+    values["leg_friction_velocity"] = 1.0
+    values |= {f"{name}_factor": np.ones(6) for name in FRICTION}
     values |= {name: getattr(platform, name) for name in (*_FIXED, "leg_friction_velocity") if platform is not None}
     values |= {name: np.asarray(value, dtype=float) for name, value in units.items()}
     return Parameters(**values)

@@ -46,7 +46,7 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
                 f"estimate: no element '{name}'; {stem} has {', '.join(_elements(stem, _shape(stem, platform)))}",
                 [name],
             )
-    twice = sorted({name for name in elements if elements.count(name) > 1})
+    twice = sorted({n for n in elements if elements.count(n) > 1 or (n in PER_LEG and f"{n}[" in "".join(elements))})
     if twice:
         raise IdentificationError(f"estimate: {', '.join(twice)} twice; expected every parameter once", twice)
     if not elements:
@@ -62,10 +62,12 @@ def unit_of(element: str) -> str:
 
 def value_of(platform: Platform, element: str) -> float:
     """What the platform has for an element; 0 for what belongs to logs."""
-    stem, index = _place(element)
+    stem, index = place_of(element)
     if stem in OF_LOGS:
         return 0.0
     value = np.asarray(getattr(platform, stem))
+    if index and stem in PER_LEG:
+        return float(value * getattr(platform, f"{stem}_factor")[index])
     return float(value if value.ndim == 0 else value[index])
 
 
@@ -79,16 +81,21 @@ def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
     """
     changed: dict[str, Any] = {}
     for element, value in values.items():
-        stem, index = _place(element)
+        stem, index = place_of(element)
         if stem in OF_LOGS:
             continue
         if stem not in changed:
             changed[stem] = np.array(getattr(platform, stem), dtype=float)
-        if index and changed[stem].ndim == 0:
-            changed[stem] = np.full(6, changed[stem])
+            if index and stem in PER_LEG:
+                changed[stem] = changed[stem] * getattr(platform, f"{stem}_factor")
         changed[stem][index] = value
         if stem == "platform_inertia":
             changed[stem][index[::-1]] = value
+    for stem in [stem for stem in PER_LEG if np.ndim(changed.get(stem, 0.0))]:
+        # in the platform's table: the mean of the legs, and what each of them has of it
+        own = changed[stem]
+        mean = own.mean()
+        changed |= {stem: mean, f"{stem}_factor": own / mean if mean > 0 else np.ones(6)}
     for stem, value in changed.items():
         changed[stem] = value.item() if value.ndim == 0 else value
     return replace(platform, **changed)
@@ -105,7 +112,7 @@ def _elements(stem: str, shape: tuple[int, ...]) -> list[str]:
     return [f"{stem}[{','.join(map(str, index))}]" if index else stem for index in indices]
 
 
-def _place(element: str) -> tuple[str, tuple[int, ...]]:
+def place_of(element: str) -> tuple[str, tuple[int, ...]]:
     """The parameter, and the index of the element in it, from 0."""
     match = _ELEMENT.fullmatch(element)
     if match is None:

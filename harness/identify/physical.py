@@ -7,7 +7,7 @@ log-Cholesky form [Rucker & Wensing, IEEE RA-L 7(2), 2022], keeps it one.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,8 +16,6 @@ from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.linear_parameters import (
     INERTIA,
     PAIRS,
-    gradient,
-    linear_parameters,
     with_estimated,
 )
 from gough_stewart.model.parameters import TABLE
@@ -25,7 +23,7 @@ from gough_stewart.model.vectors import FloatArray
 
 # Of an element with the bound "> 0", and of the moments of Σ_G, which may come near to 0: share of their scale.
 _SMALLEST = 1e-6
-_Function = Callable[[FloatArray], FloatArray]
+Function = Callable[[FloatArray], FloatArray]
 
 
 class BestFit(NamedTuple):
@@ -36,42 +34,36 @@ class BestFit(NamedTuple):
 
 
 def best_fit(
-    R: FloatArray, z: FloatArray, elements: Mapping[str, float], names: Sequence[str], scale: FloatArray
+    residual: Function,
+    jacobian: Function,
+    elements: Mapping[str, float],
+    names: Sequence[str],
+    scale: FloatArray,
+    start: FloatArray,
+    tolerance: float = 1e-14,
 ) -> BestFit:
-    """Minimise |z − R φ(θ)|² over the named elements θ, within the bounds of the platform's table.
+    """Minimise |r(θ)|² over the named elements θ, within the bounds of the platform's table, and as a body.
 
     Parameters
     ----------
-    R, z
-        Of the whitened regressor's QR factors (k, SIZE), (k,).
+    residual, jacobian
+        r (k,) of θ (p,), and ∂r/∂θ (k, p).
     elements
-        All elements of φ, those not named stay.
-    scale
-        Of the named elements (p,).
+        All elements of a platform; those not named stay.
+    scale, start
+        Of θ (p,).
 
     Raises
     ------
     IdentificationError
         The best fit is no body, and not all six elements of the inertia were to be estimated.
     """
-    start = np.array([elements.get(name, elements.get(f"{name}[1]", 0.0)) for name in names])
     low = np.array([_SMALLEST * s if _bound(name) == "> 0" else 0.0 for name, s in zip(names, scale, strict=True)])
     low = np.where([_bound(name) is None for name in names], -np.inf, low)
-
-    def residual(theta: FloatArray) -> FloatArray:
-        return np.asarray(R @ linear_parameters(with_estimated(elements, names, theta)) - z)
-
-    def jacobian(theta: FloatArray) -> FloatArray:
-        return np.asarray(R @ gradient(with_estimated(elements, names, theta), names))
-
-    # free first: where the best fit lies inside of all bounds there is nothing to hold it
-    theta = _gauss_newton(residual, jacobian, start, scale)
-    held = tuple(name for name, value, bound in zip(names, theta, low, strict=True) if value < bound)
-    if held:
-        inside = np.maximum(start, low + _SMALLEST * scale)
-        theta = least_squares(
-            residual, inside, jacobian, bounds=(low, np.inf), x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14
-        ).x
+    options: Any = {"x_scale": scale, "xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": 60}
+    inside = np.maximum(start, low + _SMALLEST * scale)
+    theta = least_squares(residual, inside, jacobian, bounds=(low, np.inf), **options).x
+    held = tuple(name for name, value, b, s in zip(names, theta, low, scale, strict=True) if value < b + 1e-5 * s)
     inertias = [k for k, name in enumerate(names) if name in INERTIA]
     if not inertias or _is_body(with_estimated(elements, names, theta)):
         return BestFit(theta, held)
@@ -81,23 +73,13 @@ def best_fit(
             "to be estimated; estimate all of platform_inertia, or excite the platform's rotations more",
             [names[k] for k in inertias],
         )
-    theta = _as_body(residual, elements, names, theta, low, scale)
+    theta = _as_body(residual, jacobian, elements, names, theta, low, scale)
     return BestFit(theta, (*held, "platform_inertia"))
 
 
-def _gauss_newton(residual: _Function, jacobian: _Function, start: FloatArray, scale: FloatArray) -> FloatArray:
-    """A few steps are exact: φ is bilinear in mass and centre of mass, and linear in all else."""
-    theta = start
-    for _ in range(30):
-        step, *_ = np.linalg.lstsq(jacobian(theta) * scale, -residual(theta), rcond=None)
-        theta = theta + scale * step
-        if np.abs(step).max() < 1e-13:
-            break
-    return np.asarray(theta)
-
-
 def _as_body(
-    residual: _Function,
+    residual: Function,
+    jacobian: Function,
     elements: Mapping[str, float],
     names: Sequence[str],
     theta: FloatArray,
@@ -105,27 +87,31 @@ def _as_body(
     scale: FloatArray,
 ) -> FloatArray:
     """The best fit with Σ_G = L Lᵀ in the place of the six elements of the inertia."""
-    six = np.array([names.index(name) for name in INERTIA])
+    six = np.array([list(names).index(name) for name in INERTIA])
     size = float(scale[six].max())
-    sigma = _second_moments(with_estimated(elements, names, theta))
-    moments, axes = np.linalg.eigh(sigma)
+    moments, axes = np.linalg.eigh(_second_moments(with_estimated(elements, names, theta)))
     L = np.linalg.cholesky(axes @ np.diag(np.maximum(moments, 1e-3 * size)) @ axes.T)
-    lower, diagonal = np.tril_indices(3), np.array([a == b for a, b in zip(*np.tril_indices(3), strict=True)])
-    bound = low.copy()
+    lower = np.tril_indices(3)
+    diagonal = lower[0] == lower[1]
+    bound, eta, units = low.copy(), np.maximum(theta, low), scale.copy()
+    # no smaller than what is still a body for the platform's own check
     bound[six] = np.where(diagonal, 0.5 * np.log(_SMALLEST * size), -np.inf)
-    eta = np.maximum(theta, low)
     eta[six] = np.where(diagonal, np.log(np.abs(L[lower])), L[lower])
+    units[six] = np.where(diagonal, 1.0, np.sqrt(size))
 
-    def values(eta: FloatArray) -> FloatArray:
-        theta, L = eta.copy(), np.zeros((3, 3))
-        L[lower] = np.where(diagonal, np.exp(np.minimum(eta[six], 300.0)), eta[six])
+    def values(eta: Any) -> Any:
+        theta, L = eta.copy(), np.zeros((3, 3), dtype=eta.dtype)
+        L[lower] = np.where(diagonal, np.exp(eta[six]), eta[six])
         sigma = L @ L.T
         J = np.trace(sigma) * np.eye(3) - sigma
         theta[six] = [J[a, b] for a, b in PAIRS]
         return theta
 
-    units = scale.copy()
-    units[six] = np.where(diagonal, 1.0, np.sqrt(size))
+    def chained(eta: FloatArray) -> FloatArray:
+        # complex steps: exact, since all of `values` is analytic
+        steps = 1e-30j * np.eye(len(eta))
+        by_eta = np.stack([values(eta + step).imag / 1e-30 for step in steps], axis=1)
+        return np.asarray(jacobian(values(eta)) @ by_eta)
 
     def of_body(eta: FloatArray) -> FloatArray:
         return residual(values(eta))
@@ -133,14 +119,12 @@ def _as_body(
     found = least_squares(
         of_body,
         np.maximum(eta, bound + 1e-9 * np.abs(units)),
+        chained,
         bounds=(bound, np.inf),
         x_scale=units,
-        xtol=1e-12,
-        ftol=1e-12,
-        gtol=1e-12,
-        max_nfev=500,
+        max_nfev=200,
     )
-    return values(found.x)
+    return np.asarray(values(found.x))
 
 
 def _bound(name: str) -> str | None:

@@ -21,6 +21,27 @@ def long_run_covariance(scores: FloatArray) -> FloatArray:
     return np.asarray(total)
 
 
+def uncertainty(D: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Singular values (p,), their combinations (p, p) as rows, and the covariance (p, p), of a whitened regression.
+
+    A⁻¹ S A⁻¹ n/(n − p) with A = Σ_t D_tᵀ D_t and S the long-run covariance of the scores D_tᵀ e_t.
+
+    Parameters
+    ----------
+    D
+        (n, 6, p), columns of like scale.
+    residual
+        e (n, 6).
+    """
+    n, legs, p = D.shape
+    _, sigma, directions = np.linalg.svd(D.reshape(n * legs, p), full_matrices=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = directions.T / sigma**2 @ directions
+        scores = np.einsum("tip,ti->tp", D, residual)
+        covariance = n * legs / max(n * legs - p, 1) * inverse @ long_run_covariance(scores) @ inverse
+    return sigma, directions, covariance
+
+
 def whiteness(residuals: FloatArray, lags: int = 10) -> FloatArray:
     """p-values (k,) that residuals (n, k) are white: Q = n (n + 2) Σ_l ρ_l²/(n − l) is χ² with as many degrees as lags.
 

@@ -1,0 +1,226 @@
+"""Output-error identification: the plant is simulated under the measured forces, and its leg lengths are fitted."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, sample_time_of
+from gough_stewart.harness.identify.estimate import Estimate, Residuals, nominal_values
+from gough_stewart.harness.identify.linear import VALIDATION, check_seen, rms, whitening_of
+from gough_stewart.harness.identify.linear_parameters import elements_of
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.movement import motion_of_lengths
+from gough_stewart.harness.identify.names import OF_LOGS, PER_LEG, expanded
+from gough_stewart.harness.identify.physical import BestFit, best_fit
+from gough_stewart.harness.identify.regression import cutoff_of
+from gough_stewart.harness.identify.simulation import Course, Innovations, kernel_parameters, simulated
+from gough_stewart.harness.identify.smoothing import edge, smoothed
+from gough_stewart.harness.identify.statistics import uncertainty, whiteness
+from gough_stewart.model.dynamics import mass_matrix
+from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
+from gough_stewart.model.vectors import FloatArray
+
+# Lengths and forces pass below this multiple of the cut-off, and a step is this share of its period.
+_WIDER = 2.0
+_STEPS_A_PERIOD = 4
+# RK4 is stable to 2.78 on the real axis; friction may still grow in the fit.
+_STIFFEST = 1.5
+# Manoeuvring index of the α-β filter: the noise of a step's acceleration against that of a length, and its limits.
+_INDICES = (1e-3, 10.0)
+# Steps before the filter has forgotten its start.
+_SETTLING = 12
+_OF_STARTS = 0.2  # share of the log on which further starts are tried
+_SPREAD = 0.3  # of starts, in shares of scale
+
+
+def identify_output_error(
+    log: Log,
+    platform: Platform,
+    names: Sequence[str],
+    *,
+    cutoff: float | None = None,
+    validation: float = VALIDATION,
+    starts: int = 3,
+    seed: int = 0,
+) -> Estimate:
+    """Any element of the physical parameters, by a simulation that the log leads; exact gradients.
+
+    Parameters
+    ----------
+    names
+        Parameters or elements of them.
+    cutoff
+        Of the filter that forces and lengths pass [Hz]; found from the log by default.
+    validation
+        Share of the log, its end, that is kept aside to check the fit.
+    starts
+        How many values to begin with: the nominal ones, and random ones about them, tried on a part of the log.
+    seed
+        Of the random ones.
+
+    Raises
+    ------
+    IdentificationError
+        Parameters that this log cannot tell; names them.
+    LogError
+        A log that cannot be evaluated.
+    """
+    names = expanded(names, platform)
+    foreign = [name for name in names if name.partition("[")[0] in OF_LOGS]
+    if foreign:
+        raise IdentificationError(f"{', '.join(foreign)}: no parameter of the plant; use the method geometry", foreign)
+    course, time = course_of(log, platform, cutoff)
+    n = len(course.length) - int(validation * len(course.length))
+    nominal = nominal_values(names, platform)
+    p, directions = kernel_parameters(platform, names)
+    scale = np.array([_scale(platform, course, name, value) for name, value in zip(names, nominal, strict=True)])
+    elements = {**elements_of(platform), **dict(zip(names, nominal.tolist(), strict=True))}
+
+    def run(theta: FloatArray, to: int) -> Innovations:
+        part = course._replace(length=course.length[:to])
+        found = simulated(part, p + directions @ (theta - nominal), directions)
+        return Innovations(found.values[_SETTLING:], found.sensitivity[_SETTLING:])
+
+    def fit(start: FloatArray, to: int, whitening: FloatArray, tolerance: float) -> tuple[BestFit, float]:
+        last: dict[bytes, Innovations] = {}
+
+        def at(theta: FloatArray) -> Innovations:
+            if theta.tobytes() not in last:
+                last.clear()
+                last[theta.tobytes()] = run(theta, to)
+            return last[theta.tobytes()]
+
+        def residual(theta: FloatArray) -> FloatArray:
+            return np.asarray(at(theta).values @ whitening.T).ravel()
+
+        def jacobian(theta: FloatArray) -> FloatArray:
+            return np.asarray(np.einsum("ij,tjp->tip", whitening, at(theta).sensitivity).reshape(-1, len(names)))
+
+        found = best_fit(residual, jacobian, elements, names, scale, start, tolerance)
+        return found, float((residual(found.values) ** 2).sum())
+
+    first = run(nominal, min(n, _SETTLING + 100))
+    whitening = np.eye(6) / max(float(np.abs(first.values).max()), 1e-15)
+    short = max(int(_OF_STARTS * n), min(n, _SETTLING + 50))
+    rng = np.random.default_rng(seed)
+    tried = [fit(start, short, whitening, 1e-4) for start in _starts(nominal, scale, starts, rng)]
+    best, least = min(tried, key=lambda each: each[1])
+    agree = sum(cost < 1.01 * least for _, cost in tried)
+    whitening = whitening_of(run(best.values, n).values)
+    best, _ = fit(best.values, n, whitening, 1e-8)
+    whole = run(best.values, len(course.length))
+    fitted = n - _SETTLING
+    whitening = whitening_of(whole.values[:fitted])
+    D = np.einsum("ij,tjp->tip", whitening, whole.sensitivity[:fitted]) * scale
+    sigma, combinations, covariance = uncertainty(D, whole.values[:fitted] @ whitening.T)
+    check_seen(sigma, combinations, names)
+    notes = [f"{fitted} steps of {1e3 * course.step:.3g} ms fitted, {len(course.length) - n} kept aside"]
+    notes.append(f"{agree} of {starts} starts lead to the same place")
+    if best.at_bound:
+        notes.append(f"at the bound of what is physical: {', '.join(best.at_bound)}")
+    kept = slice(_SETTLING, None)
+    return Estimate(
+        method="output_error",
+        names=names,
+        values=best.values,
+        nominal=nominal,
+        covariance=covariance * np.outer(scale, scale),
+        singular_values=sigma,
+        directions=combinations,
+        scale=scale,
+        rank=len(sigma),
+        residuals=Residuals(
+            "foreseen length of leg",
+            "m",
+            rms(whole.values[:fitted]),
+            rms(whole.values[fitted:]) if len(whole.values) > fitted else None,
+            np.std(course.length[kept][:fitted], axis=0),
+            whiteness(whole.values[:fitted]),
+        ),
+        notes=tuple(notes),
+        details={
+            "time": time[kept],
+            "measured": course.length[kept],
+            "fitted": course.length[kept] - whole.values,
+            "before": course.length[kept] - run(nominal, len(course.length)).values,
+            "validation_from": float(time[n]) if n < len(time) else None,
+        },
+    )
+
+
+def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tuple[Course, FloatArray]:
+    """What leads the simulation, and the time at each step's end (n,) [s]; see `identify_output_error`."""
+    h = sample_time_of(log)
+    check_lengths(log, platform)
+    check_forces(log, platform)
+    highest = 0.5 / h / (2 * _WIDER)
+    cutoff = min(highest, cutoff_of(log.leg_length, h) if cutoff is None else cutoff)
+    wide = _WIDER * cutoff
+    every = 2 * max(1, int(1 / (2 * _STEPS_A_PERIOD * cutoff * h)))
+    delay = -h / 2 if log.holds_force else 0.0
+    force = smoothed(force_of(log), h, wide, every // 2, 0, delay)
+    lengths = [smoothed(log.leg_length, h, wide, every, k) for k in range(3)]
+    state, _ = motion_of_lengths(platform, *lengths)
+    n, step = len(lengths[0]) - 1, every * h
+    J = np.asarray(leg_jacobian(platform, state.position, state.orientation))
+    mobility = J @ np.linalg.solve(mass_matrix(platform, state.position, state.orientation), np.swapaxes(J, 1, 2))
+    # noise of what passes the filter: what of raw signals does not pass, by the share of the band
+    lost, passed = slice(edge(h, wide), -edge(h, wide)), math.sqrt(min(1.0, 2 * wide * h))
+    of_force = float(np.std(force_of(log)[lost] - smoothed(force_of(log), h, wide, 1, 0, delay))) * passed
+    of_length = float(np.std(log.leg_length[lost] - smoothed(log.leg_length, h, wide))) * passed
+    accelerated = of_force * float(np.einsum("tii->ti", mobility).mean())
+    alpha, beta = _gains(accelerated * step**2 / max(of_length, 1e-12))
+    inverse, angles = np.linalg.inv(J), state.orientation
+    turned = np.stack([orientation_rate_from_angular_velocity(angles, inverse[:, 3:, k]) for k in range(6)], -1)
+    gain = np.concatenate([alpha * inverse[:, :3], alpha * turned, beta / step * inverse], axis=1)
+    viscous, coulomb = (getattr(platform, name) * getattr(platform, f"{name}_factor") for name in PER_LEG)
+    stiffest = float((viscous + coulomb / platform.leg_friction_velocity).max())
+    rate = stiffest * float(np.linalg.eigvalsh(mobility).max())
+    course = Course(
+        start=state.to_vector()[0],
+        force=force[: 2 * n + 1],
+        length=lengths[0][1 : n + 1],
+        gain=gain[1 : n + 1],
+        step=step,
+        substeps=max(1, math.ceil(rate * step / _STIFFEST)),
+    )
+    assert log.time is not None  # as sample_time_of has found
+    return course, log.time[edge(h, wide) + every * np.arange(1, n + 1)]
+
+
+def _gains(index: float) -> tuple[float, float]:
+    """α and β of the stationary filter with manoeuvring index λ: α = 1 − r², β = 2 (1 − r)², r = (4+λ−√(8λ+λ²))/4."""
+    lam = float(np.clip(index, *_INDICES))
+    r = (4 + lam - math.sqrt(8 * lam + lam**2)) / 4
+    return 1 - r * r, 2 * (1 - r) ** 2
+
+
+def _starts(nominal: FloatArray, scale: FloatArray, number: int, rng: np.random.Generator) -> list[FloatArray]:
+    """The nominal values, and others about them; positive ones stay so."""
+    found = [nominal]
+    for _ in range(max(number, 1) - 1):
+        z = _SPREAD * rng.standard_normal(len(nominal))
+        found.append(np.where(nominal > 0, nominal * np.exp(z), nominal + 0.1 * z * scale))
+    return found
+
+
+def _scale(platform: Platform, course: Course, name: str, value: float) -> float:
+    """What a change of an element is large against."""
+    mass, rho = platform.platform_mass, platform.characteristic_length
+    force = float(np.std(course.force, axis=0).mean())
+    velocity = float(np.std(np.diff(course.length, axis=0)).mean()) / course.step
+    general = {
+        "platform_com": rho,
+        "platform_inertia": mass * rho**2,
+        "leg_armature": mass / 6 + platform.leg_upper_mass,
+        "leg_viscous_friction": force / max(velocity, 1e-12),
+        "leg_coulomb_friction": force,
+        "base_points": rho,
+        "platform_points": rho,
+        "gravity": float(np.linalg.norm(platform.gravity)) or 1.0,
+    }
+    return general.get(name.partition("[")[0]) or abs(value) or 1.0

@@ -1,0 +1,178 @@
+"""The plant under measured forces, led by measured lengths, with exact sensitivities: the kernel's own derivatives.
+
+x̂⁻ = RK4 of ẋ = f(x, F, p) over a step;  ε = L − L(x̂⁻);  x̂ = x̂⁻ + K ε
+
+An open loop would drift away from the log: force noise integrates twice. So lengths lead it back by the gain of an
+α-β filter, the stationary Kalman filter of a mass under force noise [Kalata, IEEE Trans. AES 20(2), 1984]. The
+innovations ε are then nearly white, and their least squares is the prediction-error method [Ljung, System
+Identification, 1999, ch. 7]; short free segments would need twelve initial values each, and weigh noise worse.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.names import PER_LEG, place_of
+from gough_stewart.model import interface
+from gough_stewart.model.interrupts import interrupts_held_back
+from gough_stewart.model.kernel import (
+    N_INPUTS,
+    N_PARAMETERS,
+    N_STATES,
+    derivatives_function,
+    legs_function,
+    parameter_vector,
+)
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+
+class Course(NamedTuple):
+    """What leads a simulation of n steps."""
+
+    start: FloatArray  # x̂ at the first sample (12,)
+    force: FloatArray  # at the beginning, middle and end of each step (2 n + 1, 6) [N]
+    length: FloatArray  # measured at the end of each (n, 6) [m]
+    gain: FloatArray  # K there (n, 12, 6)
+    step: float  # [s]
+    substeps: int  # of RK4 in a step
+
+
+class Innovations(NamedTuple):
+    """What the simulation did not foresee."""
+
+    values: FloatArray  # ε (n, 6) [m]
+    sensitivity: FloatArray  # ∂ε/∂θ (n, 6, k)
+
+
+def simulated(course: Course, parameters: FloatArray, directions: FloatArray) -> Innovations:
+    """Innovations at every step's end, and their exact derivatives.
+
+    Parameters
+    ----------
+    parameters
+        The kernel's p.
+    directions
+        Of the estimated elements in p (N_PARAMETERS, k).
+
+    Raises
+    ------
+    IdentificationError
+        The simulation leaves all numbers, with these parameters.
+    """
+    n, k = len(course.length), directions.shape[1]
+    rates, lengths = _Bound(_rates(k), parameters, directions), _Bound(_lengths(k), parameters, directions)
+    X = np.zeros((N_STATES, 1 + k), order="F")
+    X[:, 0] = course.start
+    h, innovations = course.step / course.substeps, np.empty((n, 6, 1 + k))
+    with np.errstate(all="ignore"):
+        for step in range(n):
+            start, middle, end = course.force[2 * step : 2 * step + 3]
+            for part in range(course.substeps):
+                f0, fm, f1 = (_between(start, middle, end, (part + s) / course.substeps) for s in (0.0, 0.5, 1.0))
+                k1 = rates(X, f0).copy()
+                k2 = rates(X + h / 2 * k1, fm).copy()
+                k3 = rates(X + h / 2 * k2, fm).copy()
+                X = X + h / 6 * (k1 + 2 * (k2 + k3) + rates(X + h * k3, f1))
+            innovation = -lengths(X)
+            innovation[:, 0] += course.length[step]
+            innovations[step] = innovation
+            X = X + course.gain[step] @ innovation
+    if not np.isfinite(innovations).all():
+        raise IdentificationError("the simulation diverges with parameters that were tried; begin nearer, or by linear")
+    return Innovations(innovations[:, :, 0], innovations[:, :, 1:])
+
+
+def _between(start: FloatArray, middle: FloatArray, end: FloatArray, s: float) -> FloatArray:
+    """The parabola through three forces, at a share of the step."""
+    return start * ((1 - s) * (1 - 2 * s)) + middle * (4 * s * (1 - s)) + end * (s * (2 * s - 1))
+
+
+class _Bound:
+    """A CasADi Function behind buffers, with parameters and directions as its last arguments."""
+
+    def __init__(self, function: casadi.Function, parameters: FloatArray, directions: FloatArray) -> None:
+        buffer: Any  # whose types do not admit NumPy's
+        buffer, self._call = function.buffer()
+        self._X = np.zeros(function.size_in(0), order="F")
+        self._force = np.zeros(6)
+        self._result = np.zeros(function.size_out(0), order="F")
+        self._kept = (buffer, np.array(parameters), np.asfortranarray(directions))
+        arguments = (self._X, self._force, *self._kept[1:])
+        for i, argument in enumerate(arguments):
+            buffer.set_arg(i, argument.reshape(-1, order="F").data)
+        buffer.set_res(0, self._result.reshape(-1, order="F").data)
+
+    def __call__(self, X: FloatArray, force: FloatArray | float = 0.0) -> FloatArray:
+        """The result, a view that the next call overwrites."""
+        self._X[:], self._force[:] = X, force
+        self._call()
+        return self._result
+
+
+def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """The kernel's p (N_PARAMETERS,), and ∂p/∂θ (N_PARAMETERS, k) by elements of a platform.
+
+    p holds friction as a common number times six factors; where a leg's own is an element, as 1 times the six.
+    """
+    own: dict[str, Any] = {}
+    for stem in PER_LEG:
+        if any(name.startswith(f"{stem}[") for name in names):
+            own |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
+    p = parameter_vector(replace(platform, **own) if own else platform)
+    places: dict[str, Any] = {}
+    at = 0
+    for variable in interface.PLATFORM_PARAMETERS:
+        places[variable.name] = np.arange(variable.size).reshape(variable.shape) + at
+        at += variable.size
+    columns = np.zeros((N_PARAMETERS, len(names)))
+    for j, name in enumerate(names):
+        stem, index = place_of(name)
+        if index and stem in PER_LEG:
+            stem = f"{stem}_factor"
+        where = places[stem]
+        columns[where[index] if index else where, j] = 1.0
+        if stem == "platform_inertia":
+            columns[where[index[::-1]], j] = 1.0
+    return p, columns
+
+
+@cache
+@interrupts_held_back()
+def _rates(k: int) -> casadi.Function:
+    """CasADi Function: (X (12, 1+k), force, p, directions) -> Ẋ, with X = [x, S]: ẋ = f and Ṡ = ∂f/∂x S + ∂f/∂p P."""
+    X, force, p, P = _symbols(k)
+    x, S, u = X[:, 0], X[:, 1:], casadi.vertcat(force, casadi.SX(N_INPUTS - 6, 1))
+    free = casadi.SX.sym("x", N_STATES)
+    rate = derivatives_function()(free, u, p)
+    by_x = casadi.Function("by_x", [free, force, p], [casadi.jacobian(rate, free)])(x, force, p)
+    by_p = casadi.Function("by_p", [free, force, p, P], [casadi.jtimes(rate, p, P)])(x, force, p, P)
+    columns = casadi.horzcat(derivatives_function()(x, u, p), by_x @ S + by_p)
+    return casadi.Function("rates", [X, force, p, P], [casadi.densify(casadi.cse(columns))])
+
+
+@cache
+@interrupts_held_back()
+def _lengths(k: int) -> casadi.Function:
+    """CasADi Function: (X (12, 1+k), unused, p, directions) -> [L, ∂L/∂θ] (6, 1+k)."""
+    X, force, p, P = _symbols(k)
+    free = casadi.SX.sym("x", N_STATES)
+    L = legs_function()(free, p)[0]
+    parts = [L, casadi.jacobian(L, free), casadi.jtimes(L, p, P)]
+    L, by_x, by_p = casadi.Function("parts", [free, p, P], parts)(X[:, 0], p, P)
+    columns = casadi.horzcat(L, by_x @ X[:, 1:] + by_p)
+    return casadi.Function("lengths", [X, force, p, P], [casadi.densify(casadi.cse(columns))])
+
+
+def _symbols(k: int) -> tuple[casadi.SX, casadi.SX, casadi.SX, casadi.SX]:
+    return (
+        casadi.SX.sym("X", N_STATES, 1 + k),
+        casadi.SX.sym("F", 6),
+        casadi.SX.sym("p", N_PARAMETERS),
+        casadi.SX.sym("P", N_PARAMETERS, k),
+    )
