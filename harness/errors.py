@@ -65,6 +65,10 @@ class SettingError(ExperimentError, UsageError):
     """A setting of an experiment's key that cannot be read; the command line's `--set`."""
 
 
+class EnsembleError(GoughStewartError, ValueError):
+    """An ensemble that cannot run, or not go on: other results in its place, no scheduler, workers that differ."""
+
+
 class UnstableLoopError(GoughStewartError, ValueError):
     """A loop that is unstable when closed; `eigenvalue` is the worst, s [1/s] or z."""
 

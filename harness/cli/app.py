@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from gough_stewart.harness.cli.build import build_command
+from gough_stewart.harness.cli.ensemble import ensemble_command
 from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
 from gough_stewart.harness.cli.identify import identify_command
@@ -52,6 +53,7 @@ app.command("run")(run_command)
 app.command("experiments")(experiments_command)
 app.command("margins")(margins_command)
 app.command("identify")(identify_command)
+app.command("ensemble")(ensemble_command)
 app.command("export")(export_command)
 app.command("view")(view_command)
 app.command("workspace")(workspace_command)

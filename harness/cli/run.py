@@ -58,6 +58,14 @@ def run_command(
             metavar="fmu2|fmu3|FILE.fmu",
         ),
     ] = None,
+    member: Annotated[
+        int | None,
+        typer.Option(
+            help="The number of a member of the experiment's ensemble, with the very numbers that it has there; with "
+            "--plant, its machine in that plant.",
+            metavar="K",
+        ),
+    ] = None,
     out: OutOption = None,
     settings: SetOption = None,
     report: ReportOption = False,
@@ -80,11 +88,13 @@ def run_command(
 
     - `gough-stewart run heave_step --plant fmu3 --controller fmu3 --set loop.delay=1`
 
+    - `gough-stewart run heave_tolerances --member 17 --report`
+
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
     with clear_errors() as written:
         chosen = chosen_experiment(experiment, settings, no_python)
-        folder = out or results_folder(experiment)
+        folder = out or results_folder(experiment, "" if member is None else f"_member_{member}")
         # every refresh costs the run as much as a hundred of its steps
         with progress_bar(refresh_per_second=4) as progress, Drawing() as draw:
             task = progress.add_task("preparing", total=chosen.loop.duration)
@@ -103,6 +113,7 @@ def run_command(
                     plant=plant,
                     fmu=fmu,
                     controller=unit,
+                    member=member,
                     progress=lambda time: progress.update(task, completed=time, description=chosen.title),
                     status=status,
                 )

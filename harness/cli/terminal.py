@@ -7,7 +7,16 @@ from pathlib import Path
 
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.segment import Segment
 from rich.text import Text
 
@@ -52,6 +61,26 @@ def progress_bar(refresh_per_second: float = 10) -> Progress:
     return Progress(
         *columns, console=errors, transient=True, refresh_per_second=refresh_per_second, disable=not errors.is_terminal
     )
+
+
+def members_bar() -> Progress:
+    """The same for many members: how many, how many a second, how long the rest will take."""
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    # a chunk is done every few seconds only: the speed is that of a minute
+    return Progress(*columns, console=errors, transient=True, speed_estimate_period=60, disable=not errors.is_terminal)
+
+
+class _Rate(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.0f} members/s" if task.speed else "", style="dim")
 
 
 @contextmanager

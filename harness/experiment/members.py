@@ -34,31 +34,23 @@ class Input:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Of its values in a table: `platform_mass`, `base_points[1,1]`, 1-based."""
+        """In a table: `platform_mass`, `base_points[1,1]`, 1-based, `platform_inertia.factor` of one for all."""
         target = self.place.target
         if not target.shape:
             return (target.name,)
+        if self.spread.factor is not None:
+            return (f"{target.name}.factor",)
         return tuple(f"{target.name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(target.shape))
 
-    @property
-    def drawn_columns(self) -> tuple[str, ...]:
-        """Of what was drawn: the factor where one number moves several values, else the values."""
-        return (f"{self.place.target.name}.factor",) if self._is_scaled else self.columns
-
-    @property
-    def _is_scaled(self) -> bool:
-        return self.spread.factor is not None and prod(self.place.target.shape) > 1
-
     def table(self, u: FloatArray, values: Any) -> dict[str, Any]:
-        """Columns (n,) of values and of what was drawn."""
+        """Columns (n,), from what was drawn."""
         target = self.place.target
         if target.unit is None:
             return {target.name: values}
+        if self.spread.factor is not None and target.shape:
+            return {self.columns[0]: self.spread.factor(u)}
         numbers = np.asarray(values, dtype=float).reshape(len(u), -1)
-        found = {name: numbers[:, k] for k, name in enumerate(self.columns)}
-        if self._is_scaled and self.spread.factor is not None:
-            found[self.drawn_columns[0]] = self.spread.factor(u)
-        return found
+        return {name: numbers[:, k] for k, name in enumerate(self.columns)}
 
 
 @dataclass(frozen=True)

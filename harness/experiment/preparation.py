@@ -146,6 +146,7 @@ class Preparation:
         *,
         seed: Seed | None = None,
         held: FloatArray | None = None,
+        machine: Platform | None = None,
     ) -> Prepared:
         """See the function.
 
@@ -155,10 +156,12 @@ class Preparation:
             Of noise and jitter, in the place of the sensors' own.
         held
             Actuator forces (6,) [N] that hold the machine in its start pose, where they are known.
+        machine
+            What is simulated, where it is known.
         """
         once, section = self.once, partial(_section, experiment.where)
         chosen, clocks, folder = experiment.controller, experiment.loop, experiment.folder
-        platform, machine = self.believed(experiment), self.machine(experiment)
+        platform, machine = self.believed(experiment), machine or self.machine(experiment)
         timing = self._timing(experiment)
         planned = self._planned(experiment, controller)
         forces = self._feedforward(experiment, planned)

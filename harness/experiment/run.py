@@ -4,7 +4,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.parts import Injection
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
@@ -26,6 +26,7 @@ def run(
     fmu: Path | str | None = None,
     controller: Any = None,
     injection: Injection | None = None,
+    member: int | None = None,
     progress: TimeProgress | None = None,
     status: StepProgress | None = None,
 ) -> Record:
@@ -46,6 +47,9 @@ def run(
         `gough-stewart export` makes them, which has its reference and feedforward inside.
     injection
         A function of the time of a sample [s] that gives six forces [N], added to the command to excite the loop.
+    member
+        The number of a member of the experiment's `[ensemble]`, which is run with the very numbers that it has there;
+        with a plant, its machine is simulated by that.
     progress
         Called with the time [s] of the run.
     status
@@ -64,6 +68,17 @@ def run(
     >>> record["position"][-1], record["error.leg_length"].shape
     """
     chosen = experiment_of(experiment, settings)
+    if member is not None:
+        if controller is not None or injection is not None:
+            raise ExperimentError(chosen.where, "member", "has its own controller; expected no other, and no injection")
+        from gough_stewart.harness.experiment.member_records import member_of, records_of
+        from gough_stewart.harness.experiment.plan import plan_of
+
+        plan = plan_of(chosen)
+        if plant is None and fmu is None:
+            return records_of(plan, [member], progress)[0]
+        own, prepared = member_of(plan, member)
+        return run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status)
     prepared = prepare(chosen, controller, injection)
     return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status)
 

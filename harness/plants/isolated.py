@@ -44,6 +44,8 @@ class Isolated:
         Of the class.
     error
         What to raise if the process has ended.
+    environment
+        What its environment has besides.
 
     Raises
     ------
@@ -52,7 +54,12 @@ class Isolated:
     """
 
     def __init__(
-        self, path: Path, kind: str, arguments: tuple[Any, ...], error: type[GoughStewartError] = PlantError
+        self,
+        path: Path,
+        kind: str,
+        arguments: tuple[Any, ...],
+        error: type[GoughStewartError] = PlantError,
+        environment: Mapping[str, str] | None = None,
     ) -> None:
         self.path, self._error = path, error
         # everything that the unit leaves behind is in there
@@ -65,7 +72,7 @@ class Isolated:
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=printed,
-                    env={**os.environ, "TMPDIR": self._folder.name, "TEMP": self._folder.name},
+                    env={**os.environ, "TMPDIR": self._folder.name, "TEMP": self._folder.name, **(environment or {})},
                     **_own_group(),
                 )
             self.call("start", kind, arguments)
@@ -92,6 +99,12 @@ class Isolated:
         process = getattr(self, "_process", None)
         if process is not None and process.returncode is None:
             self._end(process)
+        self._folder.cleanup()
+
+    def kill(self) -> None:
+        """End the process at once, from any thread, whatever it does; a call that waits for it raises."""
+        self._process.kill()
+        self._end(self._process)
         self._folder.cleanup()
 
     # --- inside ------------------------------------------------------------------------------------------------

@@ -29,12 +29,12 @@ class EnsembleChoice(Section):
     seed: Annotated[int, Field(ge=0)] | None = None
     sampling: Sampling = "random"
     # which signals are kept as bands over time
-    signals: list[str] = Field(default_factory=lambda: ["position", "error.position", "leg_length", "actuator_force"])
+    signals: list[str] | None = None
     # whether each member's loop gets its margins
     margins: bool = False
     # how many members get a record of their own, and the metric that says how bad they are
     worst: Annotated[int, Field(ge=0, le=1000)] = 5
-    worst_by: str = "tracking.position.norm_peak"
+    worst_by: str | None = None
     correlation: list[Together] = Field(default_factory=list)
     covariance: list[Together] = Field(default_factory=list)
     _varied: dict[str, Variation]

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import model_validator
-from scipy.special import ndtr, ndtri
 
 from gough_stewart.harness.section import Section
 from gough_stewart.model.real import real_array
@@ -76,6 +75,8 @@ def correlated(u: FloatArray, correlation: FloatArray) -> FloatArray:
 
     z = L Φ⁻¹(u), R = L Lᵀ, and Φ(z); summed column by column, so that a row does not depend on those beside it.
     """
+    from scipy.special import ndtr, ndtri
+
     L = np.linalg.cholesky(correlation)
     z = ndtri(u)
     out = np.empty_like(u)

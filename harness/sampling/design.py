@@ -9,7 +9,6 @@ from typing import Literal
 from zlib import crc32
 
 import numpy as np
-from scipy.stats import qmc
 
 from gough_stewart.model.vectors import FloatArray
 
@@ -123,9 +122,10 @@ def _stream(seed: int, name: str, size: int, first: int, last: int) -> FloatArra
 
 
 def _sobol(size: int, seed: int, first: int, last: int) -> FloatArray:
-    engine = qmc.Sobol(
-        size, scramble=True, rng=np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
-    )
+    from scipy.stats import qmc  # takes half a second, and only such designs need it
+
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+    engine = qmc.Sobol(size, scramble=True, rng=rng)
     if first:
         engine.fast_forward(first)
     with warnings.catch_warnings():  # of numbers that are no power of two: parts of a whole are not
@@ -135,6 +135,8 @@ def _sobol(size: int, seed: int, first: int, last: int) -> FloatArray:
 
 @lru_cache(2)
 def _hypercube(size: int, members: int, seed: int) -> FloatArray:
+    from scipy.stats import qmc
+
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
     return np.asarray(qmc.LatinHypercube(size, rng=rng).random(members))
 

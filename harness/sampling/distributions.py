@@ -10,9 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from gough_stewart.model.vectors import FloatArray
+
+
+def _scores(u: FloatArray) -> FloatArray:
+    """Φ⁻¹(u)."""
+    from scipy.special import ndtri  # which runs without an ensemble need not wait for
+
+    return np.asarray(ndtri(u))
 
 
 class Distribution:
@@ -32,7 +38,7 @@ class Normal(Distribution):
 
     def quantile(self, u: FloatArray) -> FloatArray:
         """See `Distribution`."""
-        return np.asarray(self.mean + self.deviation * ndtri(u))
+        return np.asarray(self.mean + self.deviation * _scores(u))
 
 
 @dataclass(frozen=True)
@@ -58,11 +64,13 @@ class TruncatedNormal(Distribution):
 
     def quantile(self, u: FloatArray) -> FloatArray:
         """See `Distribution`."""
+        from scipy.special import ndtr
+
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
         # Φ is near 1 in the upper tail, where differences drown in rounding: there the mirrored one is taken
         upper = a > 0
         a, b, v = np.where(upper, -b, a), np.where(upper, -a, b), np.where(upper, 1 - u, u)
-        z = ndtri(ndtr(a) + v * (ndtr(b) - ndtr(a)))
+        z = _scores(ndtr(a) + v * (ndtr(b) - ndtr(a)))
         return np.clip(self.mean + self.deviation * np.where(upper, -z, z), self.low, self.high)
 
 
@@ -75,7 +83,7 @@ class Lognormal(Distribution):
 
     def quantile(self, u: FloatArray) -> FloatArray:
         """See `Distribution`."""
-        return np.asarray(self.median * np.exp(self.log_deviation * ndtri(u)))
+        return np.asarray(self.median * np.exp(self.log_deviation * _scores(u)))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,90 @@
+"""The command `ensemble`: a thousand members of an experiment, to tables and bands."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    NoPythonOption,
+    OutOption,
+    SetOption,
+    chosen_experiment,
+    results_folder,
+)
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, members_bar, say_written
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.ensemble.result import Ensemble
+
+
+def ensemble_command(
+    experiment: ExperimentArgument,
+    members: Annotated[int | None, typer.Option(help="How many, instead of what the experiment says.", min=1)] = None,
+    seed: Annotated[int | None, typer.Option(help="Of draws and noise, instead of the experiment's.", min=0)] = None,
+    out: OutOption = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the finished chunks of an interrupted run in the folder.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes on this machine; by default one a core.", min=1)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Compute on the workers of this scheduler of dask.distributed instead: tcp://HOST:8786.",
+            metavar="ADDRESS",
+        ),
+    ] = None,
+    settings: SetOption = None,
+    no_python: NoPythonOption = False,
+) -> None:
+    """Run the members of an experiment's [ensemble]: machines that differ, with the same controller.
+
+    Writes **members.parquet** (a row for each member: what varied, figures of merit, outcome), **bands.parquet**
+    (signals over time, as quantiles) and **ensemble.json**. `gough-stewart run FILE --member 17` repeats one exactly.
+
+    Ctrl-C keeps the finished chunks; the same command with `--resume` goes on, to the same bytes.
+
+    Examples
+    --------
+    - `gough-stewart ensemble heave_tolerances --members 200`
+
+    - `gough-stewart ensemble mine.toml --set controller.bandwidth=3 --out results/faster`
+
+    - `gough-stewart ensemble mine.toml --members 100000 --scheduler tcp://10.0.0.1:8786`
+    """
+    with clear_errors() as written:
+        chosen = chosen_experiment(experiment, settings, no_python)
+        folder = out or results_folder(experiment, "_ensemble")
+        with members_bar() as progress:
+            task = progress.add_task("preparing", total=None)
+            from gough_stewart.harness.ensemble.ensemble import ensemble
+
+            found = ensemble(
+                chosen,
+                members=members,
+                seed=seed,
+                out=folder,
+                resume=resume,
+                workers=workers,
+                scheduler=scheduler,
+                progress=lambda done, total: progress.update(
+                    task, completed=done, total=total, description=chosen.title
+                ),
+                status=lambda what: progress.update(task, description=what),
+            )
+        written.append(folder)
+        _say(found, folder)
+
+
+def _say(found: "Ensemble", folder: Path) -> None:
+    from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
+
+    outcomes = ", ".join(f"{count} {name}" for name, count in found.metadata["outcomes"].items())
+    terminal = Terminal()
+    terminal.say((f"{found.title}: ", "bold"), f"{found.metadata['members']} members, {outcomes}")
+    for cause, count in list(found.metadata["causes"].items())[:5]:
+        terminal.say((f"  {count} × {cause}", "dim"))
+    say_written([MEMBERS, BANDS, METADATA], folder)

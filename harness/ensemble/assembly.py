@@ -1,0 +1,82 @@
+"""From chunks to the three files of an ensemble, member after member, without having all of them in memory."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from gough_stewart.harness.ensemble.chunk import INTEGRATION_ERROR
+from gough_stewart.harness.ensemble.chunk_files import ChunkFiles
+from gough_stewart.harness.ensemble.local import Range
+from gough_stewart.harness.ensemble.made_with import made_with
+from gough_stewart.harness.ensemble.result import CAUSE, OUTCOME, Ensemble
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.results.bands import bands_frame, together
+from gough_stewart.model.files import write_whole
+
+MEMBERS, BANDS, METADATA = "members.parquet", "bands.parquet", "ensemble.json"
+_ROWS_A_GROUP = 65_536
+_MOST_CAUSES = 50
+
+
+def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path) -> Ensemble:
+    """Write members.parquet, bands.parquet and ensemble.json from the chunks; the last one says that all is there."""
+    rows = polars.concat([polars.scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
+
+    def write(path: Path) -> None:
+        rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
+
+    write_whole(folder / MEMBERS, write)
+    bands = bands_frame(together(files.bands(first) for first, _ in ranges))
+    write_whole(folder / BANDS, lambda path: bands.write_parquet(path, statistics=False))
+    members = polars.scan_parquet(folder / MEMBERS)
+    write_whole(folder / METADATA, json.dumps(_metadata(plan, members, features), indent=1).encode())
+    return read_ensemble(folder)
+
+
+def read_ensemble(folder: Path | str) -> Ensemble:
+    """An ensemble from its folder.
+
+    Raises
+    ------
+    RecordError
+        No ensemble is there.
+    """
+    folder = Path(folder)
+    try:
+        metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
+        return Ensemble(polars.read_parquet(folder / MEMBERS), polars.read_parquet(folder / BANDS), metadata)
+    except (OSError, ValueError, polars.exceptions.PolarsError) as error:
+        raise RecordError(f"{folder} holds no ensemble: {error}") from error
+
+
+def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) -> dict[str, Any]:
+    """The circumstances; the same for the same results, so neither times nor who computed what."""
+    prepared = plan.prepared
+    counts = members.group_by(OUTCOME).len().sort(OUTCOME).collect()
+    causes = members.group_by(CAUSE).len().drop_nulls().sort(["len", CAUSE], descending=[True, False])
+    largest = members.select(polars.col(INTEGRATION_ERROR).max()).collect().item()
+    first = causes.head(_MOST_CAUSES).collect()
+    return {
+        "title": prepared.nominal.title,
+        "experiment": prepared.nominal.model_dump(mode="json"),
+        "members": plan.members,
+        "seed": plan.seed,
+        "sampling": prepared.choice.sampling,
+        "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
+        "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
+        "causes": dict(zip(first[CAUSE], first["len"], strict=True)),
+        "substeps": plan.substeps,
+        "tolerance": prepared.nominal.plant.tolerance,
+        "integration_error": largest,
+        # one text: the same bits from whoever computed a chunk; several: alike to 1e-9
+        "features": list(features),
+        "hash": plan.hash,
+        "plan": plan.text,
+        "made_with": made_with(),
+        "versions": versions(),
+    }

@@ -1,0 +1,206 @@
+"""A chunk of an ensemble: some members, prepared, run side by side, and what is kept of them."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.ensemble.result import CAUSE, ENDED, IMPOSSIBLE, MARGINS, MEMBER, OUTCOME, SHORT, VARIED
+from gough_stewart.harness.errors import ExperimentError, RecordError, UnstableLoopError
+from gough_stewart.harness.experiment.batch import batch_of, prepared_members
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.plan import Plan, pilots
+from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
+from gough_stewart.harness.results.streamed import Merit
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.parameters import LIMITS
+from gough_stewart.model.vectors import FloatArray
+
+INTEGRATION_ERROR = "integration_error"
+# Members that run side by side: what they need stays in the processor's cache, and Python's share is small.
+SIZE = 256
+
+
+class Chunk(NamedTuple):
+    """What is kept of some members."""
+
+    rows: polars.DataFrame  # one a member; see `result`
+    bands: BandSamples
+    features: str  # what the machine code was made for
+
+
+def chunk(plan: Plan, first: int, last: int) -> Chunk:
+    """Run the members from first up to last, without it: a pure function, whoever computes it.
+
+    Raises
+    ------
+    GoughStewartError
+        What no member of this experiment can do.
+    """
+    members = plan.prepared
+    part = prepared_members(members, first, last)
+    numbers = sorted(part.prepared)
+    prepared = [part.prepared[k] for k in numbers]
+    if not prepared:
+        merits, nothing = _none(members, first)
+        return Chunk(_rows(first, part.draws.columns, part.impossible, [], (), merits), nothing, "")
+    batch = batch_of(prepared, plan.substeps)
+    timing = prepared[0].loop.timing
+    merit = Merit(batch.loop, _limits(prepared, batch.size), batch.size)
+    bands = Bands(_signals(members), timing, len(prepared), first)
+    with batch.plant:
+        outcomes = observe(batch.plant, batch.law_from, batch.loop, _Both(merit, bands, len(prepared)))
+        errors = batch.plant.integration_error[: len(prepared)]
+        features = batch.plant.features
+    if any(outcome.status == "interrupted" for outcome in outcomes):
+        raise KeyboardInterrupt
+    columns = {name: values[: len(prepared)] for name, values in merit.columns().items()}
+    columns[INTEGRATION_ERROR] = errors
+    if members.choice.margins:
+        columns |= _margins(prepared)
+    rows = _rows(first, part.draws.columns, part.impossible, numbers, outcomes[: len(prepared)], columns)
+    return Chunk(rows, bands.samples(), features)
+
+
+class _Both(Observer):
+    """Merit of all, copies included; bands of the members alone."""
+
+    def __init__(self, merit: Merit, bands: Bands, members: int) -> None:
+        self._merit, self._bands, self._members = merit, bands, members
+
+    def row(self, row: Row) -> None:
+        self._merit.row(row)
+        self._bands.row(_head(row, self._members))
+
+
+def _head(row: Row, n: int) -> Row:
+    """Of the first members alone."""
+    wanted = row.wanted
+    return row._replace(
+        signals=row.signals[:n],
+        inputs=row.inputs[:n],
+        wanted=wanted if wanted is None or wanted.ndim == 1 else wanted[:n],
+        running=row.running[:n],
+        sampled=None,
+    )
+
+
+def _signals(members: Members) -> Sequence[str]:
+    return DEFAULT if members.choice.signals is None else members.choice.signals
+
+
+def _limits(prepared: Sequence[Prepared], size: int) -> dict[str, Any]:
+    """What the designers believe, one number for all where it is the same."""
+    believed = [each.platform for each in prepared]
+    found = dict[str, Any]()
+    for row in LIMITS:
+        values = [getattr(platform, row.name) for platform in believed]
+        if values[0] is None:
+            continue
+        filled = [*values, *[values[-1]] * (size - len(values))]
+        found[row.name] = values[0] if all(value == values[0] for value in values) else np.array(filled)
+    return found
+
+
+def _margins(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
+    """Of each member's own machine with its controller: whether the linear loop is stable, and its disk margin."""
+    # python-control takes a second to import
+    from gough_stewart.harness.control.loop_transfer import loop_transfer
+    from gough_stewart.harness.control.margins import loop_margins
+
+    stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
+    for k, each in enumerate(prepared):
+        if not isinstance(each.controller, LinearController):
+            continue
+        loop, motion = each.loop, each.motion
+        try:
+            found = loop_margins(
+                loop_transfer(
+                    each.machine,
+                    each.controller,
+                    loop.timing.sample_time,
+                    delay=loop.actuators.delay,
+                    lag=loop.actuators.lag,
+                    position=None if motion is None else motion.position[0],
+                    orientation=None if motion is None else motion.orientation[0],
+                )
+            )
+            stable[k], disk[k] = 1.0, found.disk.alpha
+        except UnstableLoopError:
+            stable[k] = 0.0
+    return {f"{MARGINS}stable": stable, f"{MARGINS}disk": disk}
+
+
+def check_names(plan: Plan) -> None:
+    """Refuse bands and metrics that are not there, before anything runs.
+
+    Raises
+    ------
+    ExperimentError
+        A name in `signals` or `worst_by` that is none; says the nearest.
+    """
+    members = plan.prepared
+    where, choice = plan.where, members.choice
+    try:
+        columns = _none(members, 0)[0]
+    except RecordError as error:
+        raise ExperimentError(where, "ensemble.signals", str(error)) from None
+    if choice.worst_by is not None and SHORT.get(choice.worst_by, choice.worst_by) not in columns:
+        raise ExperimentError(
+            where, "ensemble.worst_by", f"no metric '{choice.worst_by}'{nearest(choice.worst_by, columns)}"
+        )
+
+
+def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamples]:
+    """What is kept of members of which none can run."""
+    try:
+        loop, platform = pilots(members)[0].loop, pilots(members)[0].platform
+    except GoughStewartError:
+        loop, platform = (
+            members.preparation.prepare(members.nominal).loop,
+            members.preparation.believed(members.nominal),
+        )
+    limits = {row.name: value for row in LIMITS if (value := getattr(platform, row.name)) is not None}
+    merit = Merit(loop, limits)
+    columns = {**merit.columns(), INTEGRATION_ERROR: np.zeros(1)}
+    if members.choice.margins:
+        columns |= {f"{MARGINS}stable": np.zeros(1), f"{MARGINS}disk": np.zeros(1)}
+    bands = Bands(_signals(members), loop.timing, 0, first)
+    return {name: values[:0] for name, values in columns.items()}, bands.samples()
+
+
+def _rows(
+    first: int,
+    varied: dict[str, Any],
+    impossible: dict[int, str],
+    numbers: Sequence[int],
+    outcomes: Sequence[Outcome],
+    metrics: dict[str, FloatArray],
+) -> polars.DataFrame:
+    """A row a member, in the order of their numbers."""
+    n = len(impossible) + len(numbers)
+    at = np.array(numbers, dtype=np.intp) - first
+    status, cause = [IMPOSSIBLE] * n, [impossible.get(first + k) for k in range(n)]
+    ended: list[float | None] = [None] * n
+    for k, outcome in zip(at.tolist(), outcomes, strict=True):
+        status[k], ended[k], cause[k] = outcome.status, outcome.time, outcome.cause
+    columns: dict[str, Any] = {MEMBER: polars.Series(range(first, first + n), dtype=polars.Int64)}
+    for name, values in varied.items():
+        columns[f"{VARIED}{name}"] = polars.Series(values)
+    columns |= {
+        OUTCOME: status,
+        ENDED: polars.Series(ended, dtype=polars.Float64),
+        CAUSE: polars.Series(cause, dtype=polars.String),
+    }
+    for name, values in metrics.items():
+        whole = np.full(n, np.nan)
+        whole[at] = values
+        columns[name] = whole
+    return polars.DataFrame(columns, nan_to_null=True)

@@ -1,0 +1,101 @@
+"""Chunks on a cluster, by dask.distributed."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from gough_stewart.harness.ensemble.chunk import chunk
+from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
+from gough_stewart.harness.ensemble.local import Range
+from gough_stewart.harness.ensemble.made_with import difference, made_with
+from gough_stewart.harness.errors import EnsembleError
+from gough_stewart.harness.experiment.plan import Plan, plan_from
+
+TIMEOUT = 10  # [s], for the scheduler to answer, and for its first worker
+# Chunks under way for each thread of the workers: one that runs, and the next.
+_AHEAD = 2
+
+
+def chunks_there(plan: Plan, ranges: Sequence[Range], address: str) -> Iterator[tuple[Range, ChunkBytes]]:
+    """Chunks as workers have them ready, in any order; those of a worker that dies are computed by others.
+
+    Raises
+    ------
+    EnsembleError
+        No dask.distributed, no scheduler or no worker within `TIMEOUT`, or workers with other versions.
+    """
+    distributed = _distributed()
+    try:
+        client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else "no answer"
+        raise EnsembleError(
+            f"no scheduler at {address} within {TIMEOUT} s: {reason}; expected the address that `dask scheduler` "
+            "prints, such as tcp://10.0.0.1:8786"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=TIMEOUT)
+        except TimeoutError:
+            raise EnsembleError(
+                f"the scheduler at {address} has no workers; start some: dask worker {address}"
+            ) from None
+        for worker, theirs in client.run(_versions_there).items():
+            _check(theirs, worker)
+        yield from _chunks(client, distributed, plan, ranges)
+
+
+def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
+    text, ours, waiting = plan.text, made_with(), list(reversed(ranges))
+
+    def submit() -> Any:
+        each = waiting.pop()
+        # not pure: a result that is left over from another run is of no use
+        future = client.submit(chunk_there, text, ours, *each, pure=False)
+        under_way[future] = each
+        return future
+
+    under_way: dict[Any, Range] = {}
+    many = _AHEAD * max(1, sum(client.nthreads().values()))
+    ready = distributed.as_completed([submit() for _ in range(min(many, len(waiting)))], loop=client.loop)
+    for future in ready:
+        try:
+            found = future.result()
+        except (distributed.KilledWorker, distributed.CancelledError) as error:
+            first, last = under_way[future]
+            raise EnsembleError(
+                f"members {first} to {last - 1}: workers died of them again and again ({error}); not enough memory?"
+            ) from error
+        yield under_way.pop(future), found
+        if waiting:
+            ready.add(submit())
+
+
+def chunk_there(text: str, ours: dict[str, str], first: int, last: int) -> ChunkBytes:
+    """On a worker: a chunk, from a plan as text; workers that join later are checked here."""
+    _check(made_with(), "a worker", ours)
+    return ChunkBytes.of(chunk(plan_from(text), first, last))
+
+
+def _versions_there() -> dict[str, str] | None:
+    try:
+        return made_with()
+    except ImportError:
+        return None
+
+
+def _check(theirs: dict[str, str] | None, worker: str, ours: dict[str, str] | None = None) -> None:
+    differs = "no gough-stewart there" if theirs is None else difference(ours or made_with(), theirs)
+    if differs:
+        raise EnsembleError(
+            f"{worker} differs from this side: {differs}; install the same there, or results would not be the same"
+        )
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise EnsembleError(
+            "a scheduler takes dask.distributed; install it: pip install 'gough-stewart[cluster]'"
+        ) from None
+    return distributed

@@ -1,0 +1,222 @@
+"""Run an ensemble: chunks on cores or on a cluster, to one table of members, bands, and circumstances."""
+
+import errno
+import json
+import tempfile
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, assemble, read_ensemble
+from gough_stewart.harness.ensemble.chunk import SIZE, check_names
+from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
+from gough_stewart.harness.ensemble.cluster import chunks_there
+from gough_stewart.harness.ensemble.local import Range, chunks_here, cores
+from gough_stewart.harness.ensemble.made_with import difference, made_with
+from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.errors import EnsembleError
+from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of, plan_without_substeps
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.model.errors import OutputError
+from gough_stewart.model.files import check_output_folder, write_whole
+from gough_stewart.model.progress import StepProgress
+
+PLAN = "plan.json"
+# Called with how many members are done, and how many there are.
+MembersProgress = Callable[[int, int], None]
+
+
+def ensemble(
+    experiment: Experiment | Path | str,
+    settings: Settings = (),
+    *,
+    members: int | None = None,
+    seed: int | None = None,
+    out: Path | str | None = None,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: MembersProgress | None = None,
+    status: StepProgress | None = None,
+) -> Ensemble:
+    """Run the members of an experiment's `[ensemble]`; member k has the same numbers however many there are, and where.
+
+    Parameters
+    ----------
+    experiment
+        A TOML file, the name of a shipped experiment, or an `Experiment`.
+    settings
+        Keys of the experiment to set anew, as `load_experiment` takes them.
+    members, seed
+        In the place of the experiment's.
+    out
+        A folder for members.parquet, bands.parquet and ensemble.json, and on the way for finished chunks; by default
+        nothing stays.
+    resume
+        Go on with what an interrupted run has left in that folder.
+    workers
+        Processes on this machine; by default one a core.
+    scheduler
+        The address of a scheduler of dask.distributed, whose workers compute, in the place of processes here.
+    progress
+        Called with the members that are done, and their number.
+    status
+        Called with what is being done before.
+
+    Raises
+    ------
+    ExperimentError
+        What varies, or how, is not what the experiment has.
+    EnsembleError
+        A folder with results of another experiment, a scheduler that does not answer, workers with other versions.
+    OutputError, OSError
+        The files cannot be written; finished chunks are kept.
+
+    Examples
+    --------
+    >>> found = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=16, workers=1)
+    >>> found.members["outcome"].value_counts(), found.values("tracking.position.norm_peak").max()
+    """
+    chosen = _with(experiment_of(experiment, settings), members, seed)
+    if workers is not None and workers < 1:
+        raise EnsembleError(f"workers is {workers}; expected at least 1")
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
+            return _run(chosen, Path(folder), False, workers, scheduler, progress, status)
+    check_output_folder(Path(out), (MEMBERS, BANDS, METADATA, PLAN))
+    return _run(chosen, Path(out), resume, workers, scheduler, progress, status)
+
+
+def _with(experiment: Experiment, members: int | None, seed: int | None) -> Experiment:
+    found = {"ensemble.members": members, "ensemble.seed": seed}
+    return experiment_of(experiment, {key: value for key, value in found.items() if value is not None})
+
+
+def _run(
+    experiment: Experiment,
+    folder: Path,
+    resume: bool,
+    workers: int | None,
+    scheduler: str | None,
+    progress: MembersProgress | None,
+    status: StepProgress | None,
+) -> Ensemble:
+    say = status or (lambda _: None)
+    files = ChunkFiles(folder)
+    say("planning")
+    plan = _planned(experiment, folder, files, resume)
+    if plan is None:
+        return read_ensemble(folder)
+    ranges = [(k, min(k + SIZE, plan.members)) for k in range(0, plan.members, SIZE)]
+    say("checking finished chunks" if resume else "running")
+    features = {each: files.features(each[0]) for each in ranges} if resume else {}
+    left = [each for each in ranges if features.get(each) is None]
+    done = plan.members - sum(last - first for first, last in left)
+    say("running")
+    with _kept(folder, files):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(folder / PLAN, json.dumps({"plan": plan.text, "made_with": made_with()}, indent=1).encode())
+        with closing(_source(plan, left, workers, scheduler)) as source:
+            for (first, last), content in source:
+                files.write(first, content)
+                features[first, last] = content.features
+                done += last - first
+                if progress is not None:
+                    progress(done, plan.members)
+        say("tables")
+        found = assemble(plan, files, ranges, sorted({each for each in features.values() if each}), folder)
+    files.remove()
+    (folder / PLAN).unlink(missing_ok=True)
+    return found
+
+
+def _source(
+    plan: Plan, left: Sequence[Range], workers: int | None, scheduler: str | None
+) -> Generator[tuple[Range, ChunkBytes], None, None]:
+    if not left:
+        return
+    if scheduler is None:
+        yield from chunks_here(plan, left, workers or cores())
+    else:
+        yield from chunks_there(plan, left, scheduler)
+
+
+def _planned(experiment: Experiment, folder: Path, files: ChunkFiles, resume: bool) -> Plan | None:
+    """The plan of this run, the one that was begun in the folder where it goes on; None if all is done there.
+
+    Raises
+    ------
+    EnsembleError
+        What is in the folder is of another experiment, or unfinished and would be lost.
+    """
+    begun = _begun(folder)
+    if not resume:
+        if begun is not None and files.count():
+            raise EnsembleError(
+                f"{folder} has finished chunks of an ensemble that was not finished; go on with --resume, or remove "
+                f"{folder / FOLDER}, or choose another --out"
+            )
+        plan = plan_of(experiment)
+        check_names(plan)
+        return plan
+    wanted = plan_without_substeps(experiment)
+    if begun is None:
+        plan = plan_of(experiment)
+        check_names(plan)
+        return plan
+    plan, versions, is_finished = begun
+    if wanted.hash != plan.hash:
+        raise EnsembleError(
+            f"{folder} has results of another experiment: {_differences(wanted.decisive, plan.decisive)}; choose "
+            "another --out, or leave out --resume"
+        )
+    if differs := difference(made_with(), versions):
+        raise EnsembleError(f"{folder} has results that other versions have begun: {differs}; leave out --resume")
+    return None if is_finished else plan
+
+
+def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:
+    """The plan that a folder's results are of, what made them, and whether they are finished."""
+    for name in (PLAN, METADATA):
+        try:
+            found = json.loads((folder / name).read_bytes())
+            return plan_from(found["plan"]), dict(found["made_with"]), name == METADATA
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise EnsembleError(f"{folder / name} is no plan of an ensemble: {error}; remove it") from error
+    return None
+
+
+def _differences(here: Any, there: Any, at: str = "") -> str:
+    """The first places where two trees of plain values differ."""
+    return "; ".join(list(_different(here, there, at))[:3])
+
+
+def _different(here: Any, there: Any, at: str) -> Iterator[str]:
+    if isinstance(here, dict) and isinstance(there, dict):
+        for key in sorted({*here, *there}):
+            yield from _different(
+                here.get(key), there.get(key), f"{at}.{key}".removeprefix(".").removeprefix("experiment.")
+            )
+    elif here != there:
+        yield f"{at} is {here!r} here and {there!r} there"
+
+
+@contextmanager
+def _kept(folder: Path, files: ChunkFiles) -> Iterator[None]:
+    """Say of what goes wrong that finished chunks are kept, and how to go on."""
+    try:
+        yield
+    except BaseException as error:
+        n = files.count()
+        if n:
+            error.add_note(f"{n} finished chunks are kept in {folder}; go on with --resume")
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise OutputError(
+                f"{error.filename or folder}: no space left on the disk; {n} finished chunks are kept in {folder}: "
+                "make room, then go on with --resume"
+            ) from error
+        raise

@@ -1,0 +1,128 @@
+"""Chunks on this machine's cores: processes of their own, which are started anew if one dies."""
+
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from pathlib import Path
+
+from gough_stewart.harness.ensemble.chunk import chunk
+from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
+from gough_stewart.harness.errors import EnsembleError
+from gough_stewart.harness.experiment.plan import Plan, plan_from
+from gough_stewart.harness.plants.isolated import Isolated
+
+# A first and a last member, without the last.
+Range = tuple[int, int]
+# How often a chunk is tried again when its process has died.
+_TRIES = 3
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+# What waits for a free worker, so that Ctrl-C has not long to wait for it.
+_WAIT = 0.2
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Worker:
+    """What runs in a process of its own."""
+
+    def __init__(self, text: str) -> None:
+        self._plan = plan_from(text)
+
+    def chunk(self, first: int, last: int) -> ChunkBytes:
+        """See `chunk.chunk`."""
+        return ChunkBytes.of(chunk(self._plan, first, last))
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def chunks_here(plan: Plan, ranges: Sequence[Range], workers: int) -> Iterator[tuple[Range, ChunkBytes]]:
+    """Chunks as they get ready, in any order.
+
+    Raises
+    ------
+    EnsembleError
+        A chunk whose process died again and again.
+    """
+    if workers == 1 or len(ranges) < 2:
+        for each in ranges:
+            yield each, ChunkBytes.of(chunk(plan, *each))
+        return
+    pool = _Pool(plan)
+    try:
+        with ThreadPoolExecutor(min(workers, len(ranges))) as threads:
+            try:
+                waiting = {threads.submit(pool.chunk, each): each for each in ranges}
+                while waiting:
+                    for done in wait(waiting, _WAIT, FIRST_COMPLETED).done:
+                        yield waiting.pop(done), done.result()
+            except BaseException:
+                threads.shutdown(wait=False, cancel_futures=True)
+                pool.end()
+                raise
+    finally:
+        pool.end()
+
+
+class _Pool:
+    """A process for each thread that asks."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._text, self._own = plan.text, threading.local()
+        self._lock, self._open, self._ended = threading.Lock(), list[Isolated](), False
+
+    def chunk(self, members: Range) -> ChunkBytes:
+        """From this thread's process, which is started anew if it dies."""
+        for last in (*[False] * (_TRIES - 1), True):
+            try:
+                found: ChunkBytes = self._worker().call("chunk", *members)
+            except _DiedError as error:
+                self._forget()
+                if last or self._ended:
+                    raise EnsembleError(
+                        f"members {members[0]} to {members[1] - 1}: {error}; tried {_TRIES} times. Not enough memory? "
+                        "Take fewer --workers"
+                    ) from error
+            else:
+                return found
+        raise AssertionError
+
+    def end(self) -> None:
+        """All processes, at once; what they do is lost."""
+        with self._lock:
+            self._ended = True
+            open_now, self._open = self._open, []
+        for worker in open_now:
+            worker.kill()
+
+    def _forget(self) -> None:
+        """The process of this thread, which has ended."""
+        worker: Isolated | None = getattr(self._own, "worker", None)
+        self._own.worker = None
+        if worker is not None:
+            with self._lock:
+                if worker in self._open:
+                    self._open.remove(worker)
+            worker.close()
+
+    def _worker(self) -> Isolated:
+        worker: Isolated | None = getattr(self._own, "worker", None)
+        if worker is None:
+            name = Path(f"worker {threading.current_thread().name.rpartition('_')[2]}")
+            kind = f"{Worker.__module__}:{Worker.__name__}"
+            worker = Isolated(name, kind, (self._text,), _DiedError, dict.fromkeys(_THREADS, "1"))
+            with self._lock:
+                if self._ended:
+                    worker.kill()
+                    raise _DiedError("ended")
+                self._open.append(worker)
+            self._own.worker = worker
+        return worker
+
+
+class _DiedError(EnsembleError):
+    """The process of a worker has ended."""

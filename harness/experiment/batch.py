@@ -1,0 +1,113 @@
+"""Members that run side by side: prepared, filled up to whole vectors, one plant, one loop, their laws."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.experiment.members import Draws, Members
+from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.loop.loop import LawFrom, Loop
+from gough_stewart.harness.loop.together import together
+from gough_stewart.harness.plants import members as in_memory
+from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.errors import GoughStewartError, SingularPoseError
+from gough_stewart.model.parameters import stack
+from gough_stewart.model.vectors import FloatArray
+
+# Of the plant's vectors: a member's bits do not depend on the others where all of them are whole.
+LANES = 8
+
+
+@dataclass(frozen=True)
+class PreparedMembers:
+    """Members one after the other from `first` on: what they draw, those that can run, and why others cannot."""
+
+    first: int
+    draws: Draws
+    prepared: dict[int, Prepared]  # by member
+    impossible: dict[int, str]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What runs; the members, and behind them copies of the last one up to a whole number of vectors."""
+
+    plant: LanesPlant
+    law_from: LawFrom | None
+    loop: Loop
+    size: int  # with the copies
+
+
+def prepared_members(members: Members, first: int, last: int) -> PreparedMembers:
+    """Members from first up to last, without it; what none can be is a reason, not an error."""
+    draws = members.draws(first, last)
+    experiments, machines = {}, {}
+    impossible = dict[int, str]()
+    prepared = dict[int, Prepared]()
+    for k, values in enumerate(draws.values):
+        try:
+            each = members.experiment(values)
+            experiments[first + k] = each
+            machines[first + k] = (members.preparation.machine(each), members.preparation.start(each))
+        except GoughStewartError as error:
+            impossible[first + k] = _reason(error, members.nominal.where)
+    held = _held(machines)
+    for k, (machine, _) in machines.items():
+        try:
+            prepared[k] = members.preparation.prepare(
+                experiments[k], seed=members.seed_of(k), held=held.get(k), machine=machine
+            )
+        except GoughStewartError as error:
+            impossible[k] = _reason(error, members.nominal.where)
+    return PreparedMembers(first, draws, prepared, impossible)
+
+
+def _reason(error: GoughStewartError, where: str) -> str:
+    return str(error).removeprefix(f"{where}: ")
+
+
+def _held(machines: dict[int, Any]) -> dict[int, FloatArray]:
+    """Forces that hold each machine in its start pose; none where one has a singular pose, which is for it to say."""
+    if not machines:
+        return {}
+    platforms = stack([machine for machine, _ in machines.values()])
+    starts = [start for _, start in machines.values()]
+    position, orientation = (np.stack([getattr(s, name) for s in starts]) for name in ("position", "orientation"))
+    try:
+        forces = static_leg_forces(platforms, position, orientation)
+    except SingularPoseError:
+        return {}
+    return dict(zip(machines, np.asarray(forces), strict=True))
+
+
+def batch_of(prepared: Sequence[Prepared], substeps: int, compiler: bool | None = None) -> Batch:
+    """Prepared members as one plant and one loop.
+
+    Raises
+    ------
+    ControllerError
+        Members that cannot run side by side; says in what they differ.
+    """
+    filled = [*prepared, *[prepared[-1]] * (-len(prepared) % LANES)]
+    loop = together([each.loop for each in filled])
+    plant = lanes_plant([p.machine for p in filled], [p.start for p in filled], substeps=substeps, compiler=compiler)
+    controllers = [each.controller for each in filled]
+    law_from = None
+    if controllers[0] is not None:
+        known = [each for each in controllers if each is not None]
+        law_from = laws_together(known, loop.timing.sample_time, _jacobians(filled))
+    return Batch(plant, law_from, loop, len(filled))
+
+
+def _jacobians(prepared: Sequence[Prepared]) -> FloatArray:
+    """(n, 6, 6) where all have the same, else (n, N, 6, 6)."""
+    first = prepared[0].jacobians
+    if all(each.jacobians is first for each in prepared):
+        return first
+    n = len(first)
+    flat: FloatArray = in_memory.stacked([each.jacobians.reshape(n, 36) for each in prepared])
+    return flat.reshape(n, len(prepared), 6, 6)

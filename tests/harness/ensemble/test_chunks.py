@@ -1,0 +1,161 @@
+"""Chunks: member k has the same bits whoever runs beside it; its row holds the figures of merit of its record."""
+
+import numpy as np
+import polars
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.ensemble.chunk import INTEGRATION_ERROR, Chunk, chunk
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
+from gough_stewart.harness.results.metrics import flattened
+from gough_stewart.model.vectors import FloatArray
+from tests.support.small_ensemble import small
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_of(small())
+
+
+@pytest.fixture(scope="module")
+def whole(plan: Plan) -> Chunk:
+    return chunk(plan, 0, 40)
+
+
+def same(a: polars.DataFrame, b: polars.DataFrame) -> bool:
+    return a.select(sorted(a.columns)).equals(b.select(sorted(b.columns)), null_equal=True)
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 1), (7, 8), (3, 13), (13, 40)])
+def test_a_member_has_the_same_bits_alone_and_among_others(plan: Plan, whole: Chunk, first: int, last: int) -> None:
+    part = chunk(plan, first, last)
+    assert same(part.rows, whole.rows[first:last])
+    possible = np.cumsum(whole.rows["outcome"].to_numpy() != "impossible")
+    a, b = (int(possible[k - 1]) if k else 0 for k in (first, last))
+    assert np.array_equal(part.bands.values, whole.bands.values[:, :, a:b], equal_nan=True)
+
+
+def test_a_plan_reads_back_from_its_text(plan: Plan, whole: Chunk) -> None:
+    again = plan_from(plan.text)
+    assert again == plan
+    assert same(chunk(again, 20, 25).rows, whole.rows[20:25])
+
+
+def test_impossible_members_are_rows_with_their_reason(whole: Chunk) -> None:
+    """Expected: those whose mass is not positive, by the very column that says so; all others ran to the end."""
+    mass, outcome = whole.rows["varied.platform_mass"].to_numpy(), whole.rows["outcome"].to_numpy()
+    assert 0 < (mass <= 0).sum() < 10
+    assert ((outcome == "impossible") == (mass <= 0)).all()
+    assert set(outcome) == {"impossible", "completed"}
+    lost = whole.rows.filter(polars.col("outcome") == "impossible")
+    assert all("platform_mass: is -" in cause and "expected > 0" in cause for cause in lost["cause"])
+    assert lost["tracking.position.norm_rms"].null_count() == len(lost)
+    assert lost["ended"].null_count() == len(lost)
+
+
+def test_a_row_holds_the_figures_of_merit_of_the_members_record(whole: Chunk) -> None:
+    """Expected: `metrics` of the member's own record, to rounding, and the end of its run."""
+    record = gs.run(small(), member=11)
+    row = whole.rows.row(11, named=True)
+    expected = flattened(gs.metrics(record))
+    shared = [name for name in expected if name in row]
+    assert len(shared) > 25
+    for name in shared:
+        if expected[name] is None:
+            assert row[name] is None, name
+        else:
+            assert row[name] == pytest.approx(expected[name], rel=1e-9, abs=1e-12), name
+    assert record.metadata["member"] == 11
+    assert record.metadata["outcome"]["time"] == row["ended"] == pytest.approx(0.06)
+
+
+def test_bands_and_record_of_a_member_are_the_same_run(plan: Plan) -> None:
+    """Expected: bit for bit the poses of the record at the times of the bands."""
+    bands, record = chunk(plan, 11, 12).bands, gs.run(small(), member=11)
+    rows = np.searchsorted(record["time"], bands.time - 1e-9)
+    assert len(rows) > 20
+    for k, name in enumerate(("position[1]", "position[2]", "position[3]")):
+        assert (bands.values[:, bands.columns.index(name), 0] == record[name][rows]).all(), k
+
+
+def test_a_member_is_its_experiment_in_another_plant() -> None:
+    """Expected: the stepping model, another integrator, within 1e-8 m and rad."""
+    # which would round on two sides of a step sooner or later
+    fixed = {"sensors.quantisation.leg_length": 0.0}
+    experiment = gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "ensemble.members": 64, **fixed})
+    lanes, model = (gs.run(experiment, member=5, plant=plant) for plant in (None, "model"))
+    assert lanes.metadata["plant"] == "lanes"
+    for name in ("position", "orientation"):
+        assert np.abs(lanes[name] - model[name]).max() < 1e-8
+    assert (lanes["measured.leg_length"] != lanes["leg_length"]).any()
+
+
+def test_a_member_has_what_its_row_says_varied() -> None:
+    """Expected: an experiment with these values set by hand gives the same run, without noise to the last bit."""
+    quiet = {"sensors.noise.leg_length": 0.0}
+    varied = small(sensors={"quantisation": {"leg_length": {"uniform": [1e-6, 2e-5]}}}, disturbance={})
+    experiment = experiment_of(varied, quiet)
+    row = chunk(plan_of(experiment), 4, 5).rows.row(0, named=True)
+    member = gs.run(experiment, member=4, plant="model")
+    points = [[row[f"varied.base_points[{i},{j}]"] for j in (1, 2, 3)] for i in range(1, 7)]
+    J = gs.load_preset("motion_base").platform_inertia
+    settings = {
+        "plant.parameters.platform_mass": row["varied.platform_mass"],
+        "plant.parameters.base_points": points,
+        "plant.parameters.platform_inertia": (J * row["varied.platform_inertia.factor"]).tolist(),
+        "plant.parameters.leg_viscous_friction": row["varied.leg_viscous_friction"],
+        "loop.delay": row["varied.loop.delay"],
+        "controller.bandwidth": row["varied.controller.bandwidth"],
+        "sensors.quantisation.leg_length": row["varied.sensors.quantisation.leg_length"],
+    }
+    by_hand = gs.run(small(), {**quiet, **settings})
+    assert by_hand.metadata["machine"] == member.metadata["machine"]
+    tables = ("platform", "reference", "controller", "loop", "sensors", "disturbance")
+    assert all(member.metadata["experiment"][name] == by_hand.metadata["experiment"][name] for name in tables)
+    assert (member["position"] == by_hand["position"]).all()
+    assert not np.allclose(member["position"], gs.run(small(), quiet)["position"], atol=1e-5)
+
+
+def test_noise_is_of_the_member_and_not_of_its_batch() -> None:
+    """Expected: two members' noise is independent, and another seed gives other noise to the same member."""
+    a, b = (gs.run(small(), member=k) for k in (10, 12))
+    other = gs.run(small(seed=4), member=10)
+
+    def noise(record: gs.Record) -> FloatArray:
+        values = (record["measured.leg_length"] - record["leg_length"])[:-1:2]
+        return np.asarray(values.ravel() / values.std())
+
+    assert abs(np.corrcoef(noise(a), noise(b))[0, 1]) < 0.4
+    assert abs(np.corrcoef(noise(a), noise(other))[0, 1]) < 0.4
+
+
+def test_substeps_hold_the_tolerance_and_the_estimate_is_kept(whole: Chunk) -> None:
+    """Expected: the pilot's members below the tolerance; where the motion is fast, more substeps for a finer one."""
+    error = whole.rows[INTEGRATION_ERROR].drop_nulls().to_numpy()
+    assert (error[:8] <= 1e-8).all()
+    assert (error > 0).any()
+    coarse, fine = (
+        plan_of(gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "plant.tolerance": tolerance}))
+        for tolerance in (1e-6, 1e-12)
+    )
+    assert coarse.substeps < fine.substeps
+    assert plan_of(experiment_of(small(), {"plant.fixed_step_size": 2.5e-4})).substeps == 4
+
+
+@pytest.mark.parametrize("member", [-1, 40, 1000])
+def test_a_member_that_is_not_there_is_refused(member: int) -> None:
+    with pytest.raises(ExperimentError, match=f"member: is {member}; expected 0 to 39"):
+        gs.run(small(), member=member)
+
+
+def test_an_impossible_member_cannot_be_run(whole: Chunk) -> None:
+    lost = int(whole.rows.filter(polars.col("outcome") == "impossible")["member"][0])
+    with pytest.raises(ExperimentError, match=f"member {lost}: is impossible: plant: platform_mass: is -"):
+        gs.run(small(), member=lost)
+
+
+def test_an_ensemble_of_which_nobody_can_run_says_why() -> None:
+    with pytest.raises(ExperimentError, match=r"none of the first 40 members is possible; the first: .*platform_mass"):
+        plan_of(small(platform_mass={"uniform": [-3, -1]}))

@@ -1,0 +1,179 @@
+"""A cluster on this machine's loopback: a real scheduler and real workers as processes, some of which are killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.ensemble import ensemble as runner
+from gough_stewart.harness.ensemble.chunk_files import FOLDER
+from gough_stewart.harness.ensemble.cluster import chunk_there
+from gough_stewart.harness.ensemble.made_with import made_with
+from gough_stewart.harness.errors import EnsembleError
+from gough_stewart.harness.experiment.plan import plan_of
+from tests.support.small_ensemble import SMALL, small
+from tests.support.snippets import ROOT
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.filterwarnings("default")  # those of another project
+
+MEMBERS = 160
+SIZE = 16
+
+
+class Cluster:
+    """A scheduler, and workers of one thread each."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self.workers = folder, list[subprocess.Popen[bytes]]()
+        self._environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+        said = folder / "scheduler.json"
+        self._scheduler = self._start(
+            "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", said
+        )
+        wait_for(said.exists)
+        self.file = said
+        for _ in range(2):
+            self.add_worker()
+
+    @property
+    def address(self) -> str:
+        """Of the scheduler."""
+        return str(json.loads(self.file.read_text())["address"])
+
+    def add_worker(self) -> None:
+        """One more."""
+        options = ("--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", self._folder)
+        self.workers.append(self._start("worker", "--scheduler-file", self.file, *options))
+
+    def kill_worker(self) -> None:
+        """The oldest."""
+        oldest = self.workers.pop(0)
+        oldest.kill()
+        oldest.wait()
+
+    def close(self) -> None:
+        """All of it."""
+        for process in (*self.workers, self._scheduler):
+            process.kill()
+            process.wait()
+
+    def _start(self, what: str, *options: object) -> "subprocess.Popen[bytes]":
+        command = [sys.executable, "-m", "distributed.cli.dask_" + what, *map(str, options)]
+        with (self._folder / f"{what}.log").open("ab") as log:
+            return subprocess.Popen(command, env=self._environment, cwd=self._folder, stdout=log, stderr=log)
+
+
+def wait_for(there: Any, seconds: float = 60) -> None:
+    """Until something is there."""
+    end = time.monotonic() + seconds
+    while not there():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    started = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield started
+    started.close()
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
+    """The files of a run without a cluster."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runner, "SIZE", SIZE)
+        gs.ensemble(small(members=MEMBERS), out=folder, workers=1)
+    return files_in(folder)
+
+
+def files_in(folder: Path) -> Mapping[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_worker_killed_in_mid_run_changes_no_byte(
+    cluster: Cluster, undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the other worker computes its chunks, and the files are those of a run without a cluster."""
+    monkeypatch.setattr(runner, "SIZE", SIZE)
+    done = list[int]()
+
+    def progress(members: int, _total: int) -> None:
+        if not done:
+            cluster.kill_worker()
+        done.append(members)
+
+    gs.ensemble(small(members=MEMBERS), out=tmp_path, scheduler=cluster.address, progress=progress)
+    assert done[-1] == MEMBERS
+    assert files_in(tmp_path) == undisturbed
+    cluster.add_worker()
+
+
+def test_a_client_killed_in_mid_run_goes_on_with_resume(
+    cluster: Cluster, undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: chunks of the first client are kept, and the files are those of an undisturbed run."""
+    monkeypatch.setattr(runner, "SIZE", SIZE)
+    program = (
+        "import gough_stewart as gs, json, sys\n"
+        "from gough_stewart.harness.ensemble import ensemble as runner\n"
+        "from gough_stewart.harness.experiment.file import experiment_from\n"
+        f"runner.SIZE = {SIZE}\n"
+        f"experiment = experiment_from({ {**SMALL, 'ensemble': {**SMALL['ensemble'], 'members': MEMBERS}}!r})\n"
+        f"gs.ensemble(experiment, out={str(tmp_path)!r}, scheduler={cluster.address!r})\n"
+    )
+    client = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    wait_for(lambda: len(list((tmp_path / FOLDER).glob("*.json"))) >= 2)
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    kept = len(list((tmp_path / FOLDER).glob("*.json")))
+    assert 2 <= kept < MEMBERS // SIZE
+    done = list[int]()
+    gs.ensemble(
+        small(members=MEMBERS),
+        out=tmp_path,
+        scheduler=cluster.address,
+        resume=True,
+        progress=lambda n, _: done.append(n),
+    )
+    assert len(done) == MEMBERS // SIZE - kept
+    assert files_in(tmp_path) == undisturbed
+
+
+def test_a_worker_with_other_versions_is_refused(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Expected: before anything runs, and by the worker itself where it joins later."""
+    ours = {**made_with(), "numpy": "1.0"}
+    with pytest.raises(EnsembleError, match=r"a worker differs from this side: numpy 1\.0 here and"):
+        chunk_there(plan_of(small()).text, ours, 0, 1)
+    monkeypatch.setattr("gough_stewart.harness.ensemble.cluster.made_with", lambda: ours)
+    with pytest.raises(
+        EnsembleError, match=r"tcp://.* differs from this side: numpy 1\.0 here and .* there; install the same"
+    ):
+        gs.ensemble(small(), out=tmp_path, scheduler=cluster.address)
+
+
+def test_a_scheduler_that_is_not_there_is_said_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: within the ten seconds, made one here."""
+    monkeypatch.setattr("gough_stewart.harness.ensemble.cluster.TIMEOUT", 1)
+    begin = time.monotonic()
+    with pytest.raises(EnsembleError, match=r"no scheduler at tcp://127\.0\.0\.1:9 within 1 s: .*dask scheduler"):
+        gs.ensemble(small(members=8), out=tmp_path, scheduler="tcp://127.0.0.1:9")
+    assert time.monotonic() - begin < 15
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(EnsembleError, match=r"pip install 'gough-stewart\[cluster\]'"):
+        gs.ensemble(small(members=8), scheduler="tcp://127.0.0.1:9")

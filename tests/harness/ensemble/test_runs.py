@@ -1,0 +1,255 @@
+"""Whole ensembles: the same files whoever computes them, and after whatever went wrong on the way."""
+
+import errno
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import polars
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.ensemble import ensemble as runner
+from gough_stewart.harness.ensemble import local
+from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
+from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
+from gough_stewart.harness.ensemble.local import Range, chunks_here
+from gough_stewart.harness.errors import EnsembleError, ExperimentError
+from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.plants.isolated import Isolated
+from gough_stewart.model.errors import OutputError
+from tests.support.small_ensemble import small
+
+FILES = (MEMBERS, BANDS, METADATA)
+
+
+@pytest.fixture(autouse=True)
+def _small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "SIZE", 16)
+
+
+def files_in(folder: Path) -> Mapping[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
+    """The files of a run in one process, in chunks of 16, 16 and 8 members."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runner, "SIZE", 16)
+        gs.ensemble(small(), out=folder, workers=1)
+    return files_in(folder)
+
+
+def test_it_leaves_three_files(undisturbed: Mapping[str, bytes]) -> None:
+    assert set(undisturbed) == set(FILES)
+    said = json.loads(undisturbed[METADATA])
+    assert sum(said["outcomes"].values()) == 40
+    assert said["seed"] == 3
+    assert len(said["features"]) == 1
+    assert [len(group) for group in said["groups"]] == [1, 3, 1, 18, 1, 1, 1, 1]
+
+
+def test_two_workers_give_the_same_bytes_as_one(undisturbed: Mapping[str, bytes], tmp_path: Path) -> None:
+    seen = list[int]()
+    found = gs.ensemble(small(), out=tmp_path, workers=2, progress=lambda done, _total: seen.append(done))
+    assert files_in(tmp_path) == undisturbed
+    assert sorted(seen) == seen
+    assert seen[-1] == 40
+    assert found.members["member"].to_list() == list(range(40))
+    assert gs.read_ensemble(tmp_path).members.equals(found.members)
+
+
+def test_other_chunks_give_the_same_members(undisturbed: Mapping[str, bytes], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "SIZE", 256)
+    found = gs.ensemble(small(), workers=1)
+    assert found.members.equals(polars.read_parquet(undisturbed[MEMBERS]), null_equal=True)
+    assert found.bands.equals(polars.read_parquet(undisturbed[BANDS]), null_equal=True)
+
+
+def interrupted(folder: Path, after: int, monkeypatch: pytest.MonkeyPatch) -> BaseException:
+    """What ends a run that is interrupted after so many chunks."""
+    with monkeypatch.context() as patch:
+
+        def fails(*arguments: Any) -> Iterator[Any]:
+            for k, found in enumerate(chunks_here(*arguments)):
+                if k == after:
+                    raise KeyboardInterrupt
+                yield found
+
+        patch.setattr(runner, "chunks_here", fails)
+        with pytest.raises(KeyboardInterrupt) as caught:
+            gs.ensemble(small(), out=folder, workers=1)
+    return caught.value
+
+
+def test_an_interrupted_run_goes_on_to_the_same_bytes(
+    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: finished chunks are kept, as the note says, not computed again, and the end is the same."""
+    caught = interrupted(tmp_path, 2, monkeypatch)
+    assert "2 finished chunks are kept" in caught.__notes__[0]
+    assert "--resume" in caught.__notes__[0]
+    assert not any((tmp_path / name).exists() for name in FILES)
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / FOLDER).iterdir()}
+    asked = list[Any]()
+
+    def counted(plan: Plan, ranges: Sequence[Range], workers: int) -> Iterator[Any]:
+        asked.extend(ranges)
+        return chunks_here(plan, ranges, workers)
+
+    monkeypatch.setattr(runner, "chunks_here", counted)
+    with pytest.raises(EnsembleError, match="finished chunks of an ensemble that was not finished"):
+        gs.ensemble(small(), out=tmp_path, workers=1)
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / FOLDER).iterdir()} == kept
+    gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
+    assert asked == [(32, 40)]
+    assert files_in(tmp_path) == undisturbed
+    # all is done: nothing is computed again
+    again = gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
+    assert len(again.members) == 40
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize("ending", ["parquet", "npz", "json"])
+def test_a_torn_chunk_is_made_again(
+    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    interrupted(tmp_path, 2, monkeypatch)
+    torn = tmp_path / FOLDER / f"00000016.{ending}"
+    torn.write_bytes(torn.read_bytes()[:-30])
+    gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
+    assert files_in(tmp_path) == undisturbed
+
+
+def test_results_of_another_experiment_are_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted(tmp_path, 1, monkeypatch)
+    before = files_in(tmp_path / FOLDER)
+    other = small(platform_mass={"normal": [1000, 500]})
+    with pytest.raises(EnsembleError, match=r"another experiment: ensemble\.platform_mass\.normal is \[1"):
+        gs.ensemble(other, out=tmp_path, resume=True)
+    with pytest.raises(EnsembleError, match="members is 80 here and 40 there"):
+        gs.ensemble(small(), out=tmp_path, members=80, resume=True)
+    plan = json.loads((tmp_path / runner.PLAN).read_text())
+    plan["made_with"]["numpy"] = "1.0"
+    (tmp_path / runner.PLAN).write_text(json.dumps(plan))
+    with pytest.raises(EnsembleError, match=r"other versions have begun: numpy .* here and 1\.0 there"):
+        gs.ensemble(small(), out=tmp_path, resume=True)
+    (tmp_path / runner.PLAN).write_text("{}")
+    with pytest.raises(EnsembleError, match="is no plan of an ensemble"):
+        gs.ensemble(small(), out=tmp_path, resume=True)
+    assert files_in(tmp_path / FOLDER) == before
+
+
+def test_a_full_disk_keeps_what_is_finished(
+    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: a clear error after the first chunk, no file of the second, and the same end after room was made."""
+    with monkeypatch.context() as patch:
+        write = ChunkFiles.write
+
+        def full(self: ChunkFiles, first: int, chunk: ChunkBytes) -> None:
+            if first:
+                raise OSError(errno.ENOSPC, "No space left on device", str(self.rows(first)))
+            write(self, first, chunk)
+
+        patch.setattr(ChunkFiles, "write", full)
+        with pytest.raises(OutputError, match=r"no space left on the disk; 1 finished chunks are kept in .*--resume"):
+            gs.ensemble(small(), out=tmp_path, workers=1)
+    assert {path.stem for path in (tmp_path / FOLDER).iterdir()} == {"00000000"}
+    gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
+    assert files_in(tmp_path) == undisturbed
+
+
+def test_a_disk_that_fills_up_leaves_no_torn_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: of a chunk whose second file cannot be written, nothing that counts."""
+    whole = ChunkBytes(b"rows", b"bands", "features")
+    files = ChunkFiles(tmp_path)
+    write = Path.write_bytes
+
+    def full(self: Path, content: bytes) -> int:
+        if content == b"bands":
+            write(self, content[:2])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(self, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        with pytest.raises(OSError, match="No space left"):
+            files.write(0, whole)
+    assert files.features(0) is None
+    assert not [path for path in files.folder.iterdir() if path.suffix == ".part"]
+    files.write(0, whole)
+    assert files.features(0) == "features"
+
+
+def test_a_killed_worker_is_replaced(
+    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: its chunk is computed by another process, and the bytes are the same."""
+    killed = list[int]()
+    call = Isolated.call
+
+    def kills(self: Isolated, method: str, *arguments: Any) -> Any:
+        if method == "chunk" and arguments[0] == 16 and not killed:
+            killed.append(self._process.pid)
+            self._process.kill()
+        return call(self, method, *arguments)
+
+    monkeypatch.setattr(Isolated, "call", kills)
+    gs.ensemble(small(), out=tmp_path, workers=2)
+    assert len(killed) == 1
+    assert files_in(tmp_path) == undisturbed
+
+
+def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local, "_TRIES", 1)
+    call = Isolated.call
+
+    def kills(self: Isolated, method: str, *arguments: Any) -> Any:
+        if method == "chunk":
+            self._process.kill()
+        return call(self, method, *arguments)
+
+    monkeypatch.setattr(Isolated, "call", kills)
+    with pytest.raises(EnsembleError, match=r"crashed \(SIGKILL\).*tried 1 times. Not enough memory"):
+        gs.ensemble(small(), out=tmp_path, workers=2)
+
+
+BAD: dict[str, tuple[dict[str, Any], str]] = {
+    "metric": (
+        {"worst_by": "tracking.position.norm_rmz"},
+        "worst_by: no metric 'tracking.position.norm_rmz'; did you mean 'tracking.position.norm_rms'",
+    ),
+    "signal": ({"signals": ["positon"]}, "ensemble.signals: no signal 'positon' for bands; did you mean 'position'"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_names_that_are_not_there_are_refused_before_anything_runs(what: str, tmp_path: Path) -> None:
+    table, message = BAD[what]
+    with pytest.raises(ExperimentError) as caught:
+        gs.ensemble(small(**table), out=tmp_path)
+    assert message in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_margins_are_those_of_each_members_machine() -> None:
+    """Expected: `gs.margins` of an experiment that believes in the member's mass, with the gains as they are."""
+    still = {"loop.duration": 0.02, "reference": {"type": "hold"}}
+    table = {"margins": True, "members": 1, "platform_mass": {"choice": [1300, 1400]}}
+    found = gs.ensemble(gs.load_experiment("heave_step", {**still, "ensemble": table}), workers=1).members
+    gains = gs.PD(bandwidth=2, damping_ratio=0.8).gains(gs.load_preset("motion_base"))
+    controller = gs.PD(
+        proportional_gain=gains.proportional, derivative_gain=gains.derivative, derivative_on="measurement"
+    )
+    by_hand = {**still, "platform.parameters.platform_mass": found["varied.platform_mass"][0], "controller": controller}
+    assert found["margins.disk"][0] == pytest.approx(gs.margins("heave_step", by_hand).disk.alpha, rel=1e-6)
+    assert found["margins.stable"][0] == 1.0
+
+
+def test_a_number_of_workers_below_one_is_refused() -> None:
+    with pytest.raises(EnsembleError, match="workers is 0"):
+        gs.ensemble(small(), workers=0)

@@ -1,0 +1,170 @@
+"""What varies in an ensemble: places, units, messages for what is not there."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.preparation import prepare
+from tests.support.small_ensemble import SMALL, small
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "unknown parameter": (
+        {"platform_mas": {"normal": [1, 1]}},
+        "ensemble.platform_mas: no such parameter; did you mean 'platform_mass'?",
+    ),
+    "unknown key": (
+        {"controller": {"bandwith": {"normal": [1, 1]}}},
+        "controller.bandwith: no such key of [controller]; did you mean",
+    ),
+    "unknown section": ({"sensor": {"noise": {"uniform": [1, 2]}}}, "no such parameter; did you mean 'sensors'?"),
+    "unknown signal": (
+        {"sensors": {"noise": {"leg_lenth": {"uniform": [0, 1]}}}},
+        "no signal 'leg_lenth'; did you mean",
+    ),
+    "no spread": (
+        {"platform_mass": {"normal": ["120 kg", "0 kg"]}},
+        "platform_mass: is ['120 kg', '0 kg'], without a spread",
+    ),
+    "wrong unit": ({"controller": {"bandwidth": {"uniform": ["2 m", "3 Hz"]}}}, "found the unit 'm'"),
+    "empty grid": ({"platform_mass": {"grid": []}}, "platform_mass: grid has no values"),
+    "a clock": ({"loop": {"sample_time": {"uniform": [1e-3, 2e-3]}}}, "loop.sample_time: is one for all members"),
+    "a whole number": (
+        {"loop": {"delay": {"uniform": [0, 2]}}},
+        "loop.delay: uniform is of numbers; expected choice or grid",
+    ),
+    "twice": ({"plant": {"platform_mass": {"uniform": [1, 2]}}}, "varies twice"),
+    "no disturbance": ({"disturbance": {"3": {"force": {"normal": "2 N"}}}}, "expected disturbance.1 to disturbance.1"),
+    "nothing there": (
+        {
+            "plant": {
+                "leg_length_max": {"factor": {"uniform": [1, 2]}},
+            },
+            "actuators": {"rate_limit": {"normal": 3}},
+        },
+        "actuators.rate_limit: has no value to vary about",
+    ),
+    "not correlated with what varies": (
+        {"correlation": [{"of": ["platform_mass", "gravity"], "matrix": [[1, 0], [0, 1]]}]},
+        "gravity: is correlated, and does not vary",
+    ),
+    "too few rows": (
+        {"correlation": [{"of": ["platform_mass", "base_points"], "matrix": [[1, 0], [0, 1]]}]},
+        "have 19 elements; their matrix has 2 rows",
+    ),
+    "no correlation": (
+        {"correlation": [{"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[2, 0], [0, 1]]}]},
+        "with 1 on the diagonal",
+    ),
+    "both": ({"covariance": [{"of": ["platform_mass"], "matrix": [[2]]}]}, "has a distribution and a covariance"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_cannot_vary_is_named(what: str) -> None:
+    table, message = WRONG[what]
+    with pytest.raises(ExperimentError) as caught:
+        Members(small(**table))
+    assert str(caught.value).startswith("experiment: ensemble.")
+    assert message in str(caught.value)
+
+
+SCHEMA: dict[str, tuple[dict[str, Any], str]] = {
+    "two distributions": (
+        {"platform_mass": {"normal": [1, 1], "uniform": [1, 2]}},
+        "platform_mass: expected one of normal,",
+    ),
+    "an unknown one": ({"platform_mass": {"normal": [1, 1], "gauss": [1, 1]}}, "gauss: unknown key"),
+    "no table": ({"platform_mas": 3}, "platform_mas: is 3; expected a setting of the ensemble (members,"),
+    "negative": ({"members": -3}, "members: is -3"),
+    "not positive": (
+        {"covariance": [{"of": ["a", "b"], "matrix": [[1, 2], [2, 1]]}]},
+        "not positive definite (smallest eigenvalue -1",
+    ),
+    "sampling": ({"sampling": "sobel"}, "sampling: is 'sobel'"),
+}
+
+
+@pytest.mark.parametrize("what", SCHEMA)
+def test_what_is_no_ensemble_is_refused_as_the_file_is_read(what: str) -> None:
+    table, message = SCHEMA[what]
+    with pytest.raises(ExperimentError) as caught:
+        small(**table)
+    assert message in str(caught.value)
+
+
+def test_numbers_of_saltellis_design_count_what_varies() -> None:
+    """Expected: of eight inputs, with those that are correlated as one."""
+    with pytest.raises(ExperimentError, match=r"Saltelli's design has 10 for each point \(8 inputs and 2\)"):
+        Members(small(sampling="saltelli", members=41))
+    pair = {"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[1, 0.5], [0.5, 1]]}
+    assert len(Members(small(sampling="saltelli", correlation=[pair], members=45)).groups) == 7
+
+
+def test_without_an_ensemble_there_are_no_members() -> None:
+    with pytest.raises(ExperimentError, match="ensemble: is missing"):
+        gs.run("heave_step", member=3)
+
+
+def test_grids_give_the_number_of_members() -> None:
+    """Expected: 2 × 3 combinations, each once; with something random as many of them as fill a thousand."""
+    table = {"loop": {"delay": {"grid": [0, 1]}}, "platform_mass": {"grid": ["1 t", 1200, 1300]}}
+    quiet = {name: values for name, values in SMALL.items() if name != "ensemble"}
+    members = Members(gs.load_experiment("heave_step", {**quiet, "ensemble": table}))
+    assert members.count == 6
+    drawn = members.draws(0, 6).columns
+    pairs = zip(drawn["loop.delay"], np.asarray(drawn["platform_mass"]).tolist(), strict=True)
+    assert set(pairs) == {(d, m) for d in (0, 1) for m in (1000.0, 1200.0, 1300.0)}
+    assert Members(gs.load_experiment("heave_step", {"ensemble": {**table, "gravity": {"normal": 0.1}}})).count == 1002
+
+
+def test_a_covariance_gives_draws_of_that_covariance() -> None:
+    """Expected: mean and covariance of the draws, within five standard errors."""
+    C = np.array([[400.0, -30.0, 0.0, 0.0], [-30.0, 4.0, 0.0, 0.0], [0, 0, 1e-4, 5e-5], [0, 0, 5e-5, 1e-4]])
+    C = np.block([[C, np.zeros((4, 1))], [np.zeros((1, 4)), np.array([[1e-4]])]])
+    table = {
+        "members": 4000,
+        "covariance": [{"of": ["leg_armature", "platform_mass", "platform_com"], "matrix": C.tolist()}],
+    }
+    members = Members(gs.load_experiment("heave_step", {"ensemble": table}))
+    drawn = members.draws(0, 4000).columns
+    names = ("leg_armature", "platform_mass", "platform_com[1]", "platform_com[2]", "platform_com[3]")
+    values = np.array([drawn[name] for name in names])
+    spread = np.sqrt(np.diag(C))
+    found = np.cov(values) / spread / spread[:, None]
+    assert np.abs(found - C / spread / spread[:, None]).max() < 5 / np.sqrt(4000)
+    machine = prepare(members.nominal).machine
+    assert np.abs(values[:2].mean(axis=1) - [machine.leg_armature, machine.platform_mass]).max() < 5 * 20 / np.sqrt(
+        4000
+    )
+
+
+def test_belief_and_machine_vary_each_for_itself() -> None:
+    """Expected: a machine that has a mass of its own keeps it when the belief varies."""
+    settings = {"plant.parameters.platform_mass": 1234.0, "ensemble": {"platform": {"platform_mass": {"normal": 50}}}}
+    members = Members(gs.load_experiment("heave_step", settings))
+    prepared = [prepare(members.experiment(values)) for values in members.draws(0, 3).values]
+    assert {each.machine.platform_mass for each in prepared} == {1234.0}
+    assert len({each.platform.platform_mass for each in prepared}) == 3
+
+
+def test_what_members_share_is_made_once() -> None:
+    """Expected: the same objects for reference, Jacobians, controller, feedforward where only the machine varies."""
+    keep = {"platform_mass": {"uniform": [900, 1100]}}
+    members = Members(gs.load_experiment("heave_step", {"ensemble": keep, "loop.duration": 0.3}))
+    a, b = (members.preparation.prepare(members.experiment(values)) for values in members.draws(0, 2).values)
+    assert a.machine.platform_mass != b.machine.platform_mass
+    assert a.platform is b.platform
+    assert a.loop.wanted is b.loop.wanted
+    assert a.loop.feedforward is b.loop.feedforward
+    assert a.controller is b.controller
+    assert a.jacobians is b.jacobians
+    assert a.loop.limits is b.loop.limits
+    # and are those of an experiment that is prepared for itself
+    alone = prepare(members.experiment(members.draws(1, 2).values[0]))
+    assert np.array_equal(alone.loop.feedforward, b.loop.feedforward)
+    assert np.array_equal(alone.loop.start_force, b.loop.start_force)
+    assert alone.machine == b.machine
