@@ -57,6 +57,8 @@ Experiments
     run                       run one, on the model or the FMU
     margins                   how far its loop is from instability
     LoopMargins               what that gives
+    frf                       the frequency response that a run with an injection has shown
+    FrequencyResponse         what that gives
     ensemble                  thousands that differ in what is not known exactly
     Ensemble                  what that gives: a row for each member, bands over time
     read_ensemble             one from its folder

@@ -28,7 +28,7 @@ NAMES = [
     "plant_system", "linearise", "trim", "modes",
     "PD", "PID", "gains_from_bandwidth", "Gains", "pid", "sampled", "LinearController", "Sample",
     "Hold", "Step", "PointToPoint", "Sine", "Chirp", "Circle",
-    "experiment_names", "load_experiment", "Experiment", "run", "margins", "LoopMargins",
+    "experiment_names", "load_experiment", "Experiment", "run", "margins", "LoopMargins", "frf", "FrequencyResponse",
     "ensemble", "Ensemble", "read_ensemble", "export",
     "Record", "read_record", "save_record", "metrics", "view",
     "sweep", "evaluate_poses",

@@ -11,6 +11,7 @@ from gough_stewart.harness.cli.build import build_command
 from gough_stewart.harness.cli.ensemble import ensemble_command
 from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
+from gough_stewart.harness.cli.frf import frf_command
 from gough_stewart.harness.cli.identify import identify_command
 from gough_stewart.harness.cli.margins import margins_command
 from gough_stewart.harness.cli.presets import presets_command
@@ -52,6 +53,7 @@ app.command("presets")(presets_command)
 app.command("run")(run_command)
 app.command("experiments")(experiments_command)
 app.command("margins")(margins_command)
+app.command("frf")(frf_command)
 app.command("identify")(identify_command)
 app.command("ensemble")(ensemble_command)
 app.command("export")(export_command)

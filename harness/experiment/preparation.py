@@ -84,7 +84,8 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
         Takes the place of the one that the experiment names: a discrete python-control system, a `LinearController`,
         or a function of a `Sample`, beside which feedforward stays as it is; or an FMU, whose feedforward is inside.
     injection
-        Six forces [N] for the time of a sample [s], added to what the controller commands.
+        In the place of the experiment's: six forces [N] for the time of a sample [s], added to what the controller
+        commands.
 
     Raises
     ------
@@ -217,7 +218,7 @@ class Preparation:
                 "limits", (experiment.limits, platform, is_closed), lambda: limits_of(experiment, platform, is_closed)
             ),
             changes=tuple(changes),
-            injection=None if injection is None else injected(injection, timing.samples),
+            injection=self._injection(experiment, injection, planned),
         )
         motion, legs = (None, None) if planned is None else (planned.motion, planned.legs)
         jacobians = _NO_JACOBIANS if planned is None else planned.jacobians
@@ -241,6 +242,24 @@ class Preparation:
             numbers = (clocks.duration, clocks.sample_time, clocks.plant_step or 0.0, clocks.jitter, clocks.delay, seed)
             made: Timing = self.once("timing of this delay", numbers, make)
             return self.once("timing", (*numbers[:4], seed), lambda: made)
+
+    def _injection(
+        self, experiment: Experiment, injection: Injection | None, planned: _Planned | None
+    ) -> FloatArray | None:
+        timing, choice = self._timing(experiment), experiment.injection
+        if injection is not None:
+            return injected(injection, timing.samples)
+        if choice is None:
+            return None
+        platform = self.believed(experiment)
+
+        def make() -> FloatArray:
+            J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
+            J = J if planned is None else planned.jacobians[0]
+            return choice.forces(len(timing.samples), timing.sample_time, J)
+
+        with _section(experiment.where, "injection"):
+            return self.once("injection", (choice, platform, timing, planned), make)
 
     def _planned(self, experiment: Experiment, controller: Any = None) -> _Planned | None:
         choice, chosen, where = experiment.reference, experiment.controller, experiment.where

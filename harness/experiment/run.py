@@ -46,7 +46,8 @@ def run(
         `Sample` that gives six forces [N], beside which feedforward stays as it is; or the path of an FMU, as
         `gough-stewart export` makes them, which has its reference and feedforward inside.
     injection
-        A function of the time of a sample [s] that gives six forces [N], added to the command to excite the loop.
+        In the place of the experiment's: a function of the time of a sample [s] that gives six forces [N], added to
+        the command to excite the loop.
     member
         The number of a member of the experiment's `[ensemble]`, which is run with the very numbers that it has there;
         with a plant, its machine is simulated by that.

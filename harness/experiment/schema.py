@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.control.injections import InjectionChoice
 from gough_stewart.harness.motion.reach import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.kinds import PlantKind
@@ -189,6 +190,7 @@ class Experiment(Section):
     limits: LimitChoice = LimitChoice()
     change: list[ChangeChoice] = Field(default_factory=list)
     disturbance: list[DisturbanceChoice] = Field(default_factory=list)
+    injection: Annotated[InjectionChoice, ByType()] | None = None
     ensemble: EnsembleChoice | None = None
     _where: str = "experiment"
     _folder: Path = Path()

@@ -161,8 +161,8 @@ DURATIONS = {"impulse": 0.6, "too_slow": 1.6}
 
 @pytest.mark.parametrize("name", [each for each in experiment_names() if each != "paper_open_loop"])
 def test_controllers_of_shipped_experiments_give_the_forces_of_the_harness(name: str) -> None:
-    # the plant's changes come later
-    whole = load_experiment(name).model_copy(update={"change": []})
+    # the plant's changes come later, and what is injected is not the controller's
+    whole = load_experiment(name).model_copy(update={"change": [], "injection": None})
     experiment = experiment_from(
         {**whole.model_dump(), "loop": {**whole.loop.model_dump(), "duration": DURATIONS.get(name, 0.3)}}
     )

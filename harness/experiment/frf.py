@@ -1,0 +1,216 @@
+"""The frequency response of a loop from the record of a run with an injection, beside that of the linear model."""
+
+import json
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.control.frequency_response import Response, response_of_periods
+from gough_stewart.harness.control.laws import LinearController, controller_of
+from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control.margins import is_stable, response
+from gough_stewart.harness.control.structured import ComplexArray
+from gough_stewart.harness.errors import ControllerError, RecordError
+from gough_stewart.harness.experiment.frf_figure import frf_figure
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.output.tables import Sheet, to_html
+from gough_stewart.harness.results.record import Record, platform_of, read_record
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.vectors import FloatArray
+
+FILES = ("frf.csv", "frf.parquet", "frf.png", "frf.svg")
+_SHOWN_ROWS = 24
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyResponse:
+    """S, T and L of one leg or mode, the others closed, as a run has shown them, from `frf`."""
+
+    title: str
+    """Of the experiment."""
+    channel: str
+    """Such as leg 3, or heave."""
+    frequency: FloatArray
+    """Of the injection's lines (n,) [Hz]."""
+    measured: Response
+    """`S`, `T`, `L` (n,), `radius` of S and T and `loop_radius` of L of 95 % confidence, `coherence`, `periods`."""
+    predicted: ComplexArray | None
+    """L of the linear model (n,), without Coulomb friction; None where there is none."""
+    notes: tuple[str, ...]
+    """What is in the way of believing it."""
+
+    def __repr__(self) -> str:
+        """Channel, band, coherence, and the largest difference from the linear model."""
+        return "\n".join([f"Frequency response: {self.title}", *(f"  {line}" for line in self._summary())])
+
+    def _repr_html_(self) -> str:
+        return to_html(frf_sheet(self))
+
+    def _summary(self) -> list[str]:
+        found, f = self.measured, self.frequency
+        peak = int(np.abs(found.S).argmax())
+        lines = [
+            f"{self.channel}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {found.periods} periods",
+            f"largest |S| {abs(found.S[peak]):.4g} at {f[peak]:.4g} Hz; smallest coherence {found.coherence.min():.3g}",
+        ]
+        if self.predicted is not None:
+            gap = np.abs(found.S - 1 / (1 + self.predicted))
+            worst = int(gap.argmax())
+            lines.append(f"farthest from the linear model: S by {gap[worst]:.3g} at {f[worst]:.4g} Hz")
+        return [*lines, *self.notes]
+
+    def table(self) -> polars.DataFrame:
+        """All of it, one row a frequency: gains [1], phases [rad], radii of 95 % confidence, coherence."""
+        found = self.measured
+        parts: dict[str, Any] = {"frequency": self.frequency}
+        for name, values, radius in (
+            ("S", found.S, found.radius),
+            ("T", found.T, found.radius),
+            ("L", found.L, found.loop_radius),
+        ):
+            parts |= {f"{name}.gain": np.abs(values), f"{name}.phase": np.angle(values), f"{name}.radius": radius}
+        parts["coherence"] = found.coherence
+        if self.predicted is not None:
+            S = 1 / (1 + self.predicted)
+            for name, values in (("S", S), ("T", 1 - S), ("L", self.predicted)):
+                parts |= {f"predicted.{name}.gain": np.abs(values), f"predicted.{name}.phase": np.angle(values)}
+        return polars.DataFrame(parts)
+
+
+def frf(record: Record | Path | str, *, controller: Any = None) -> FrequencyResponse:
+    """The frequency response of a loop, from a run of an experiment with an `[injection]`.
+
+    Of the leg or mode that was excited, with the other channels closed: S = u/d from the injected force to the whole
+    one, T = 1 − S, L = 1/S − 1, averaged over periods, beside those of the linear model that `margins` uses.
+
+    Parameters
+    ----------
+    record
+        Of `run`, or its file or folder.
+    controller
+        What the run had in the place of the experiment's controller, for the linear model.
+
+    Raises
+    ------
+    RecordError
+        It cannot be read, or its run had no injection.
+    ControllerError
+        It ended before two periods.
+
+    Examples
+    --------
+    >>> found = gs.frf(gs.run("frequency_response", {"loop.duration": 6}))
+    >>> found.frequency.shape == found.measured.L.shape
+    True
+    """
+    if not isinstance(record, Record):
+        record = read_record(record)
+    experiment = _experiment_of(record)
+    choice = experiment.injection
+    if choice is None or "controller.injection" not in record:
+        raise RecordError("the record's run had no [injection]; expected a table of that name in its experiment")
+    sample_time = float(record.metadata["sample_time"])
+    J = leg_jacobian(platform_of(record), *_pose(record))
+    a, b = choice.directions(J)
+    # commands are held, so that the last row before the next sample has that of a late one, too
+    every = round(sample_time / float(record.metadata["plant_step"]))
+    at = slice(every - 1, len(record.table) - 1, every)
+    injected = record["controller.injection"][at] @ b
+    force = (record["controller.force"] - record["controller.feedforward"])[at] @ b
+    lines, samples = choice.lines(sample_time), len(choice.signal(sample_time))
+    measured = response_of_periods(injected, force, samples, lines, choice.settle)
+    frequency = lines / (samples * sample_time)
+    predicted, notes = None, _notes(record)
+    try:
+        L = _linear_loop(record, experiment, controller)
+        predicted = _loop_seen(response(L, 2 * np.pi * frequency), a, b)
+        if not is_stable(L):
+            notes.append("the linear loop is unstable; `gough-stewart margins` says why")
+    except GoughStewartError as error:
+        notes.append(f"no linear model beside it: {error}")
+    return FrequencyResponse(experiment.title, choice.channel, frequency, measured, predicted, tuple(notes))
+
+
+def _experiment_of(record: Record) -> Experiment:
+    try:
+        return Experiment.model_validate_json(json.dumps(record.metadata["experiment"]))
+    except (KeyError, ValueError) as error:
+        raise RecordError(f"the metadata hold no experiment ({error}); expected a record of `run`") from error
+
+
+def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
+    """That for which the loop is linear: the first of the reference, or else home."""
+    if "reference.position" in record:
+        return record["reference.position"][0], record["reference.orientation"][0]
+    platform = platform_of(record)
+    return platform.home_position, platform.home_orientation
+
+
+def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any:
+    """The loop transfer of the run, as `margins` has it."""
+    platform, sample_time = platform_of(record), float(record.metadata["sample_time"])
+    made = experiment.controller.controller(platform, sample_time) if controller is None else controller_of(controller)
+    if not isinstance(made, LinearController):
+        raise ControllerError("the controller is not linear, or there is none")
+    position, orientation = _pose(record)
+    return loop_transfer(
+        platform,
+        made,
+        sample_time,
+        delay=experiment.loop.delay,
+        lag=experiment.actuators.lag,
+        position=position,
+        orientation=orientation,
+    )
+
+
+def _loop_seen(L: ComplexArray, a: FloatArray, b: FloatArray) -> ComplexArray:
+    """L of one channel, the others closed: 1/(b S a) − 1 with S = (1 + L)⁻¹ (n, 6, 6)."""
+    S = np.linalg.inv(np.eye(6) + L)
+    return np.asarray(1 / (S @ a @ b) - 1)
+
+
+def _notes(record: Record) -> list[str]:
+    notes = []
+    limited = float(record["flag.force_limited"].any(axis=1).mean())
+    if limited:
+        notes.append(f"forces were limited for {limited:.0%} of the time: this is no linear loop; inject less")
+    if record.metadata["outcome"]["status"] != "completed":
+        notes.append(f"the run ended early: {record.metadata['outcome']['cause']}")
+    if record.metadata["experiment"]["loop"]["jitter"]:
+        notes.append("samples came late by jitter, which the linear model knows nothing of")
+    return notes
+
+
+def frf_files(found: FrequencyResponse) -> dict[str, bytes]:
+    """Table and Bode picture by file name."""
+    table, parquet = found.table(), BytesIO()
+    table.write_parquet(parquet)
+    title = f"{found.title}: {found.channel}, the others closed"
+    return {
+        "frf.csv": table.write_csv().encode(),
+        "frf.parquet": parquet.getvalue(),
+        **frf_figure(found.frequency, found.measured, found.predicted, title),
+    }
+
+
+def frf_sheet(found: FrequencyResponse) -> Sheet:
+    """Some of the frequencies, for the terminal."""
+    has_model = found.predicted is not None
+    heads = ("Hz", "|S|", "|T|", "|L|", "∠L °", *(("|L| model", "∠L model") if has_model else ()), "coherence")
+    sheet = Sheet(f"{found.title}: {found.channel}", heads)
+    seen, n = found.measured, len(found.frequency)
+    for k in np.unique(np.linspace(0, n - 1, min(_SHOWN_ROWS, n)).round().astype(int)):
+        cells = [f"{abs(values[k]):.3g}" for values in (seen.S, seen.T, seen.L)]
+        for loop in (seen.L, found.predicted):
+            if loop is found.predicted and loop is not None:
+                cells.append(f"{abs(loop[k]):.3g}")
+            if loop is not None:
+                cells.append(f"{np.degrees(np.angle(loop[k])):.0f}")
+        sheet.add(f"{found.frequency[k]:.4g}", *cells, f"{seen.coherence[k]:.4f}")
+    return sheet

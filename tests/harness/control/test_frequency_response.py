@@ -1,0 +1,141 @@
+"""Injections and what is made of their periods; loops that are a line of arithmetic."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.control.frequency_response import response_of_periods
+from gough_stewart.harness.control.injections import MODES, InjectionChoice, Multisine, Prbs, Sweep
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
+from tests.support.uneven import STATE, UNEVEN
+
+T = 1e-3
+KINDS: dict[str, InjectionChoice] = {
+    "multisine": Multisine(leg=2, amplitude=7.0, band=(4, 90), period=0.5, seed=3),
+    "chirp": Sweep(leg=2, amplitude=7.0, band=(4, 90), period=0.5),
+    "prbs": Prbs(leg=2, amplitude=7.0, band=(4, 90), period=0.5, seed=5),
+}
+
+
+def looped(injected: np.ndarray, gain: float, noise: np.ndarray | float = 0.0) -> np.ndarray:
+    """u_k = d_k − g u_{k−1} + n_k: the loop of one delay, L = g/z."""
+    disturbed, force, last = injected + noise, np.zeros(len(injected)), 0.0
+    for k, each in enumerate(disturbed.tolist()):
+        last = force[k] = each - gain * last
+    return force
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_loop_of_one_delay_has_its_closed_form(kind: str) -> None:
+    """Expected: L = g e^(−iωT), T = L/(1 + L); the transient g^n is gone after the first period."""
+    choice = KINDS[kind]
+    one, lines = choice.signal(T), choice.lines(T)
+    injected = np.resize(one, 4 * len(one))
+    found = response_of_periods(injected, looped(injected, 0.6), len(one), lines, 1)
+    L = 0.6 * np.exp(-2j * np.pi * lines / len(one))
+    assert found.periods == 3
+    assert np.abs(found.L - L).max() < 1e-9
+    assert np.abs(found.T - L / (1 + L)).max() < 1e-9
+    assert np.abs(found.coherence - 1).max() < 1e-12
+    assert found.radius.max() < 1e-9
+
+
+def test_what_settles_is_left_out() -> None:
+    """Expected: a start far from rest shows in the first period alone."""
+    choice = KINDS["multisine"]
+    one, lines = choice.signal(T), choice.lines(T)
+    injected = np.resize(one, 4 * len(one))
+    force = looped(injected, 0.6, np.concatenate([[500.0], np.zeros(4 * len(one) - 1)]))
+    S = 1 / (1 + 0.6 * np.exp(-2j * np.pi * lines / len(one)))
+    errors = [np.abs(response_of_periods(injected, force, len(one), lines, n).S - S).max() for n in (0, 1)]
+    assert errors[0] > 0.1
+    assert errors[1] < 1e-9
+
+
+def test_circles_hold_the_truth_in_95_of_100_and_coherence_is_the_share_of_power() -> None:
+    """Expected: 92 to 98 % of 2400 circles; γ² = |S D|²/(|S D|² + noise's) of many periods."""
+    choice = KINDS["multisine"]
+    one, lines = choice.signal(T), choice.lines(T)
+    L = 0.6 * np.exp(-2j * np.pi * lines / len(one))
+    rng, held = np.random.default_rng(4), []
+    injected = np.resize(one, 5 * len(one))
+    for _ in range(2400 // len(lines)):
+        force = looped(injected, 0.6, 0.3 * rng.normal(size=len(injected)))
+        found = response_of_periods(injected, force, len(one), lines, 1)
+        held.append(np.abs(found.S - 1 / (1 + L)) < found.radius)
+    assert 0.92 < np.mean(held) < 0.98
+
+    long = np.resize(one, 101 * len(one))
+    force = looped(long, 0.6, 0.3 * rng.normal(size=len(long)))
+    coherence = response_of_periods(long, force, len(one), lines, 1).coherence
+    signal = np.abs(np.fft.rfft(one)[lines]) ** 2
+    expected = signal / (signal + 0.3**2 * len(one))
+    assert np.abs(coherence.mean() - expected.mean()) < 0.03
+    assert coherence.max() < 0.97
+
+
+def test_signals_fill_their_band_repeat_and_keep_to_their_size() -> None:
+    """Expected: the transform of one period."""
+    for choice in KINDS.values():
+        one = choice.signal(T)
+        power = np.abs(np.fft.rfft(one)) ** 2
+        frequency = np.arange(len(power)) / (len(one) * T)
+        inside = power[(frequency >= 4) & (frequency <= 90)].sum()
+        assert np.abs(one).max() == pytest.approx(1, abs=1e-3)
+        # of bits of τ = 4 ms: twice the integral of sinc² from 4 τ to 90 τ is 0.59
+        assert inside > {"multisine": 0.999999, "chirp": 0.9, "prbs": 0.58}[choice.type] * power[1:].sum()
+        assert (power[choice.lines(T)] > 1e-3 * power.max()).all()
+    sweep, prbs = KINDS["chirp"].signal(T), KINDS["prbs"].signal(T)
+    assert abs(sweep[0] - sweep[-1]) < np.abs(np.diff(sweep)).max()
+    assert set(prbs) == {-1.0, 1.0}
+    assert len(prbs) == 127 * 4  # bits of 4 ms, 2.8 a period of 90 Hz; 2^7 − 1 of them are 0.5 s or longer
+    # a sum of sines without care for phases has its peak at four times its root mean square, or more
+    assert np.sqrt((KINDS["multisine"].signal(T) ** 2).mean()) > 1 / 3
+    other = Multisine(leg=2, amplitude=7.0, band=(4, 90), period=0.5, seed=4)
+    assert np.abs(other.signal(T) - KINDS["multisine"].signal(T)).max() > 0.1
+    few = Multisine(leg=1, amplitude=1.0, band=(1, 100), lines_at_most=7)
+    assert few.lines(T).tolist() == [1, 2, 5, 10, 22, 46, 100]  # 100^(k/6), rounded
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_mode_is_one_force_or_torque_alone(mode: Any) -> None:
+    """Expected: forces along the legs, and their torques about Op, summed up."""
+    legs = leg_geometry(UNEVEN, STATE.position, STATE.orientation)
+    J = leg_jacobian(UNEVEN, STATE.position, STATE.orientation)
+    choice = Multisine(mode=mode, amplitude=5.0, band=(1, 10))
+    a, b = choice.directions(J)
+    pushes = a[:, None] * legs.direction
+    wrench = np.concatenate([pushes.sum(axis=0), np.cross(legs.arm, pushes).sum(axis=0)])
+    others = np.delete(wrench, MODES.index(mode))
+    assert np.abs(others).max() < 1e-12
+    assert wrench[MODES.index(mode)] > 0.1
+    assert np.abs(a).max() == pytest.approx(1, rel=1e-12)
+    assert b @ a == pytest.approx(1, rel=1e-12)
+    forces = choice.forces(4000, T, J)
+    assert forces.shape == (4000, 6)
+    assert np.abs(forces).max() == pytest.approx(5.0, rel=1e-12)
+    assert np.abs(forces[:1000] - forces[1000:2000]).max() == 0
+
+
+def refused(match: str, **values: Any) -> None:
+    made: dict[str, Any] = {"leg": 1, "amplitude": 1.0, "band": (1, 10)} | values
+    with pytest.raises(ControllerError, match=match):
+        Multisine(**made).forces(3000, T, np.eye(6))
+
+
+def test_injections_that_cannot_be_are_refused_with_the_reason() -> None:
+    refused("one of both", leg=None)
+    refused("one of both", mode="heave")
+    refused("leg.*7", leg=7)
+    refused("band is 10 to 1 Hz.*the lower one first", band=(10, 1))
+    refused("band is 1 to 600 Hz at a sample_time of 0.001 s.*500 Hz", band=(1, 600))
+    refused("without a harmonic of the period of 0.05 s", band=(1, 10), period=0.05)
+    refused("a period of 2 s in a run of 3 s, 1.5 times.*loop.duration of 6 s", period=2.0)
+    refused("amplitude", amplitude=0.0)
+    refused("amplitude", amplitude="5 Nm")
+    with pytest.raises(ControllerError, match="bits; expected at most 1048575"):
+        Prbs(leg=1, amplitude=1.0, band=(1e-4, 100)).signal(T)
+    with pytest.raises(ControllerError, match=r"1\.5 periods, of which 1 settle"):
+        response_of_periods(np.ones(150), np.ones(150), 100, np.array([3]), 1)

@@ -1,0 +1,156 @@
+"""The frequency response of whole runs: against closed forms, and against the linear model."""
+
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import polars
+import pytest
+
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.errors import ExperimentError, RecordError
+from gough_stewart.harness.experiment.file import experiment_from, load_experiment
+from gough_stewart.harness.experiment.frf import frf
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.results.record import Record, plain
+from tests.support.commands import invoke
+from tests.support.uneven import UNEVEN
+
+PARTS = {name: value for name, value in plain(UNEVEN).items() if name not in ("name", "source")}
+PARTS |= {"leg_coulomb_friction": 0.0}
+
+
+def uneven_run(injection: dict[str, Any], **tables: Any) -> Record:
+    """PD about the home pose of an uneven platform, one sample late."""
+    values: dict[str, Any] = {
+        "title": "uneven",
+        "platform": {"preset": "liu2000", "parameters": PARTS},
+        "plant": {"tolerance": 1e-9},
+        "reference": {"type": "hold"},
+        "controller": {"type": "pd", "bandwidth": 1.5, "derivative_filter": 0.002, "feedforward": "gravity"},
+        "loop": {"duration": 2.5, "sample_time": 2e-3, "plant_step": 1e-3, "delay": 1},
+        "injection": injection,
+    }
+    return run(experiment_from(values | tables))
+
+
+@pytest.mark.parametrize(
+    "injection",
+    [
+        {"type": "multisine", "leg": 4, "amplitude": 0.2, "band": [2, 200], "lines_at_most": 25, "settle": 3},
+        {"type": "prbs", "mode": "pitch", "amplitude": 0.2, "band": [4, 60], "settle": 4},
+    ],
+    ids=["leg", "mode"],
+)
+def test_small_injections_give_the_loop_of_the_linear_model(injection: dict[str, Any]) -> None:
+    """Expected: to 1e-5 of S, what is not linear at 0.2 N; `linearise` differentiates, the run integrates."""
+    found = frf(uneven_run(injection))
+    assert found.predicted is not None
+    S = 1 / (1 + found.predicted)
+    assert np.abs(found.measured.S - S).max() < 1e-5
+    assert np.ptp(np.abs(S)) > 0.5
+    assert found.measured.coherence.min() > 1 - 1e-9
+    assert found.notes == ()
+
+
+def test_a_mass_on_six_springs_has_its_closed_form() -> None:
+    """Expected: L = Σ n_i² (k H₂ + d H₁) of the heave of a lone mass m under forces held over T, n_i = (u_i)_z.
+
+    H₂ = T²/(2 m) (z + 1)/(z − 1)² to the position, H₁ = T/(m (z − 1)) to the velocity; legs without mass.
+    """
+    light: dict[str, Any] = dict.fromkeys(("leg_lower_mass", "leg_upper_mass"), 1e-9)
+    light |= dict.fromkeys(("leg_lower_inertia", "leg_upper_inertia"), 0.0) | {"gravity": [0.0, 0.0, 0.0]}
+    values = {
+        "title": "springs",
+        "platform": {"preset": "liu2000", "parameters": light},
+        "plant": {"tolerance": 1e-11},
+        "reference": {"type": "hold", "orientation": [0, 0, 0]},
+        "controller": {"type": "pd", "bandwidth": 1.0, "feedforward": "gravity"},
+        "loop": {"duration": 2.0, "sample_time": 4e-3},
+        "injection": {"type": "multisine", "mode": "heave", "amplitude": 0.1, "band": [2.5, 100], "settle": 2},
+    }
+    k, d, m, T = 2000.0, 60.0, 10.0, 4e-3
+    gains = np.hstack([k * np.eye(6), d * np.eye(6)])
+    law = LinearController(control.ss([], [], [], gains, T), ("leg_length", "leg_velocity"))
+    record = run(experiment_from(values), controller=law)
+    found = frf(record, controller=law)
+    n2 = 6 * (record["reference.position"][0, 2] ** 2) / record["reference.leg_length"][0, 0] ** 2
+    z = np.exp(2j * np.pi * found.frequency * T)
+    L = n2 * (k * T**2 / (2 * m) * (z + 1) / (z - 1) ** 2 + d * T / (m * (z - 1)))
+    assert np.abs(found.measured.L / L - 1).max() < 1e-4
+    assert found.predicted is not None
+    assert np.abs(found.measured.L / found.predicted - 1).max() < 1e-4
+
+
+def test_noise_lowers_coherence_and_circles_reach_the_linear_model() -> None:
+    """Expected: nine of ten circles or more, of 95 in 100."""
+    injection = {"type": "multisine", "leg": 4, "amplitude": 2.0, "band": [4, 100], "period": 0.25}
+    sensors = {"noise": {"leg_length": 2e-6}, "seed": 8}
+    found = frf(uneven_run(injection, sensors=sensors, loop={"duration": 2.5, "sample_time": 2e-3, "delay": 1}))
+    assert found.predicted is not None
+    gap = np.abs(found.measured.S - 1 / (1 + found.predicted))
+    assert (gap < found.measured.radius).mean() > 0.9
+    assert 0.3 < found.measured.coherence.min() < 0.999
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Record:
+    return run("frequency_response", {"loop.duration": 3, "loop.sample_time": 2e-3})
+
+
+def test_the_shipped_experiment_shows_its_loop(shipped: Record) -> None:
+    """Expected: what the linear model has, to the noise of the encoders; leg 3 alone is pushed."""
+    found = frf(shipped)
+    assert (found.channel, found.measured.periods) == ("leg 3", 2)
+    assert found.predicted is not None
+    low = found.frequency < 20
+    assert np.abs(found.measured.S - 1 / (1 + found.predicted))[low].max() < 0.02
+    pushed = np.abs(shipped["controller.injection"]).max(axis=0)
+    assert pushed == pytest.approx([0, 0, 400, 0, 0, 0])
+    text = repr(found)
+    assert "leg 3, " in text
+    assert "farthest from the linear model" in text
+
+
+def test_the_command_writes_table_and_picture_beside_the_record(shipped: Record, tmp_path: Path) -> None:
+    """Expected: the same numbers as in Python, one row a frequency."""
+    (tmp_path / "record.parquet").write_bytes(shipped.to_parquet())
+    done = invoke("frf", str(tmp_path))
+    assert done.exit_code == 0
+    assert "coherence" in done.output
+    found = frf(shipped)
+    for table in (polars.read_parquet(tmp_path / "frf.parquet"), polars.read_csv(tmp_path / "frf.csv")):
+        assert table["frequency"].to_numpy() == pytest.approx(found.frequency, rel=1e-15)
+        assert table["L.gain"].to_numpy() == pytest.approx(np.abs(found.measured.L), rel=1e-15)
+        assert table["predicted.T.phase"].len() == len(found.frequency)
+    assert (tmp_path / "frf.svg").read_text().startswith("<?xml")
+    assert (tmp_path / "frf.png").stat().st_size > 10_000
+
+
+def test_what_is_in_the_way_is_noted() -> None:
+    """Expected: limited forces, and a controller without a linear model."""
+    injection = {"type": "chirp", "leg": 1, "amplitude": 400.0, "band": [4, 50], "period": 0.25}
+    loop = {"duration": 0.8, "sample_time": 2e-3}
+    limited = frf(uneven_run(injection, actuators={"force_limit": 100.0}, loop=loop))
+    assert "forces were limited for" in " ".join(limited.notes)
+    injection["amplitude"] = 1.0
+    record = uneven_run(injection, loop=loop)
+    odd = frf(record, controller=lambda _sample: np.zeros(6))
+    assert odd.predicted is None
+    assert "no linear model beside it: the controller is not linear" in " ".join(odd.notes)
+    assert "predicted.L.gain" not in odd.table().columns
+
+
+def test_runs_without_a_response_are_refused_with_the_reason(shipped: Record) -> None:
+    plain = run("heave_step", {"loop.duration": 0.05})
+    with pytest.raises(RecordError, match=r"had no \[injection\]"):
+        frf(plain)
+    with pytest.raises(RecordError, match="hold no experiment"):
+        frf(Record(shipped.table, {**shipped.metadata, "experiment": {"title": 3}}))
+    with pytest.raises(ExperimentError, match=r"injection: a period of 1 s in a run of 1 s.*loop.duration of 3 s"):
+        run("frequency_response", {"loop.duration": 1})
+    with pytest.raises(
+        ExperimentError, match=r"injection: type is 'noise'; expected one of 'multisine', 'chirp', 'prbs'"
+    ):
+        load_experiment("frequency_response", {"injection.type": "noise"})
