@@ -147,7 +147,8 @@ class Quantity:
     def _parsed(self, value: object) -> float:
         size = number(value, self.unit)
         if (self.bound == "> 0" and not size > 0) or (self.bound == ">= 0" and not size >= 0):
-            raise ValueError(f"expected {self.bound} {self.unit}")
+            unit = "" if self.unit == PLAIN else f" {self.unit}"
+            raise ValueError(f"expected {self.bound}{unit}")
         return size
 
 
@@ -180,6 +181,7 @@ def quantity_in(*annotations: object) -> Quantity | Vector | Unit | None:
 
 
 Number = Annotated[float, Quantity(PLAIN)]
+PositiveNumber = Annotated[float, Quantity(PLAIN, "> 0")]
 AnyTime = Annotated[float, Quantity("s")]
 Time = Annotated[float, Quantity("s", ">= 0")]
 PositiveTime = Annotated[float, Quantity("s", "> 0")]

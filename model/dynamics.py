@@ -13,8 +13,10 @@ import numpy as np
 from gough_stewart.model.errors import SingularPoseError
 from gough_stewart.model.kinematics import (
     LegGeometry,
+    centripetal,
     condition_number_bound,
     jacobian_of_legs,
+    joint_accelerations,
     leg_geometry,
     rates_of_legs,
     wrench_from_leg_forces,
@@ -171,8 +173,7 @@ def joint_forces(parameters: Parameters, state: State, actuator_force: Array, ac
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
     b = bias_force(parameters, legs, rates_of_legs(legs, state))
-    ddP = acceleration.linear[..., None, :] + cross(acceleration.angular[..., None, :], legs.arm)
-    ddP = ddP + _centripetal(state.angular_velocity[..., None, :], legs.arm)
+    ddP = joint_accelerations(legs, state.angular_velocity, *acceleration)
     F = actuator_force[..., None] * legs.direction
     return np.asarray(F - inertia_force(parameters, legs, ddP) - b)
 
@@ -236,14 +237,9 @@ def _mass_matrix(parameters: Parameters, legs: LegGeometry, body: _LumpedBody) -
 def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry, body: _LumpedBody) -> Array:
     # as in the mass matrix: the lumped body's own motion, then what the legs need beyond it
     omega = state.angular_velocity
-    along = _beyond_lumped(parameters, legs) * dot(legs.direction, _centripetal(omega[..., None, :], legs.arm))
+    along = _beyond_lumped(parameters, legs) * dot(legs.direction, centripetal(omega[..., None, :], legs.arm))
     needed = bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction
     weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
-    force = _centripetal(omega, body.first) + needed.sum(axis=-2) - weight
+    force = centripetal(omega, body.first) + needed.sum(axis=-2) - weight
     torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(body.arm, weight)
     return concatenate([force, torque])
-
-
-def _centripetal(omega: Array, arm: Array) -> Array:
-    """ω×(ω×r)."""
-    return cross(omega, cross(omega, arm))

@@ -77,6 +77,28 @@ def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
     return LegRates(velocity, length_rate, direction_rate)
 
 
+def joint_accelerations(legs: LegGeometry, angular_velocity: Array, linear: Array, angular: Array) -> Array:
+    """Accelerations of the platform joints (..., 6, 3) [m/s²]: P̈ = v̇ + ω̇×c + ω×(ω×c); all (..., 3), world."""
+    spin = angular_velocity[..., None, :]
+    return np.asarray(linear[..., None, :] + cross(angular[..., None, :], legs.arm) + centripetal(spin, legs.arm))
+
+
+@without_warnings
+def leg_accelerations(legs: LegGeometry, state: State, linear: Array, angular: Array) -> Array:
+    """Second derivatives of the leg lengths (..., 6) [m/s²].
+
+    L̈ = J [v̇; ω̇] + u·(ω×(ω×c)) + L |u̇|² = u·P̈ + L |u̇|²; v̇ [m/s²] and ω̇ [rad/s²] (..., 3) in world components.
+    """
+    rates = rates_of_legs(legs, state)
+    along = dot(legs.direction, joint_accelerations(legs, state.angular_velocity, linear, angular))
+    return np.asarray(along + legs.length * dot(rates.direction_rate, rates.direction_rate))
+
+
+def centripetal(omega: Array, arm: Array) -> Array:
+    """ω×(ω×r)."""
+    return cross(omega, cross(omega, arm))
+
+
 def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Leg Jacobian J (..., 6, 6) with L̇ = J [v; ω], and wrench [force; torque about Op] = Jᵀ F.
 

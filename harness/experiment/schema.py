@@ -7,8 +7,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.injections import InjectionChoice
-from gough_stewart.harness.motion.reach import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.references import ReferenceChoice
+from gough_stewart.harness.motion.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import (

@@ -53,19 +53,29 @@ def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
     )
 
 
+def coordinates_of(motion: Motion) -> tuple[Any, Any, Any]:
+    """x, y, z, roll, pitch, yaw of a motion and their first and second derivatives; each (n, 6), as `motion_of` takes.
+
+    The angles' second derivatives are what is left of ω̇ without that which their rates alone give.
+    """
+    angles, omega = motion.orientation, motion.angular_velocity
+    rates = orientation_rate_from_angular_velocity(angles, omega)
+    # ω̇ is linear in the second derivatives of the angles, by the map from rates to ω
+    turning = angular_acceleration_from_orientation_rates(angles, rates, 0 * rates)
+    second = orientation_rate_from_angular_velocity(angles, motion.angular_acceleration - turning)
+    return (
+        np.concatenate([motion.position, angles], axis=1),
+        np.concatenate([motion.velocity, rates], axis=1),
+        np.concatenate([motion.acceleration, second], axis=1),
+    )
+
+
 def extrapolated(motion: Motion, ahead: Any) -> Motion:
     """The motion some time [s] later if accelerations and second derivatives of the angles stay: to second order.
 
     x + v h + a h²/2 for the position, likewise for roll, pitch, yaw, and their exact derivatives.
     """
-    angles, omega = motion.orientation, motion.angular_velocity
-    rates = orientation_rate_from_angular_velocity(angles, omega)
-    # ω̇ is linear in the second derivatives of the angles, by the map from rates to ω; the rest is what rates alone give
-    turning = angular_acceleration_from_orientation_rates(angles, rates, 0 * rates)
-    second = orientation_rate_from_angular_velocity(angles, motion.angular_acceleration - turning)
-    pose = np.concatenate([motion.position, angles], axis=1)
-    rate = np.concatenate([motion.velocity, rates], axis=1)
-    acceleration = np.concatenate([motion.acceleration, second], axis=1)
+    pose, rate, acceleration = coordinates_of(motion)
     return motion_of(
         pose + ahead * rate + (ahead * ahead / 2) * acceleration, rate + ahead * acceleration, acceleration
     )

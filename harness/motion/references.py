@@ -17,17 +17,20 @@ from gough_stewart.harness.motion.at_home import AtHome, moved_home
 from gough_stewart.harness.motion.branch_free import maximum, minimum, numbers_or_symbols, reached
 from gough_stewart.harness.motion.low_pass import resampled, smoothed
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
-from gough_stewart.harness.motion.profiles import motion_about, quintic, sine, step
+from gough_stewart.harness.motion.profiles import Profile, motion_about, quintic, sine, step
 from gough_stewart.harness.motion.recording import read_recording, recording_path
+from gough_stewart.harness.motion.scaling import slower
 from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.harness.quantities import (
     ZEROS,
     Angle,
     AnyTime,
     Frequency,
+    Number,
     Orientation,
     Position,
     PositiveLength,
+    PositiveNumber,
     PositiveTime,
     Time,
 )
@@ -39,11 +42,17 @@ from gough_stewart.model.vectors import Array, FloatArray
 class ReferenceChoice(Kind):
     """A motion that an experiment asks for.
 
+    It takes `time_scale` times as long, from time 0 on, and is `amplitude_scale` times as large, about its own pose or
+    the first one of a table: pose₀ + a (pose(t/s) − pose₀), rates and accelerations likewise.
+
     Raises
     ------
     MotionError
         Numbers that make no motion; names the key, its value, and what was expected.
     """
+
+    time_scale: PositiveNumber = 1.0
+    amplitude_scale: Number = 1.0
 
     @abstractmethod
     def about(self, platform: Platform, folder: Path = Path()) -> Reference:
@@ -87,14 +96,19 @@ class _AboutPose(ReferenceChoice):
         MotionError
             Neither a pose nor a platform is known.
         """
-        return self._at(numbers_or_symbols(time))
+        return slower(self._at(numbers_or_symbols(time) / self.time_scale), self.time_scale)
 
     @abstractmethod
     def _at(self, time: Array) -> Motion:
-        """The same for an array."""
+        """The same for an array of times in its own, unscaled time."""
+
+    def _by(self, *parts: tuple[Profile, FloatArray]) -> Motion:
+        """Profiles (n,) times directions (6,) away from the pose, as large as is wanted."""
+        return motion_about(self.centre, *((profile, self.amplitude_scale * along) for profile, along in parts))
 
     @property
-    def _pose(self) -> FloatArray:
+    def centre(self) -> FloatArray:
+        """The pose (6,) that it is about."""
         for name in ("position", "orientation"):
             if getattr(self, name) is None:
                 raise MotionError(f"{name} is None; expected a {name}, or the home pose of a platform: about(platform)")
@@ -111,7 +125,7 @@ class Hold(_AboutPose):
 
     def _at(self, time: Array) -> Motion:
         rest = np.zeros((len(time), 6))
-        return motion_of(rest + self._pose, rest, rest)
+        return motion_of(rest + self.centre, rest, rest)
 
 
 class _Change(_AboutPose):
@@ -137,7 +151,7 @@ class Step(_Change):
 
     def _at(self, time: Array) -> Motion:
         # at the jump itself, after it
-        return motion_about(self._pose, (step(time - self.at), self._direction))
+        return self._by((step(time - self.at), self._direction))
 
 
 class PointToPoint(_Change):
@@ -152,7 +166,7 @@ class PointToPoint(_Change):
     duration: PositiveTime
 
     def _at(self, time: Array) -> Motion:
-        return motion_about(self._pose, (quintic(time - self.at, self.duration), self._direction))
+        return self._by((quintic(time - self.at, self.duration), self._direction))
 
 
 class _Swing(_AboutPose):
@@ -187,12 +201,12 @@ class Sine(_Swing):
     def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
         swing = sine(omega * time + self.phase, omega)
-        return motion_about(self._pose, (swing.faded(time, self.fade_in), self._direction))
+        return self._by((swing.faded(time, self.fade_in), self._direction))
 
     @property
     def highest_frequency(self) -> float:
         """Its own [Hz]."""
-        return self.frequency
+        return self.frequency / self.time_scale
 
 
 class Chirp(_Swing):
@@ -215,12 +229,12 @@ class Chirp(_Swing):
         frequency = f0 + (f1 - f0) * sweeping / T
         change = (f1 - f0) / T * (1 - reached(time, T))
         swing = sine(*(2 * math.pi * each for each in (cycles, frequency, change)))
-        return motion_about(self._pose, (swing.faded(time, self.fade_in), self._direction))
+        return self._by((swing.faded(time, self.fade_in), self._direction))
 
     @property
     def highest_frequency(self) -> float:
         """The higher of both ends [Hz]."""
-        return max(self.from_frequency, self.to_frequency)
+        return max(self.from_frequency, self.to_frequency) / self.time_scale
 
 
 class Circle(_AboutPose):
@@ -240,12 +254,12 @@ class Circle(_AboutPose):
         omega = 2 * math.pi * self.frequency
         axes = (self.radius * np.eye(6)["xyz".index(axis)] for axis in self.plane)
         profiles = (sine(omega * time + phase, omega).faded(time, self.fade_in) for phase in (math.pi / 2, 0.0))
-        return motion_about(self._pose, *zip(profiles, axes, strict=True))
+        return self._by(*zip(profiles, axes, strict=True))
 
     @property
     def highest_frequency(self) -> float:
         """Its own [Hz]."""
-        return self.frequency
+        return self.frequency / self.time_scale
 
 
 class FromFile(ReferenceChoice):
@@ -273,4 +287,4 @@ class FromFile(ReferenceChoice):
         table = table if self.smoothing is None else smoothed(table, self.smoothing)
         start = 0.0 if self.start_time is None else self.start_time - recording.first
         table = table if self.at_home is None else moved_home(table, platform, self.at_home, start)
-        return table.from_time(start)
+        return table.from_time(start).scaled(self.time_scale, self.amplitude_scale)

@@ -88,6 +88,23 @@ class FromTable:
         """The same motion with its time [s] counted from `start`."""
         return self if start == 0 else FromTable(self.time - start, self.position, self.orientation)
 
+    @property
+    def centre(self) -> FloatArray:
+        """The pose (6,) at time 0, or that of the first row if it is later: about it amplitudes are scaled."""
+        begin = self(np.clip([0.0], self.time[0], self.time[-1]))
+        return np.concatenate([begin.position[0], begin.orientation[0]])
+
+    def scaled(self, time_scale: float, amplitude_scale: float) -> "FromTable":
+        """The same motion s times as long, and a times as large about where it begins; splines scale exactly."""
+        if time_scale == amplitude_scale == 1:
+            return self
+        position, orientation = np.split(self.centre, 2)
+        return FromTable(
+            time_scale * self.time,
+            position + amplitude_scale * (self.position - position),
+            orientation + amplitude_scale * (self.orientation - orientation),
+        )
+
 
 def check_increasing(time: FloatArray, first: float = 0.0) -> None:
     """Refuse times (n,) [s] that do not increase; `first` is added to those that are named.

@@ -60,6 +60,10 @@ PD = {"type": "pd", "proportional_gain": KP, "derivative_gain": KD}
 PID = {"type": "pid", "proportional_gain": KP, "derivative_gain": KD, "integral_gain": KI}
 CASES: dict[str, dict[str, Any]] = {
     "PD, no feedforward": {"reference": CHIRP, "controller": PD},
+    "PD along a scaled motion": {
+        "reference": {**CHIRP, "time_scale": 1.3, "amplitude_scale": -0.7},
+        "controller": {**PD, "feedforward": "computed_torque"},
+    },
     "PD with gravity, on the measurement, held": {
         "reference": POINT,
         "controller": {**PD, "feedforward": "gravity", "derivative_on": "measurement", "discretisation": "zoh"},

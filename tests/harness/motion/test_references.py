@@ -64,6 +64,15 @@ KINDS: dict[str, Reference] = {
     "faded falling chirp": Chirp(**POSE, **AMPLITUDE, from_frequency=1.5, to_frequency=0.2, duration=2.0, fade_in=1.1),
     "table": table_of(Sine(**POSE, **AMPLITUDE, frequency=0.7), np.linspace(-0.1, 3.1, 50)),
 }
+SLOW, SIZE = 1.3, -0.7
+SCALED: dict[str, Reference] = {
+    name: kind.model_copy(update={"time_scale": SLOW, "amplitude_scale": SIZE})
+    for name, kind in KINDS.items()
+    if isinstance(kind, ReferenceChoice)
+}
+SCALED["table"] = KINDS["table"].scaled(SLOW, SIZE)  # type: ignore[attr-defined]
+UNSCALED = dict(KINDS)
+KINDS |= {f"scaled {name}": kind for name, kind in SCALED.items()}
 TIMES = np.linspace(0.003, 2.997, 500)
 
 numbers = st.floats(-0.4, 0.4)
@@ -97,6 +106,23 @@ def test_velocities_and_accelerations_are_the_derivatives(kind: str) -> None:
     assert np.allclose(motion.acceleration, central_difference(lambda t: reference(t).velocity, TIMES), atol=1e-6)
     by_differences = central_difference(lambda t: reference(t).angular_velocity, TIMES)
     assert np.allclose(motion.angular_acceleration, by_differences, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", SCALED)
+def test_a_scaled_motion_is_in_the_poses_of_the_other_one_that_much_earlier_and_nearer(kind: str) -> None:
+    """Expected: pose₀ + a (pose(t/s) − pose₀), with pose₀ that of a table at time 0; velocities by the chain rule."""
+    found, other = SCALED[kind](TIMES), UNSCALED[kind](TIMES / SLOW)
+    centre = UNSCALED[kind](np.zeros(1)) if kind == "table" else Hold(**POSE)(np.zeros(1))
+    for part in (0, 1):
+        assert np.allclose(found[part], centre[part] + SIZE * (other[part] - centre[part]), rtol=0, atol=1e-12)
+    assert np.allclose(found.velocity, SIZE / SLOW * other.velocity, rtol=0, atol=1e-11)
+    assert np.allclose(found.acceleration, SIZE / SLOW**2 * other.acceleration, rtol=0, atol=1e-10)
+
+
+def test_the_highest_frequency_follows_the_time_scale() -> None:
+    """Expected: as many times less as the motion takes longer."""
+    for kind, highest in (("sine", 0.7), ("chirp", 1.5), ("faded falling chirp", 1.5), ("circle xy", 0.7)):
+        assert SCALED[kind].highest_frequency == pytest.approx(highest / SLOW)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -384,7 +410,10 @@ GOOD: dict[str, tuple[type, dict[str, Any]]] = {
         ("sine", "phase", [0.0], r"phase: is \[0.0\]; expected a number of rad"),
         ("sine", "fade_in", -0.1, "fade_in: is -0.1; expected >= 0 s"),
         ("sine", "position_amplitude", [[1, 2, 3]], "position_amplitude: is .*; expected a list of 3"),
-        ("sine", "amplitude", 0.1, "amplitude: unknown key .= 0.1.; did you mean 'position_amplitude'"),
+        ("sine", "amplitude", 0.1, "amplitude: unknown key .= 0.1.; did you mean 'amplitude_scale'"),
+        ("sine", "time_scale", 0.0, "time_scale: is 0.0; expected > 0"),
+        ("circle", "time_scale", "2 s", "time_scale: is '2 s'; expected a number"),
+        ("hold", "amplitude_scale", np.inf, "amplitude_scale: is inf; expected"),
         ("circle", "radius", 0.0, "radius: is 0.0; expected > 0 m"),
         ("circle", "plane", "yx", "plane: is 'yx'; expected 'xy', 'xz' or 'yz'"),
         ("circle", "plane", ["xy"], r"plane: is \['xy'\]; expected"),

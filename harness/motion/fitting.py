@@ -1,0 +1,103 @@
+"""How much slower or smaller a motion would have to be to stay within the limits of a platform."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from gough_stewart.harness.motion.motion import Motion, motion_of
+from gough_stewart.harness.motion.scaling import slower, smaller
+from gough_stewart.harness.motion.shares import shares_along
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# What fits uses this share of its limit: short of 1 by more than rounding, and by less than anyone sees.
+_FULL = 1 - 1e-7
+_FIRST, _LAST = 1.1, 1e6
+_TOLERANCE = 1e-12
+_MOST = 700.0  # a logarithm larger than that of any share
+
+
+def factor_that_fits(share: Callable[[float], float]) -> float | None:
+    """The factor x >= 1 at which the largest share of all limits comes down to 1; 1 if it is there without.
+
+    Factors are tried up to a million until one fits. Between that one and the last that did not, the root of log share
+    over log x is found, with the share itself at every step.
+
+    Parameters
+    ----------
+    share
+        Largest share at a factor; infinite where a limit has no measure.
+
+    Returns
+    -------
+    float or None
+        None if no factor fits.
+    """
+
+    def excess(exponent: float) -> float:
+        found = share(math.exp(exponent))
+        return min(math.log(found / _FULL), _MOST) if found > 0 else -_MOST
+
+    if share(1.0) <= 1:
+        return 1.0
+    low, high = 1.0, _FIRST
+    while share(high) > _FULL:
+        if high >= _LAST:
+            return None
+        low, high = high, min(high * high, _LAST)
+    from scipy.optimize import brentq  # half a second of imports, for motions that do not fit
+
+    found = math.exp(brentq(excess, math.log(low), math.log(high), xtol=_TOLERANCE))
+    # where a share jumps, the root may be on the wrong side of it
+    return found if share(found) <= 1 else high
+
+
+def slowing_that_fits(platform: Platform, motion: Motion, largest_condition_number: float) -> float | None:
+    """How many times as long a motion has to take, with all of it checked at every trial; None if nothing helps."""
+
+    def share(factor: float) -> float:
+        return _largest_share(platform, slower(motion, factor), largest_condition_number)
+
+    # what rest in its poses takes is left however slow it is
+    return factor_that_fits(share) if share(math.inf) <= 1 else None
+
+
+def shrinking_that_fits(
+    platform: Platform, motion: Motion, centre: FloatArray, largest_condition_number: float
+) -> float | None:
+    """How many times as large a motion may be about a pose (6,), with all of it checked; None if nothing helps."""
+
+    def share(factor: float) -> float:
+        return _largest_share(platform, smaller(motion, 1 / factor, centre), largest_condition_number)
+
+    factor = factor_that_fits(share) if share(math.inf) <= 1 else None
+    return None if factor is None else 1 / factor
+
+
+def remedy(platform: Platform, motion: Motion, centre: FloatArray, largest_condition_number: float) -> str:
+    """What to do with a motion that is beyond a limit, in words; factors are rounded to the safe side."""
+    slow = slowing_that_fits(platform, motion, largest_condition_number)
+    small = shrinking_that_fits(platform, motion, centre, largest_condition_number)
+    ways = [] if slow is None else [f"{_rounded(slow, math.ceil)} times as long (reference.time_scale)"]
+    ways += [] if small is None else [f"{_rounded(small, math.floor)} times as large (reference.amplitude_scale)"]
+    if not ways:
+        none = np.zeros((1, 6))
+        rest = motion_of(centre + none, none, none)
+        largest = shares_along(platform, np.zeros(1), rest, largest_condition_number).largest
+        return (
+            "neither slower nor smaller helps: at rest in the pose that it is about, "
+            f"{largest.limit.replace('_', ' ')} is at {100 * largest.share:.4g} % already; move where it happens"
+        )
+    return f"it would fit if it were {' or '.join(ways)}"
+
+
+def _rounded(factor: float, to: Callable[[float], int]) -> str:
+    """Three digits."""
+    unit = 10.0 ** (math.floor(math.log10(factor)) - 2)
+    return f"{to(factor / unit) * unit:.3g}"
+
+
+def _largest_share(platform: Platform, motion: Motion, largest_condition_number: float) -> float:
+    shares = shares_along(platform, np.zeros(len(motion.position)), motion, largest_condition_number)
+    return float(shares.total.max(initial=0.0))

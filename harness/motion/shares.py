@@ -1,0 +1,194 @@
+"""How much of every limit of a platform a motion uses: 1 is at the limit."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
+from gough_stewart.model.kinematics import (
+    condition_number_bound,
+    conditioning_of_legs,
+    joint_angles,
+    leg_accelerations,
+    leg_geometry,
+    rates_of_legs,
+    scaled_jacobian_of_legs,
+)
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+
+# Of the leg Jacobian with angles scaled to lengths; a motion that comes as near to a singular pose is refused.
+WORST_CONDITION_NUMBER = 100.0
+# Limits of the poses alone: no slower motion and no stronger actuator helps.
+GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
+
+
+class Limited(NamedTuple):
+    """A quantity of a motion that has to stay from low to high."""
+
+    limit: str  # a limit of the platform by its name, or one of `GEOMETRIC`
+    quantity: str
+    unit: str
+    values: FloatArray  # (n,) or, leg by leg, (n, 6)
+    low: float
+    high: float
+    middle: float = 0.0  # where nothing of the limit is used
+
+    @property
+    def within(self) -> NDArray[np.bool_]:
+        """Where it does; NaN does not."""
+        return (self.values >= self.low) & (self.values <= self.high)
+
+    @property
+    def share(self) -> FloatArray:
+        """|x − middle| / (high − middle), or low / x without an upper end; infinite where x is no number."""
+        with np.errstate(all="ignore"):
+            if self.low == self.high:
+                share = np.where(self.values == self.low, 0.0, np.inf)
+            elif np.isfinite(self.high):
+                share = np.abs(self.values - self.middle) / (self.high - self.middle)
+            else:
+                share = self.low / self.values
+        return np.where(np.isnan(share), np.inf, share)
+
+
+class Peak(NamedTuple):
+    """The largest share of a limit."""
+
+    limit: str
+    share: float
+    time: float  # [s]
+    leg: int | None  # from 1; None where the limit is of the whole platform
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """The shares of all limits along a motion."""
+
+    time: FloatArray  # (n,) [s]
+    limited: tuple[Limited, ...]
+
+    @cached_property
+    def of(self) -> dict[str, FloatArray]:
+        """By limit, (n, 6) leg by leg or (n,); of a leg's two joint angles the larger."""
+        found: dict[str, FloatArray] = {}
+        for each in self.limited:
+            share = each.share
+            found[each.limit] = np.maximum(found[each.limit], share) if each.limit in found else share
+        return found
+
+    @cached_property
+    def over_time(self) -> dict[str, FloatArray]:
+        """By limit, of all legs the largest (n,)."""
+        return {name: share if share.ndim == 1 else share.max(axis=1) for name, share in self.of.items()}
+
+    @cached_property
+    def total(self) -> FloatArray:
+        """Of all limits the largest share (n,)."""
+        return np.asarray(np.max(list(self.over_time.values()), axis=0))
+
+    @cached_property
+    def active(self) -> NDArray[np.str_]:
+        """The name of the limit with the largest share at each time (n,)."""
+        names = np.array(list(self.over_time))
+        return np.asarray(names[np.argmax(list(self.over_time.values()), axis=0)])
+
+    @property
+    def within(self) -> bool:
+        """Whether no limit is passed."""
+        return all(bool(each.within.all()) for each in self.limited)
+
+    def peak(self, limit: str, leg: int | None = None) -> Peak:
+        """The largest share of a limit, of one leg (from 1) or of all, at the first time at which it is reached."""
+        share = self.of[limit]
+        if share.ndim == 1:
+            row = int(share.argmax())
+            return Peak(limit, float(share[row]), float(self.time[row]), None)
+        if leg is None:
+            leg = int(share.argmax() % 6) + 1
+        row = int(share[:, leg - 1].argmax())
+        return Peak(limit, float(share[row, leg - 1]), float(self.time[row]), leg)
+
+    @property
+    def largest(self) -> Peak:
+        """Of all limits the largest share."""
+        return max((self.peak(name) for name in self.of), key=lambda peak: peak.share)
+
+
+def shares_along(
+    platform: Platform,
+    time: FloatArray,
+    motion: Motion,
+    largest_condition_number: float = WORST_CONDITION_NUMBER,
+) -> Shares:
+    """The shares that a motion uses of the limits that a platform states, and of those that none may pass.
+
+    - `pitch`: |β| of ±90°; `side`: of the singular poses, 0 on home's side, infinite beyond; `condition_number`: of the
+      leg Jacobian with angles scaled to lengths, of the largest allowed;
+    - `stroke`: |L − middle| of half the stroke, or of the one end that is stated;
+    - `joint_angle_max`: the larger angle of a leg's two joints from home;
+    - `leg_velocity_max`, `leg_acceleration_max`: |L̇| and |L̈|;
+    - `actuator_force_max`, `actuator_power_max`: |F| and |F L̇|, F by inverse dynamics without load.
+
+    Parameters
+    ----------
+    time
+        Of the motion's rows (n,) [s].
+    """
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction; its condition number is not finite
+        return Shares(time, tuple(_limited(platform, motion, largest_condition_number)))
+
+
+def _limited(platform: Platform, motion: Motion, largest_condition_number: float) -> list[Limited]:
+    pose = (motion.position, motion.orientation)
+    legs = leg_geometry(platform, *pose)
+    condition_number = condition_number_bound(scaled_jacobian_of_legs(legs)[0])
+    if not (condition_number <= largest_condition_number).all():
+        condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
+    side = side_of_singular_poses(platform, legs)
+    pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # at LARGEST_PITCH itself the plant refuses
+    name = "the condition number of the leg Jacobian"
+    found = [
+        Limited("pitch", "the pitch", "rad", motion.orientation[:, 1], -pitch, pitch),
+        Limited("condition_number", name, "", condition_number, 1.0 - 1e-9, largest_condition_number),
+        Limited("side", "the side of the singular poses (sign of det J against home)", "", side, 1.0, 1.0),
+    ]
+    low, high = platform.leg_length_min, platform.leg_length_max
+    if low is not None or high is not None:
+        middle = 0.0 if low is None or high is None else (low + high) / 2
+        ends = (0.0 if low is None else low, np.inf if high is None else high)
+        found.append(Limited("stroke", "the length", "m", np.asarray(legs.length), *ends, middle))
+    if platform.joint_angle_max is not None:
+        angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
+        for where, values in zip(("base", "platform"), angles, strict=True):
+            quantity = f"the angle of the {where} joint"
+            found.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
+    state, rates = State(*motion[:4]), motion[4:]
+    velocity = np.asarray(rates_of_legs(legs, state).length_rate)
+    moving = {"leg_velocity_max": ("the velocity", "m/s", velocity)}
+    if platform.leg_acceleration_max is not None:
+        moving["leg_acceleration_max"] = ("the acceleration", "m/s²", leg_accelerations(legs, state, *rates))
+    if platform.actuator_force_max is not None or platform.actuator_power_max is not None:
+        force = _forces_of(platform, motion, condition_number < LARGEST_CONDITION_NUMBER)
+        moving["actuator_force_max"] = ("the force", "N", force)
+        moving["actuator_power_max"] = ("the power", "W", force * velocity)
+    for limit, (quantity, unit, values) in moving.items():
+        most = getattr(platform, limit)
+        if most is not None:
+            found.append(Limited(limit, quantity, unit, values, -most, most))
+    return found
+
+
+def _forces_of(platform: Platform, motion: Motion, regular: NDArray[np.bool_]) -> FloatArray:
+    """Actuator forces (n, 6) that give the motion; 0 where the legs cannot hold the pose, which is refused for that."""
+    forces = np.zeros((len(regular), 6))
+    if regular.any():
+        rows = [part[regular] for part in motion]
+        forces[regular] = inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))
+    return forces
