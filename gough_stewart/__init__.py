@@ -54,6 +54,8 @@ Experiments
     experiment_names          those that ship
     load_experiment           one of them, or a TOML file, with settings of one's own
     Experiment                what it gives
+    check                     whether the platform can follow its motion
+    MotionCheck               what that gives
     run                       run one, on the model or the FMU
     margins                   how far its loop is from instability
     LoopMargins               what that gives

@@ -19,6 +19,8 @@ from gough_stewart.harness.ensemble.result import Ensemble as Ensemble
 from gough_stewart.harness.errors import UnstableLoopError as UnstableLoopError
 from gough_stewart.harness.experiment.analysis import LoopMargins as LoopMargins
 from gough_stewart.harness.experiment.analysis import margins as margins
+from gough_stewart.harness.experiment.checking import MotionCheck as MotionCheck
+from gough_stewart.harness.experiment.checking import check as check
 from gough_stewart.harness.experiment.file import experiment_names as experiment_names
 from gough_stewart.harness.experiment.file import load_experiment as load_experiment
 from gough_stewart.harness.experiment.files import save_record as save_record

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from gough_stewart.harness.cli.build import build_command
+from gough_stewart.harness.cli.check import check_command
 from gough_stewart.harness.cli.ensemble import ensemble_command
 from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
@@ -52,6 +53,7 @@ app.command("build")(build_command)
 app.command("presets")(presets_command)
 app.command("run")(run_command)
 app.command("experiments")(experiments_command)
+app.command("check")(check_command)
 app.command("margins")(margins_command)
 app.command("frf")(frf_command)
 app.command("identify")(identify_command)

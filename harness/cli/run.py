@@ -116,6 +116,7 @@ def run_command(
                     member=member,
                     progress=lambda time: progress.update(task, completed=time, description=chosen.title),
                     status=status,
+                    warn=warn,
                 )
             progress.update(task, total=None, description="files and figures")
             files, tables = write_results(record, folder, report, draw)

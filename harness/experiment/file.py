@@ -44,18 +44,36 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
     --------
     >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
     """
-    path = Path(name)
-    if str(name) in experiment_names() and not path.is_file():
+    if _is_shipped(name):
         return shipped_experiment(str(name), settings)
+    text, where = experiment_text(name)
+    values = with_settings(_parsed(text, where), settings)
+    return experiment_from(values, where).from_file(where, Path(name).parent)
+
+
+def experiment_text(name: Path | str) -> tuple[str, str]:
+    """The TOML text of an experiment's file, or of the one that ships under a name, and what to call it in messages.
+
+    Raises
+    ------
+    ExperimentError
+        It cannot be read.
+    """
+    if _is_shipped(name):
+        return shipped_text(str(name)), f"experiment '{name}'"
+    path = Path(name)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return path.read_text(encoding="utf-8-sig"), str(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         close = get_close_matches(path.stem, experiment_names(), n=1)
         hint = f"; a shipped one is called '{close[0]}', without folder and .toml" if close else ""
         raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}{hint}") from error
-    values = with_settings(_parsed(text, str(path)), settings)
-    return experiment_from(values, str(path)).from_file(str(path), path.parent)
+
+
+def _is_shipped(name: Path | str) -> bool:
+    """A file of the same name goes first."""
+    return str(name) in experiment_names() and not Path(name).is_file()
 
 
 def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) -> Experiment:
@@ -136,22 +154,33 @@ def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, An
         No "=", or a key below something that is no table.
     """
     made: dict[str, Any] = _copied(values)
-    for where, key, value in _keys_and_values(settings):
-        names = key.strip().split(".")
-        if not all(names):
-            raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
-        table: Any = made
-        for name in names[:-1]:
-            table = table.setdefault(name, {}) if isinstance(table, dict) else _element(table, name)
-            if table is None:
-                break
-        if not isinstance(table, dict):
-            raise SettingError(where, "", f"{key.rpartition('.')[0]} is no table of the experiment")
-        table[names[-1]] = value
+    for where, key, value in keys_and_values(settings):
+        set_key(made, where, key, value)
     return made
 
 
-def _keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
+def set_key(values: Any, where: str, key: str, value: Any) -> None:
+    """Set one key, "loop.duration", in the tables of an experiment, plain ones or tomlkit's.
+
+    Raises
+    ------
+    SettingError
+        A key below something that is no table; `where` names the setting.
+    """
+    names = key.strip().split(".")
+    if not all(names):
+        raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
+    table: Any = values
+    for name in names[:-1]:
+        table = table.setdefault(name, {}) if isinstance(table, dict) else _element(table, name)
+        if table is None:
+            break
+    if not isinstance(table, dict):
+        raise SettingError(where, "", f"{key.rpartition('.')[0]} is no table of the experiment")
+    table[names[-1]] = value
+
+
+def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
     """Of every setting what to call it in a message, its key, and its value."""
     if isinstance(settings, Mapping):
         for key, value in settings.items():

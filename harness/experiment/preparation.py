@@ -11,29 +11,25 @@ import numpy as np
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.control.laws import Controller, Law, controller_of, law_of
 from gough_stewart.harness.control.unit_controller import UnitController
-from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
-from gough_stewart.harness.experiment.once import Once
+from gough_stewart.harness.errors import ControllerError, ExperimentError
 from gough_stewart.harness.experiment.parts import (
     Injection,
     changed,
-    check_frequency,
     disturbances_of,
     force_limit_of,
     injected,
     limits_of,
     parameter_changes,
-    platform_of,
     start_of,
 )
+from gough_stewart.harness.experiment.planning import Planning, part_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import LawFrom, Loop
 from gough_stewart.harness.loop.sensors import Sensors
-from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion, Reference, end_of
-from gough_stewart.harness.motion.reach import LegMotion, check_reach, legs_of
+from gough_stewart.harness.motion.reach import LegMotion, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_platform
@@ -56,6 +52,7 @@ class Prepared:
     legs: LegMotion | None  # its leg lengths and velocities
     controller: Controller | None  # None for feedforward alone
     jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
+    warnings: tuple[str, ...] = ()  # limits that the reference passes, and may
 
     def law(self, wanted: FloatArray, measured: FloatArray) -> Law:
         """The controller made ready for a run that begins with these references and signals (24,)."""
@@ -107,25 +104,16 @@ class _Planned(NamedTuple):
     jacobians: FloatArray
 
 
-class Preparation:
+class Preparation(Planning):
     """`prepare` for many experiments that have much in common: what follows from the same tables is made once.
 
     Tables are the same if they are the same objects, as those that `model_copy` leaves alone.
     """
 
-    def __init__(self) -> None:
-        self.once = Once()
-
-    def believed(self, experiment: Experiment) -> Platform:
-        """What the designer believes."""
-        with _section(experiment.where, "platform"):
-            choice, folder = experiment.platform, experiment.folder
-            return self.once("platform", (choice, str(folder)), lambda: platform_of(choice, folder))
-
     def machine(self, experiment: Experiment) -> Platform:
         """What is simulated."""
         believed, choice = self.believed(experiment), experiment.plant
-        with _section(experiment.where, "plant"):
+        with part_of(experiment.where, "plant"):
             base = believed
             if choice.file is not None:
                 file = experiment.folder / choice.file
@@ -160,10 +148,10 @@ class Preparation:
         machine
             What is simulated, where it is known.
         """
-        once, section = self.once, partial(_section, experiment.where)
+        once, section = self.once, partial(part_of, experiment.where)
         chosen, clocks, folder = experiment.controller, experiment.loop, experiment.folder
         platform, machine = self.believed(experiment), machine or self.machine(experiment)
-        timing = self._timing(experiment)
+        timing = self.timing(experiment)
         planned = self._planned(experiment, controller)
         forces = self._feedforward(experiment, planned)
         start = self.start(experiment)
@@ -222,26 +210,8 @@ class Preparation:
         )
         motion, legs = (None, None) if planned is None else (planned.motion, planned.legs)
         jacobians = _NO_JACOBIANS if planned is None else planned.jacobians
-        return Prepared(platform, machine, start, loop, motion, legs, made, jacobians)
-
-    def _timing(self, experiment: Experiment) -> Timing:
-        clocks, seed = experiment.loop, experiment.sensors.seed
-
-        def make() -> Timing:
-            step = clocks.plant_step or clocks.sample_time
-            timing = Timing(clocks.duration, clocks.sample_time, step, clocks.jitter, seed)
-            if not clocks.delay * timing.sample_time < timing.duration:
-                raise ControllerError(
-                    f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; "
-                    "expected fewer samples, or a longer run"
-                )
-            return timing
-
-        with _section(experiment.where, "loop"):
-            # by its numbers: tables that differ in the delay alone share what follows from the clocks
-            numbers = (clocks.duration, clocks.sample_time, clocks.plant_step or 0.0, clocks.jitter, clocks.delay, seed)
-            made: Timing = self.once("timing of this delay", numbers, make)
-            return self.once("timing", (*numbers[:4], seed), lambda: made)
+        warnings = [] if planned is None else self.warnings(experiment, self.wanted(experiment))
+        return Prepared(platform, machine, start, loop, motion, legs, made, jacobians, tuple(warnings))
 
     def _injection(
         self, experiment: Experiment, injection: Injection | None, planned: _Planned | None
@@ -262,32 +232,29 @@ class Preparation:
             return self.once("injection", (choice, platform, timing, planned), make)
 
     def _planned(self, experiment: Experiment, controller: Any = None) -> _Planned | None:
-        choice, chosen, where = experiment.reference, experiment.controller, experiment.where
-        if choice is None:
+        chosen, where = experiment.controller, experiment.where
+        if experiment.reference is None:
             if controller is not None or chosen.is_closed or chosen.feedforward != "none":
                 raise ExperimentError(
                     where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
                 )
             return None
-        platform, timing, folder = self.believed(experiment), self._timing(experiment), experiment.folder
-        largest = experiment.limits.condition_number
+        platform, wanted = self.believed(experiment), self.wanted(experiment)
+        self.warnings(experiment, wanted)
 
         def make() -> _Planned:
-            reference = choice.about(platform, folder)
-            check_frequency(choice.highest_frequency, timing)
-            motion = reference(timing.times)
-            check_reach(platform, timing.times, motion, largest)
+            reference, timing, motion = wanted
             legs = legs_of(platform, motion)
-            wanted = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
+            rows = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
             jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
-            return _Planned(reference, motion, legs, wanted, jacobians)
+            return _Planned(reference, motion, legs, rows, jacobians)
 
-        with _section(where, "reference"):
-            return self.once("reference", (choice, platform, timing, str(folder), largest), make)
+        with part_of(where, "reference"):
+            return self.once("planned", (platform, wanted), make)
 
     def _feedforward(self, experiment: Experiment, planned: _Planned | None) -> FloatArray:
-        platform, timing = self.believed(experiment), self._timing(experiment)
+        platform, timing = self.believed(experiment), self.timing(experiment)
         kind, delay = experiment.controller.feedforward, experiment.loop.delay
 
         def make() -> FloatArray:
@@ -299,14 +266,3 @@ class Preparation:
             return feedforward(kind, platform, reference(np.minimum(ahead, end_of(reference))))
 
         return self.once("feedforward", (planned, platform, timing, kind, delay), make)
-
-
-@contextmanager
-def _section(where: str, name: str) -> Iterator[None]:
-    """Errors inside are those of a part of the experiment; a reference out of reach keeps its data."""
-    try:
-        yield
-    except (ExperimentError, ReachError):
-        raise
-    except GoughStewartError as error:
-        raise ExperimentError(where, name, str(error)) from error

@@ -87,6 +87,7 @@ def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> di
     return {
         "format": FORMAT,
         **circumstances,
+        **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
         "rows": len(run.time),
         "outcome": run.outcome._asdict(),
         "duration": timing.duration,

@@ -1,5 +1,6 @@
 """Run an experiment: prepare it, open its plant, simulate the loop, keep the record."""
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ def run(
     member: int | None = None,
     progress: TimeProgress | None = None,
     status: StepProgress | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> Record:
     """Run an experiment; a loop that diverges or is interrupted leaves a record that says so in its outcome.
 
@@ -55,6 +57,9 @@ def run(
         Called with the time [s] of the run.
     status
         Called with what is being done before, while an FMU is built.
+    warn
+        Called before the run with every limit that the reference passes and, by `limits.reference = "warn"`, may; the
+        record's metadata have the same as `warnings`.
 
     Raises
     ------
@@ -81,6 +86,9 @@ def run(
         own, prepared = member_of(plan, member)
         return run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status)
     prepared = prepare(chosen, controller, injection)
+    if warn is not None:
+        for text in prepared.warnings:
+            warn(text)
     return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status)
 
 

@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.injections import InjectionChoice
+from gough_stewart.harness.motion.reach import Beyond
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.motion.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.plants.kinds import PlantKind
@@ -141,6 +142,8 @@ class LimitChoice(Section):
     """`[limits]`: what refuses a reference, and what ends a run."""
 
     stroke: Literal["ignore", "warn", "stop"] = "warn"
+    # a reference that asks for too much velocity, acceleration, force or power; one out of reach is always refused
+    reference: Beyond = "refuse"
     position_error: PositiveLength | None = None
     condition_number: Annotated[Number, Field(gt=1)] = WORST_CONDITION_NUMBER
 

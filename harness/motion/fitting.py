@@ -34,11 +34,6 @@ def factor_that_fits(share: Callable[[float], float]) -> float | None:
     float or None
         None if no factor fits.
     """
-
-    def excess(exponent: float) -> float:
-        found = share(math.exp(exponent))
-        return min(math.log(found / _FULL), _MOST) if found > 0 else -_MOST
-
     if share(1.0) <= 1:
         return 1.0
     low, high = 1.0, _FIRST
@@ -46,6 +41,29 @@ def factor_that_fits(share: Callable[[float], float]) -> float | None:
         if high >= _LAST:
             return None
         low, high = high, min(high * high, _LAST)
+    return _root(share, low, high)
+
+
+def factor_near(share: Callable[[float], float], guess: float) -> float:
+    """As `factor_that_fits`, from a guess that is off by little."""
+    low, high, width = guess, guess, 1e-5
+    while share(high) > _FULL and width < 1:
+        high *= 1 + width
+        width *= 4
+    width = 1e-5
+    while share(low) <= _FULL and width < 1:
+        low /= 1 + width
+        width *= 4
+    return _root(share, low, high)
+
+
+def _root(share: Callable[[float], float], low: float, high: float) -> float:
+    """Where the share comes down to 1 between a factor that does not fit and one that does; it fits."""
+
+    def excess(exponent: float) -> float:
+        found = share(math.exp(exponent))
+        return min(math.log(found / _FULL), _MOST) if found > 0 else -_MOST
+
     from scipy.optimize import brentq  # half a second of imports, for motions that do not fit
 
     found = math.exp(brentq(excess, math.log(low), math.log(high), xtol=_TOLERANCE))

@@ -41,6 +41,7 @@ def uneven_experiment(folder: Path, rate_limit: float | None = 4000.0, **control
                 **controller,
             },
             "actuators": {"force_limit": FORCE_LIMIT, "rate_limit": rate_limit},
+            "limits": {"reference": "warn"},
             "loop": {"duration": 0.4, "sample_time": SAMPLE_TIME, "plant_step": SAMPLE_TIME / 4, "delay": 1},
         }
     )

@@ -46,6 +46,8 @@ def uneven_experiment(**tables: Any) -> Experiment:
             "loop": {"duration": 0.15, "sample_time": 0.0015, "plant_step": 0.0005, "delay": 2},
             "sensors": {"noise": {"leg_length": 1e-5, "leg_velocity": 1e-3, "position": 1e-5, "orientation": 1e-5}},
             **tables,
+            # motions and delays are there to reach force limits
+            "limits": {"reference": "warn", **tables.get("limits", {})},
         }
     )
 

@@ -1,0 +1,107 @@
+"""The command `check`: whether a platform can follow the motion of an experiment."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    OutOption,
+    SetOption,
+    results_folder,
+)
+from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.experiment.checking import MotionCheck
+
+# Beside 0 and 1 (an error): the check is done, and the motion is beyond a limit.
+EXIT_BEYOND = 3
+
+
+class Fit(StrEnum):
+    """What makes a motion fit."""
+
+    time = "time"
+    amplitude = "amplitude"
+
+
+def check_command(
+    experiment: ExperimentArgument,
+    out: OutOption = None,
+    settings: SetOption = None,
+    fit: Annotated[
+        Fit | None,
+        typer.Option(
+            help="Write NAME-fitted.toml beside the experiment, with the motion as slow (time) or as small (amplitude) "
+            "as it has to be, and check that."
+        ),
+    ] = None,
+) -> None:
+    """Whether the platform can follow the motion of an experiment, without running it.
+
+    Along the whole motion: stroke, joint angles, nearness to singular poses, leg velocity, leg acceleration, and force
+    and power by inverse dynamics without load. Prints leg by leg the largest share of every limit and when; beyond
+    its limits, how much slower or smaller the motion would have to be.
+
+    Writes **check.json**, and **shares**, the shares over time with the active limit named, as PNG and SVG.
+
+    Exit code 0 if the motion, or the fitted one, is within all limits, 3 if it is not.
+
+    Examples
+    --------
+    - `gough-stewart check pitch_sine`
+
+    - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
+    """
+    with clear_errors() as written:
+        folder = out or results_folder(experiment, "-check")
+        with progress_bar() as bar:
+            bar.add_task("shares of all limits", total=None)
+            from gough_stewart.harness.experiment.check_display import FILES, check_files
+            from gough_stewart.harness.experiment.checking import check
+            from gough_stewart.model.files import check_output_folder, write_files
+
+            check_output_folder(folder, FILES)
+            found = check(experiment, settings or [])
+            files = check_files(found)
+        write_files(folder, files)
+        written.append(folder)
+        _show(found)
+        say_written(files, folder)
+        if fit is not None and not found.within:
+            with progress_bar() as bar:
+                bar.add_task("fitting", total=None)
+                path = _write_fitted(experiment, settings or [], found, fit.value)
+                written.append(path.parent)
+                found = check(str(path))
+            Terminal().say(f"\n{path.name}: ")
+            _show(found)
+            say_written([path.name], path.parent)
+        if not found.within:
+            raise typer.Exit(EXIT_BEYOND)
+
+
+def _show(found: "MotionCheck") -> None:
+    from gough_stewart.harness.experiment.check_display import check_sheets, verdict
+    from gough_stewart.harness.output.tables import to_terminal
+
+    for sheet in check_sheets(found):
+        Terminal().print(to_terminal(sheet))
+    Terminal().print(verdict(found))
+
+
+def _write_fitted(experiment: str, settings: list[str], found: "MotionCheck", fit: str) -> Path:
+    """The experiment's file with the settings, and those that make it fit, beside it: files it names are found there.
+
+    That of a shipped experiment goes to the folder one is in.
+    """
+    from gough_stewart.harness.experiment.setting_file import text_with_settings
+    from gough_stewart.model.files import write_whole
+
+    fitting = found.settings_that_fit("time" if fit == "time" else "amplitude")
+    path = found.experiment.folder / f"{Path(experiment).stem}-fitted.toml"
+    write_whole(path, text_with_settings(experiment, settings, fitting).encode())
+    return path

@@ -1,0 +1,160 @@
+"""Whether a platform can follow the motion of an experiment, and the same experiment with a motion that it can."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.planning import Planning, WantedMotion
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.motion.fitting import factor_near, shrinking_that_fits, slowing_that_fits
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.scaling import Scaled, centre_of
+from gough_stewart.harness.motion.shares import Shares, shares_along
+from gough_stewart.model.platform import Platform
+
+Fit = Literal["time", "amplitude"]
+_DIGITS = 9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionCheck:
+    """How much of every limit the motion of an experiment uses, from `check`."""
+
+    experiment: Experiment
+    """What was checked."""
+    platform: Platform
+    """What the designer believes, with the force limit of the experiment's actuators."""
+    shares: Shares
+    """Of every limit at every row of the run; see `shares_along`."""
+    _wanted: WantedMotion
+
+    @property
+    def within(self) -> bool:
+        """Whether no limit is passed."""
+        return self.shares.within
+
+    @cached_property
+    def time_factor(self) -> float | None:
+        """How many times as long the motion has to take, 1 if it fits as it is; None if no slower one fits."""
+        return slowing_that_fits(self.platform, self._motion, self._worst)
+
+    @cached_property
+    def amplitude_factor(self) -> float | None:
+        """How many times as large the motion may be, 1 if it fits as it is; None if no smaller one fits."""
+        centre = centre_of(self._wanted.reference)
+        return shrinking_that_fits(self.platform, self._motion, centre, self._worst)
+
+    def settings_that_fit(self, fit: Fit) -> dict[str, float]:
+        """Keys of the experiment to set so that its motion fits: none if it does.
+
+        A slower motion is as long as before in its own time: `loop.duration` grows with `reference.time_scale`.
+
+        Raises
+        ------
+        MotionError
+            Neither slower nor smaller, whichever was asked for, helps.
+        """
+        if self.within:
+            return {}
+        factor = self.time_factor if fit == "time" else self.amplitude_factor
+        if factor is None:
+            largest = self.shares.largest
+            raise MotionError(
+                f"{self.experiment.where}: no {fit}_scale makes the motion fit; {largest.limit} is at "
+                f"{100 * largest.share:.4g} % at {largest.time:.6g} s. Move where it happens, or try the other scale"
+            )
+        choice = self.experiment.reference
+        if choice is None:  # what has been checked has one
+            return {}
+        if fit == "amplitude":
+            return {"reference.amplitude_scale": _rounded(choice.amplitude_scale * factor, math.floor)}
+        factor = factor_near(self._largest_share_if_slower, factor)
+        scale = _rounded(choice.time_scale * factor, math.ceil)
+        return {"reference.time_scale": scale, "loop.duration": self._slower_clocks(scale / choice.time_scale).duration}
+
+    def fitted(self, fit: Fit) -> "MotionCheck":
+        """The check of the same experiment with `settings_that_fit`; it has the experiment, ready to run.
+
+        Raises
+        ------
+        MotionError
+            As `settings_that_fit`.
+        """
+        return check(self.experiment, self.settings_that_fit(fit))
+
+    def __repr__(self) -> str:
+        """The largest share of each limit, in a line each, and what would fit."""
+        from gough_stewart.harness.experiment.check_display import check_text
+
+        return check_text(self)
+
+    def _repr_html_(self) -> str:
+        from gough_stewart.harness.experiment.check_display import check_html
+
+        return check_html(self)
+
+    @property
+    def _motion(self) -> Motion:
+        return self._wanted.motion
+
+    @property
+    def _worst(self) -> float:
+        return self.experiment.limits.condition_number
+
+    def _slower_clocks(self, factor: float) -> Timing:
+        """Those of a run that many times as long, in whole plant steps that do not pass the end of the motion."""
+        clocks = self._wanted.timing
+        end = Scaled(self._wanted.reference, factor).end
+        steps = math.ceil(clocks.steps * factor - 1e-9)
+        if steps * clocks.plant_step > end:
+            steps = math.floor(end / clocks.plant_step)
+        return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)
+
+    def _largest_share_if_slower(self, factor: float) -> float:
+        times = self._slower_clocks(factor).times
+        motion = Scaled(self._wanted.reference, factor)(times)
+        return float(shares_along(self.platform, times, motion, self._worst).total.max())
+
+
+def _rounded(scale: float, to: Callable[[float], int]) -> float:
+    """To nine digits of its size, on the side that fits."""
+    unit = 10.0 ** (math.floor(math.log10(abs(scale))) + 1 - _DIGITS)
+    return math.copysign(float(f"{to(abs(scale) / unit) * unit:.{_DIGITS}g}"), scale)
+
+
+def check(experiment: Experiment | Path | str, settings: Settings = ()) -> MotionCheck:
+    """How much of every limit of its platform the motion of an experiment uses, without running it.
+
+    Stroke, joint angles, nearness to singular poses, leg velocity, leg acceleration, and force and power by inverse
+    dynamics of the platform that the designer believes in, without load, at every row of the run.
+
+    Parameters
+    ----------
+    experiment
+        A TOML file, the name of a shipped experiment, or an `Experiment`.
+    settings
+        Keys of the experiment to set anew, as `load_experiment` takes them.
+
+    Raises
+    ------
+    ExperimentError
+        The experiment has no reference, or cannot be read.
+
+    Examples
+    --------
+    >>> found = gs.check("pitch_sine", {"reference.frequency": 4})
+    >>> found.within, found.time_factor, found.shares.largest.limit
+    >>> slower = found.fitted("time")
+    >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
+    """
+    chosen = experiment_of(experiment, settings)
+    planning = Planning()
+    platform, wanted = planning.limited(chosen), planning.wanted(chosen)
+    shares = shares_along(platform, wanted.timing.times, wanted.motion, chosen.limits.condition_number)
+    return MotionCheck(chosen, platform, shares, wanted)

@@ -1,0 +1,116 @@
+"""What follows from platform, clocks and reference of an experiment: its motion, and whether it can be followed."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import NamedTuple
+
+from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
+from gough_stewart.harness.experiment.once import Once
+from gough_stewart.harness.experiment.parts import check_frequency, force_limit_of, platform_of
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.motion.motion import Motion, Reference
+from gough_stewart.harness.motion.reach import check_reach
+from gough_stewart.harness.motion.scaling import centre_of
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
+
+
+class WantedMotion(NamedTuple):
+    """The motion that an experiment asks for, whether the platform can follow it or not."""
+
+    reference: Reference
+    timing: Timing
+    motion: Motion  # at every row
+
+
+class Planning:
+    """What is made of the same tables of experiments is made once."""
+
+    def __init__(self) -> None:
+        self.once = Once()
+
+    def believed(self, experiment: Experiment) -> Platform:
+        """What the designer believes."""
+        with part_of(experiment.where, "platform"):
+            choice, folder = experiment.platform, experiment.folder
+            return self.once("platform", (choice, str(folder)), lambda: platform_of(choice, folder))
+
+    def limited(self, experiment: Experiment) -> Platform:
+        """What the designer believes, with the force limit of the experiment's actuators."""
+        platform = self.believed(experiment)
+        limit = force_limit_of(experiment.actuators, platform)
+        if limit == platform.actuator_force_max:
+            return platform
+        return self.once("limited", (platform, limit), lambda: replace(platform, actuator_force_max=limit))
+
+    def wanted(self, experiment: Experiment) -> WantedMotion:
+        """The motion of an experiment.
+
+        Raises
+        ------
+        ExperimentError
+            There is none, or a part of the experiment that it takes cannot be.
+        """
+        choice, where, folder = experiment.reference, experiment.where, experiment.folder
+        if choice is None:
+            raise ExperimentError(where, "reference", "is missing; there is no motion")
+        platform, timing = self.believed(experiment), self.timing(experiment)
+
+        def make() -> WantedMotion:
+            reference = choice.about(platform, folder)
+            check_frequency(choice.highest_frequency, timing)
+            return WantedMotion(reference, timing, reference(timing.times))
+
+        with part_of(where, "reference"):
+            return self.once("reference", (choice, platform, timing, str(folder)), make)
+
+    def timing(self, experiment: Experiment) -> Timing:
+        """The clocks."""
+        clocks, seed = experiment.loop, experiment.sensors.seed
+
+        def make() -> Timing:
+            step = clocks.plant_step or clocks.sample_time
+            timing = Timing(clocks.duration, clocks.sample_time, step, clocks.jitter, seed)
+            if not clocks.delay * timing.sample_time < timing.duration:
+                raise ControllerError(
+                    f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; "
+                    "expected fewer samples, or a longer run"
+                )
+            return timing
+
+        with part_of(experiment.where, "loop"):
+            # by its numbers: tables that differ in the delay alone share what follows from the clocks
+            numbers = (clocks.duration, clocks.sample_time, clocks.plant_step or 0.0, clocks.jitter, clocks.delay, seed)
+            made: Timing = self.once("timing of this delay", numbers, make)
+            return self.once("timing", (*numbers[:4], seed), lambda: made)
+
+    def warnings(self, experiment: Experiment, wanted: WantedMotion) -> list[str]:
+        """Refuse a motion that the platform cannot follow; what it passes and may."""
+        limits, limit = experiment.limits, force_limit_of(experiment.actuators, self.believed(experiment))
+        platform = self.limited(experiment)
+        with part_of(experiment.where, "reference"):
+            return self.once(
+                "reach",
+                (self.believed(experiment), wanted, limit, limits.condition_number, limits.reference),
+                lambda: check_reach(
+                    platform,
+                    wanted.timing.times,
+                    wanted.motion,
+                    limits.condition_number,
+                    centre=centre_of(wanted.reference),
+                    dynamic=limits.reference,
+                ),
+            )
+
+
+@contextmanager
+def part_of(where: str, name: str) -> Iterator[None]:
+    """Errors inside are those of a part of the experiment; a reference out of reach keeps its data."""
+    try:
+        yield
+    except (ExperimentError, ReachError):
+        raise
+    except GoughStewartError as error:
+        raise ExperimentError(where, name, str(error)) from error

@@ -1,0 +1,92 @@
+"""The command `check` as a user meets it."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from gough_stewart.harness.errors import ReachError
+from gough_stewart.harness.experiment.file import load_experiment
+from gough_stewart.harness.experiment.preparation import prepare
+from tests.support.commands import invoke
+
+FILES = {"check.json", "shares.png", "shares.svg"}
+COARSE = ["--set", "loop.duration=2.5", "--set", "loop.sample_time=25 ms"]
+FAST = ["--set", "reference.frequency=4", *COARSE]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_motion_within_its_limits_is_printed_drawn_and_ends_with_0() -> None:
+    done = invoke("check", "pitch_sine", *COARSE, "--out", "out")
+    assert done.exit_code == 0, done.output
+    assert {path.name for path in Path("out").iterdir()} == FILES
+    assert "leg velocity, %" in done.output
+    assert "within all limits; most used: stroke" in " ".join(done.output.split())
+    assert max(len(line.rstrip()) for line in done.stdout.splitlines() if "│" in line) <= 80
+    numbers = json.loads(Path("out/check.json").read_text())
+    assert numbers["within"] is True
+    assert len(numbers["limits"]["leg_velocity_max"]["share"]) == 6
+    # names of limits are texts in the picture: the legend, and the strip of the active ones
+    assert Path("out/shares.svg").read_text().count("<path") > 20
+
+
+def test_a_motion_beyond_its_limits_ends_with_3_and_says_what_would_fit() -> None:
+    done = invoke("check", "pitch_sine", *FAST)
+    text = " ".join(done.output.split())
+    assert done.exit_code == 3
+    assert "beyond its limits: " in text
+    assert "times as long (--fit time)" in text
+    assert "times as large (--fit amplitude)" in text
+    assert {path.name for path in Path("results/pitch_sine-check").iterdir()} == FILES
+
+
+def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_prepared() -> None:
+    """Expected: the shipped file with the settings and the scale; its motion, which was refused, is taken."""
+    done = invoke("check", "pitch_sine", *FAST, "--fit", "amplitude")
+    assert done.exit_code == 0, done.output
+    assert "Wrote pitch_sine-fitted.toml" in done.output
+    values = tomllib.loads(Path("pitch_sine-fitted.toml").read_text())
+    assert values["reference"]["frequency"] == 4
+    new = set(values["reference"]) - {"type", "orientation_amplitude", "frequency", "fade_in"}
+    assert new == {"amplitude_scale"}
+    assert list(Path().glob(".*")) == []
+    slow = ["controller.bandwidth=0.1"]
+    with pytest.raises(ReachError):
+        prepare(load_experiment("pitch_sine", [*FAST[1::2], *slow]))
+    prepare(load_experiment("pitch_sine-fitted.toml", slow))
+
+
+def test_what_nothing_fits_ends_with_an_error_and_no_file() -> None:
+    heavy = ["--set", "platform.parameters.platform_mass=20000"]
+    done = invoke("check", "pitch_sine", *heavy, "--fit", "time", *COARSE)
+    assert done.exit_code == 1
+    assert "no time_scale makes the motion fit" in done.output
+    assert not Path("pitch_sine-fitted.toml").exists()
+
+
+def test_a_run_beyond_limits_is_refused_with_what_would_fit() -> None:
+    refused = invoke("run", "pitch_sine", *FAST)
+    assert refused.exit_code == 1
+    assert "it would fit if it were" in refused.output
+
+
+def test_wrong_input_gets_one_clear_line() -> None:
+    for arguments, expected in (
+        (["paper_open_loop"], "is missing; there is no motion"),
+        (["no.toml"], "no.toml: cannot read this experiment"),
+        (["pitch_sine", "--set", "reference.time_scale=0"], "reference.time_scale: is 0; expected > 0"),
+        (
+            ["pitch_sine", "--set", "limits.reference=ignore"],
+            "is 'ignore'; expected 'refuse' or 'warn'",
+        ),
+    ):
+        done = invoke("check", *arguments)
+        assert done.exit_code == 1
+        assert expected in done.output
+    assert invoke("check", "pitch_sine", "--fit", "both").exit_code == 2
+    assert list(Path().iterdir()) == []
