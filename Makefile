@@ -86,6 +86,7 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_architecture.py
 	$(BIN)/python docs/figures/draw_workspace.py
 	$(BIN)/python docs/figures/draw_recorded.py
+	$(BIN)/python docs/figures/draw_shares.py
 
 lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest

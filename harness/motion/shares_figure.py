@@ -8,6 +8,7 @@ from gough_stewart.harness.motion.shares import Shares
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.plotting import entitle, pictures
+from gough_stewart.harness.output.tables import number_text
 
 # The names of limits as readers see them, each with a colour of its own in every picture.
 LABELS = {
@@ -48,7 +49,7 @@ def _lines(axes: Axes, shares: Shares) -> None:
         values = np.minimum(shares.over_time[name], 10 * _HIGHEST)
         if name in active or values.max() > 0.005:
             peak = shares.peak(name).share
-            used = f"{100 * peak:.3g} %" if np.isfinite(peak) else "beyond"
+            used = f"{number_text(100 * peak, 3)} %" if np.isfinite(peak) else "beyond"
             axes.plot(
                 *decimated(shares.time, 100 * values, _POINTS),
                 "-" if name in active else _DASHES[name],

@@ -1,0 +1,16 @@
+"""Draws docs/figures/shares.svg, the picture of docs/motion.md: `make figures`."""
+
+from saving import save_svg
+
+from gough_stewart.harness.experiment.check_display import check_files
+from gough_stewart.harness.experiment.checking import check
+
+
+def main() -> None:
+    """Write the picture beside this file."""
+    found = check("pitch_sine", {"reference.frequency": 2.5, "loop.duration": 4})
+    save_svg("shares.svg", check_files(found)["shares.svg"])
+
+
+if __name__ == "__main__":
+    main()
