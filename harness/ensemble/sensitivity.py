@@ -1,8 +1,8 @@
 """Which of what varies makes a figure of merit vary: Sobol' indices, or standardised regression."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
@@ -61,8 +61,8 @@ class Sensitivity:
 def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
     """Of one figure of merit: Sobol' indices where the members are Saltelli's design, else regression.
 
-    Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259, as SALib has it.
-    Confidence is by resampling members.
+    Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: for the first order
+    (b) of table 2, for the total one (f). Confidence is by resampling members.
 
     Raises
     ------
@@ -89,8 +89,6 @@ def _completed(ensemble: Ensemble) -> FloatArray:
 
 
 def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity:
-    from SALib.analyze import sobol
-
     names = [group_name(columns) for columns in groups]
     block = len(groups) + 2
     points = merit[: len(merit) // block * block].reshape(-1, block)
@@ -100,15 +98,27 @@ def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> S
         raise RecordError(f"{metric}: {len(points)} points of Saltelli's design are complete; expected at least 2")
     if np.ptp(points) == 0:
         raise RecordError(f"{metric}: is the same for all members; expected one that varies")
-    problem = {"num_vars": len(names), "names": names, "bounds": [[0, 1]] * len(names)}
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        found = sobol.analyze(
-            problem, points.ravel(), calc_second_order=False, conf_level=_CONFIDENCE, num_resamples=_RESAMPLES, seed=1
-        )
-    S1, S1_conf, ST, ST_conf = (np.asarray(found[key], dtype=float) for key in ("S1", "S1_conf", "ST", "ST_conf"))
+    # the estimators are biased where the mean is far from 0
+    points = (points - points.mean()) / points.std()
+    S1, ST = _indices(points)
+    resamples = np.random.default_rng(1).integers(len(points), size=(len(points), _RESAMPLES))
+    spread = np.std([_indices(points[rows]) for rows in resamples.T], axis=0, ddof=1)
+    S1_conf, ST_conf = NormalDist().inv_cdf((1 + _CONFIDENCE) / 2) * spread
     left_out = len(merit) - points.size
     return Sensitivity(metric, "sobol", tuple(names), S1, S1_conf, ST, ST_conf, None, points.size, left_out)
+
+
+def _indices(points: FloatArray) -> FloatArray:
+    """First-order and total indices (2, p) of rows f(A), f(A_B^1) to f(A_B^p), f(B), centred (n, p + 2).
+
+    S_i = ⟨f(B) (f(A_B^i) − f(A))⟩ / V and T_i = ⟨(f(A) − f(A_B^i))²⟩ / 2V, with V the variance of f(A) and f(B); 0 if V
+    is, as it can be of few members.
+    """
+    A, AB, B = points[:, :1], points[:, 1:-1], points[:, -1:]
+    V = points[:, [0, -1]].var()
+    if np.finfo(float).eps >= V:
+        return np.zeros((2, AB.shape[1]))
+    return np.asarray(np.stack([(B * (AB - A)).mean(axis=0), ((A - AB) ** 2).mean(axis=0) / 2]) / V)
 
 
 def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivity:

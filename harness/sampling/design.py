@@ -29,7 +29,7 @@ class Design:
     - "random": member k's numbers depend on the seed, the names and k; not on how many members there are.
     - "sobol": scrambled Sobol' points; the first n of more are the same.
     - "latin_hypercube": depends on the number of members.
-    - "saltelli": for Sobol' indices, as SALib's `sample.sobol` without second order: for every point of two matrices
+    - "saltelli": for Sobol' indices, in SALib's order without second order: for every point of two matrices
       A and B a row of A, for each group a row of A with that group from B, and the row of B.
 
     Parameters

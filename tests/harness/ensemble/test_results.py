@@ -7,6 +7,7 @@ import numpy as np
 import polars
 import pytest
 from rich.console import Console
+from scipy.stats import sobol_indices
 
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
 from gough_stewart.harness.ensemble.figures import ensemble_figures
@@ -67,6 +68,27 @@ def test_sobol_indices_are_those_of_the_closed_form() -> None:
     assert product.total is not None
     np.testing.assert_allclose(product.main, 0, atol=0.05)
     np.testing.assert_allclose(product.total, [1, 1, 0, 0], atol=0.1)
+
+
+def test_sobol_indices_and_their_confidence_agree_with_scipy() -> None:
+    """Expected: `scipy.stats.sobol_indices` of the same members, and its bootstrap, up to the noise of resampling."""
+    n, known = 1024, np.flatnonzero(SLOPES)  # of an input without influence, SciPy has no interval
+    A, B = normal(2 * n).reshape(2, n, len(INPUTS))
+    rows = [A, *(np.where(np.arange(len(INPUTS)) == k, B, A) for k in range(len(INPUTS))), B]
+    ensemble = ensemble_of(np.stack(rows, axis=1).reshape(-1, len(INPUTS)), sampling="saltelli")
+    found = sensitivity(ensemble, PEAK)
+    y = ensemble.values(PEAK).reshape(n, -1).T
+    expected = sobol_indices(func={"f_A": y[:1], "f_AB": y[1 + known, None], "f_B": y[-1:]}, n=n)
+    interval = expected.bootstrap(confidence_level=0.95, n_resamples=999)
+    assert found.total is not None
+    assert found.total_confidence is not None
+    for index, half, same, bounds, noise in (
+        (found.main, found.main_confidence, expected.first_order, interval.first_order, 5e-3),  # another mean
+        (found.total, found.total_confidence, expected.total_order, interval.total_order, 1e-12),
+    ):
+        np.testing.assert_allclose(index[known], np.ravel(same), atol=noise)
+        low, high = bounds.confidence_interval
+        np.testing.assert_allclose(half[known], np.ravel(high - low) / 2, rtol=0.25)
 
 
 def test_a_point_of_which_a_member_failed_is_left_out_whole() -> None:
