@@ -216,7 +216,7 @@ class Preparation(Planning):
     def _injection(
         self, experiment: Experiment, injection: Injection | None, planned: _Planned | None
     ) -> FloatArray | None:
-        timing, choice = self._timing(experiment), experiment.injection
+        timing, choice = self.timing(experiment), experiment.injection
         if injection is not None:
             return injected(injection, timing.samples)
         if choice is None:
@@ -228,7 +228,7 @@ class Preparation(Planning):
             J = J if planned is None else planned.jacobians[0]
             return choice.forces(len(timing.samples), timing.sample_time, J)
 
-        with _section(experiment.where, "injection"):
+        with part_of(experiment.where, "injection"):
             return self.once("injection", (choice, platform, timing, planned), make)
 
     def _planned(self, experiment: Experiment, controller: Any = None) -> _Planned | None:
