@@ -1,7 +1,6 @@
 """The command `ensemble`: a thousand members of an experiment, to tables and bands."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -14,9 +13,7 @@ from gough_stewart.harness.cli.options import (
     results_folder,
 )
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors, members_bar, say_written
-
-if TYPE_CHECKING:
-    from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.errors import UsageError
 
 
 def ensemble_command(
@@ -43,7 +40,8 @@ def ensemble_command(
     """Run the members of an experiment's [ensemble]: machines that differ, with the same controller.
 
     Writes **members.parquet** (a row for each member: what varied, figures of merit, outcome), **bands.parquet**
-    (signals over time, as quantiles) and **ensemble.json**. `gough-stewart run FILE --member 17` repeats one exactly.
+    (signals over time, as quantiles), **ensemble.json**, pictures, **report.html**, and in **worst** the records of the
+    worst members. `gough-stewart run FILE --member 17` repeats any of them exactly.
 
     Ctrl-C keeps the finished chunks; the same command with `--resume` goes on, to the same bytes.
 
@@ -56,6 +54,8 @@ def ensemble_command(
     - `gough-stewart ensemble mine.toml --members 100000 --scheduler tcp://10.0.0.1:8786`
     """
     with clear_errors() as written:
+        if workers is not None and scheduler is not None:
+            raise UsageError("--workers and --scheduler exclude each other: a scheduler has workers of its own")
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "_ensemble")
         with members_bar() as progress:
@@ -75,16 +75,14 @@ def ensemble_command(
                 ),
                 status=lambda what: progress.update(task, description=what),
             )
-        written.append(folder)
-        _say(found, folder)
+            written.append(folder)
+            progress.update(task, total=None, description="pictures and page")
+            from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
+            from gough_stewart.harness.ensemble.files import write_report
+            from gough_stewart.harness.output.tables import to_terminal
 
-
-def _say(found: "Ensemble", folder: Path) -> None:
-    from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
-
-    outcomes = ", ".join(f"{count} {name}" for name, count in found.metadata["outcomes"].items())
-    terminal = Terminal()
-    terminal.say((f"{found.title}: ", "bold"), f"{found.metadata['members']} members, {outcomes}")
-    for cause, count in list(found.metadata["causes"].items())[:5]:
-        terminal.say((f"  {count} × {cause}", "dim"))
-    say_written([MEMBERS, BANDS, METADATA], folder)
+            files, sheets = write_report(found, folder)
+        terminal = Terminal()
+        for sheet in sheets:
+            terminal.print(to_terminal(sheet))
+        say_written([MEMBERS, BANDS, METADATA, *files], folder)

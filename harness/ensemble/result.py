@@ -27,7 +27,7 @@ MEMBER, OUTCOME, ENDED, CAUSE = "member", "outcome", "ended", "cause"
 VARIED, MARGINS = "varied.", "margins."
 IMPOSSIBLE = "impossible"
 # Of runs, and no merit.
-_CIRCUMSTANCES = ("rows", "duration")
+_CIRCUMSTANCES = ("rows", "duration", "integration_error")
 # Short names of what is asked for most.
 SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 

@@ -1,0 +1,76 @@
+"""What is shown of an ensemble, as files: pictures, one page, records of the worst members with pages of their own."""
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from gough_stewart.harness.ensemble.figures import ensemble_figures
+from gough_stewart.harness.ensemble.page import PAGE, ensemble_page
+from gough_stewart.harness.ensemble.result import Ensemble, metric_name
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
+from gough_stewart.harness.ensemble.statistics import worst_members
+from gough_stewart.harness.ensemble.tables import ensemble_sheets, sensitivity_sheet
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.experiment.member_records import records_of
+from gough_stewart.harness.experiment.plan import plan_from
+from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.view.page import view_page
+from gough_stewart.model.files import write_files
+
+WORST = "worst"
+# What the worst members are the worst of, where nothing else is asked for: the first of these that there is.
+_WORST_BY = ("tracking.position.norm_peak", "force.peak")
+
+
+def write_report(found: Ensemble, folder: Path) -> tuple[list[str], list[Sheet]]:
+    """Write pictures, page and the worst members' records; their names, and tables for the terminal.
+
+    Raises
+    ------
+    OSError
+        They cannot be written.
+    """
+    by = worst_by(found)
+    known = _sensitivity(found, by)
+    worst = _write_worst(found, by, folder)
+    files = {
+        **ensemble_figures(found, by, known),
+        PAGE: ensemble_page(found, by, worst, () if known is None else (known,)),
+    }
+    write_files(folder, files)
+    sheets = ensemble_sheets(found)
+    return [*files, *([WORST] if worst else [])], sheets if known is None else [*sheets, sensitivity_sheet(known)]
+
+
+def worst_by(found: Ensemble) -> str:
+    """The figure of merit that says which members are the worst: the experiment's, or that of tracking."""
+    chosen = found.metadata["experiment"]["ensemble"]["worst_by"]
+    if chosen is not None:
+        return metric_name(found.members, chosen)
+    return next(name for name in _WORST_BY if name in found.metrics)
+
+
+def _sensitivity(found: Ensemble, by: str) -> Sensitivity | None:
+    """None where too few have run, or nothing varies that is a number."""
+    try:
+        return sensitivity(found, by)
+    except RecordError:
+        return None
+
+
+def _write_worst(found: Ensemble, by: str, folder: Path) -> Mapping[int, str]:
+    """Their records, and by member the address of a page that plays it."""
+    number = found.metadata["experiment"]["ensemble"]["worst"]
+    members = worst_members(found.members, by, number)
+    shutil.rmtree(folder / WORST, ignore_errors=True)  # those of an older run
+    links = {}
+    for member, record in zip(members, records_of(plan_from(found.metadata["plan"]), members), strict=True):
+        name = f"{WORST}/member-{member}"
+        files = {
+            "record.parquet": record.to_parquet(),
+            "metadata.json": record.to_metadata(),
+            "report.html": view_page([record], [f"member {member}"]),
+        }
+        write_files(folder / name, files)
+        links[member] = f"{name}/report.html"
+    return links

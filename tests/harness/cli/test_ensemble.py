@@ -1,0 +1,92 @@
+"""The command `ensemble`, and `run --member`, as a user meets them."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import polars
+import pytest
+from typer.testing import Result
+
+from gough_stewart.harness.results.record import read_record
+from tests.support.commands import invoke
+
+SHORT = ("--set", "loop.duration=0.1", "--set", "ensemble.worst=2")
+TABLES = {"members.parquet", "bands.parquet", "ensemble.json", "report.html"}
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    """Sixty-four members of what ships."""
+    out = tmp_path_factory.mktemp("ensemble") / "new" / "folder"
+    return invoke(
+        "ensemble", "heave_tolerances", *SHORT, "--members", "64", "--workers", "1", "--seed", "5", "--out", str(out)
+    ), out
+
+
+def test_it_writes_tables_pictures_a_page_and_the_worst_members(done: tuple[Result, Path]) -> None:
+    result, out = done
+    assert result.exit_code == 0, result.output
+    assert "64 members: 64 completed" in result.output
+    names = {path.name for path in out.iterdir()}
+    assert names >= TABLES
+    assert "chunks" not in names
+    assert "plan.json" not in names
+    assert json.loads((out / "ensemble.json").read_text())["seed"] == 5
+    assert len(list((out / "worst").iterdir())) == 2
+
+
+def test_the_worst_members_are_those_with_the_largest_error_and_linked_from_the_page(done: tuple[Result, Path]) -> None:
+    """Expected: by the table's own column, and the peak of their records is that of their rows, bit for bit."""
+    members = polars.read_parquet(done[1] / "members.parquet")
+    order = members.sort("tracking.position.norm_peak", descending=True)
+    worst = order["member"].to_list()[:2]
+    assert {path.name for path in (done[1] / "worst").iterdir()} == {f"member-{member}" for member in worst}
+    page = (done[1] / "report.html").read_text()
+    for member, peak in zip(worst, order["tracking.position.norm_peak"], strict=False):
+        assert f'href="worst/member-{member}/report.html"' in page
+        error = read_record(done[1] / "worst" / f"member-{member}")["error.position"]
+        assert ((error**2).sum(axis=1) ** 0.5).max() == pytest.approx(peak, rel=1e-12)
+
+
+def test_run_repeats_a_member(done: tuple[Result, Path], tmp_path: Path) -> None:
+    """Expected: the record that the ensemble has left of it, bit for bit."""
+    kept = next((done[1] / "worst").iterdir())
+    member = kept.name.removeprefix("member-")
+    options = (*SHORT, "--set", "ensemble.members=64", "--set", "ensemble.seed=5", "--out", str(tmp_path))
+    result = invoke("run", "heave_tolerances", "--member", member, *options)
+    assert result.exit_code == 0, result.output
+    assert read_record(tmp_path).table.equals(read_record(kept).table)
+    assert f"member {member}" in json.loads((tmp_path / "metadata.json").read_text())["title"]
+
+
+WRONG: Mapping[str, tuple[tuple[str, ...], int, str]] = {
+    "no ensemble": (("ensemble", "heave_step"), 1, "ensemble: is missing; it says what varies"),
+    "workers": (("ensemble", "heave_tolerances", "--workers", "0"), 2, "Invalid value for '--workers'"),
+    "members": (("ensemble", "heave_tolerances", "--members", "-4"), 2, "Invalid value for '--members'"),
+    "both": (
+        ("ensemble", "heave_tolerances", "--workers", "2", "--scheduler", "tcp://h:1"),
+        2,
+        "--workers and --scheduler exclude each other",
+    ),
+    "metric": (
+        ("ensemble", "heave_tolerances", *SHORT, "--set", "ensemble.worst_by=force.peek"),
+        1,
+        "ensemble.worst_by: no metric 'force.peek'; did you mean 'force.peak'?",
+    ),
+    "parameter": (
+        ("ensemble", "heave_tolerances", "--set", "ensemble.platform_mas={ normal = [1, 1] }"),
+        1,
+        "ensemble.platform_mas: no such parameter; did you mean 'platform_mass'?",
+    ),
+    "member": (("run", "heave_tolerances", "--member", "1000"), 1, "member: is 1000; expected 0 to 999"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_cannot_be_is_said_in_a_line(what: str, tmp_path: Path) -> None:
+    command, code, message = WRONG[what]
+    result = invoke(*command, "--out", str(tmp_path / "new"))
+    assert result.exit_code == code, result.output
+    assert message in " ".join(result.output.split())
+    assert not (tmp_path / "new").exists()
