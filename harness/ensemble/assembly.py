@@ -71,7 +71,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
         "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
         "causes": dict(zip(first[CAUSE], first["len"], strict=True)),
         "substeps": plan.substeps,
-        "tolerance": prepared.nominal.plant.tolerance,
+        "tolerance": prepared.choice.tolerance,
         "integration_error": largest,
         # one text: the same bits from whoever computed a chunk; several: alike to 1e-9
         "features": list(features),

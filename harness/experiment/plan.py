@@ -189,7 +189,7 @@ def _substeps(members: Members) -> int:
         if not np.isfinite(error):
             substeps *= 4
             continue
-        needed = substeps_for(error, substeps, plant.tolerance)
+        needed = substeps_for(error, substeps, members.choice.tolerance)
         if needed <= substeps:
             break
         substeps = needed

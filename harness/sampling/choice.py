@@ -5,10 +5,12 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
+from gough_stewart.harness.quantities import Number
 from gough_stewart.harness.sampling.correlation import Together
 from gough_stewart.harness.sampling.design import Sampling
 from gough_stewart.harness.sampling.variation import Variation
 from gough_stewart.harness.section import Section, complaints
+from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
 MEMBERS = 1000
 MOST_MEMBERS = 10_000_000
@@ -28,6 +30,8 @@ class EnsembleChoice(Section):
     # of draws, noise and jitter; the sensors' seed, where it is left out
     seed: Annotated[int, Field(ge=0)] | None = None
     sampling: Sampling = "random"
+    # of the fixed steps of RK4, a plant step at a time; `[plant]` tolerance is that of plants that control their steps
+    tolerance: Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])] = DEFAULT_TOLERANCE
     # which signals are kept as bands over time
     signals: list[str] | None = None
     # whether each member's loop gets its margins

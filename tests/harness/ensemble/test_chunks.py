@@ -137,7 +137,7 @@ def test_substeps_hold_the_tolerance_and_the_estimate_is_kept(whole: Chunk) -> N
     assert (error[:8] <= 1e-8).all()
     assert (error > 0).any()
     coarse, fine = (
-        plan_of(gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "plant.tolerance": tolerance}))
+        plan_of(gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "ensemble.tolerance": tolerance}))
         for tolerance in (1e-6, 1e-12)
     )
     assert coarse.substeps < fine.substeps
