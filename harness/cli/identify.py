@@ -15,6 +15,14 @@ class Method(StrEnum):
 
     linear = "linear"
     output_error = "output_error"
+    geometry = "geometry"
+
+
+class PoseFrame(StrEnum):
+    """Where measured poses are taken."""
+
+    world = "world"
+    own = "own"
 
 
 def identify_command(
@@ -32,6 +40,10 @@ def identify_command(
     force_per_current: Annotated[
         float | None, typer.Option(help="Of each motor [N/A], for logs with motor_current[1..6].", metavar="FACTOR")
     ] = None,
+    pose_frame: Annotated[
+        PoseFrame | None,
+        typer.Option(help="Of measured poses: of the platform in world, or own, as a tracker anywhere has them."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
         "results/identify"
     ),
@@ -47,6 +59,8 @@ def identify_command(
     Examples
     --------
     - `gough-stewart identify log.csv --platform nominal.toml --estimate platform_mass,platform_com`
+
+    - `gough-stewart identify poses.csv --platform nominal.toml --estimate base_points,leg_length_offset`
     """
     with clear_errors() as written:
         nominal = chosen_platform(preset, platform)
@@ -61,7 +75,8 @@ def identify_command(
         check_output_folder(out, FILES)
         with progress_bar() as progress:
             progress.add_task("identifying", total=None)
-            found = identify(read_log(log, force_per_current), nominal, estimate, method.value)
+            options = {} if pose_frame is None else {"pose_frame": pose_frame.value}
+            found = identify(read_log(log, force_per_current), nominal, estimate, method.value, **options)
             files = identification_files(found, nominal)
         write_files(out, files)
         written.append(out)

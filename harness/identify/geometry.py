@@ -46,7 +46,7 @@ def identify_geometry(
     platform: Platform,
     names: Sequence[str] = GEOMETRY,
     *,
-    accuracy: PoseAccuracy | None = None,
+    accuracy: tuple[float, float, float | None] = PoseAccuracy(),
     pose_frame: PoseFrame = "world",
     nominal_error: float | None = None,
 ) -> Estimate:
@@ -61,7 +61,7 @@ def identify_geometry(
     names
         `base_points`, `platform_points`, `leg_length_offset` (what encoders show beyond the length [m]), or elements.
     accuracy
-        Standard errors of the log.
+        Standard errors of the log: leg length [m], position [m], orientation [rad]; see `PoseAccuracy`.
     pose_frame
         "world": poses are those of the platform in world. "own": a tracker's frame and the place of its target are
         unknown, and estimated as far as joints that are not estimated tell them; the others stay as near as possible
@@ -77,7 +77,7 @@ def identify_geometry(
     """
     elements = expanded(names, platform)
     unknowns = _unknowns(elements)
-    deviations = _deviations(accuracy or PoseAccuracy(), platform)
+    deviations = _deviations(PoseAccuracy(*accuracy), platform)
     measured = _measured(log, deviations, pose_frame)
     scale = _NOMINAL_SHARE * platform.characteristic_length if nominal_error is None else nominal_error
     if not (np.isfinite(scale) and scale > 0):

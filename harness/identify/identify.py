@@ -6,16 +6,18 @@ from typing import Any, Literal
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 
-Method = Literal["linear", "output_error"]
+Method = Literal["linear", "output_error", "geometry"]
 _METHODS: Mapping[str, Callable[..., Estimate]] = {
     "linear": identify_linear,
     "output_error": identify_output_error,
+    "geometry": identify_geometry,
 }
 
 
@@ -39,10 +41,14 @@ def identify(
         legs, `leg_viscous_friction[1..6]` six.
     method
         "linear" is least squares of inverse dynamics: masses, centres of mass, inertias, armature, friction;
-        "output_error" simulates the plant and takes any physical parameter, `leg_friction_velocity` among them.
+        "output_error" simulates the plant and takes any physical parameter, `leg_friction_velocity` among them;
+        "geometry" calibrates `base_points`, `platform_points` and `leg_length_offset` from measured poses at rest,
+        and is the method wherever these alone are estimated.
     options
         Of the method: `cutoff` [Hz] of the filter, `validation`, the share of the log that checks the fit; of
-        "output_error" also `starts` and `seed`.
+        "output_error" also `starts` and `seed`. Of "geometry": `pose_frame` ("world", or "own" for a tracker that
+        stands somewhere), `accuracy`, standard errors of leg length [m], position [m] and orientation [rad], and
+        `nominal_error` [m], to which the nominal geometry is known.
 
     Raises
     ------
@@ -60,6 +66,10 @@ def identify(
     if method not in _METHODS:
         raise IdentificationError(f"method is {method!r}; expected one of {', '.join(_METHODS)}")
     names = estimate.split(",") if isinstance(estimate, str) else list(estimate)
+    if method == "linear" and all(name.strip().partition("[")[0] in GEOMETRY for name in names):
+        method = "geometry"
+    if "pose_frame" in options and method != "geometry":
+        raise IdentificationError(f"pose_frame is of method geometry alone; this one is {method}")
     if isinstance(log, Record):
         log = log_of(log)
     elif not isinstance(log, Log):

@@ -1,6 +1,8 @@
 """Calibration of joints and offsets. Logs come from SciPy's rotations and Euclid's distance, noisy and quantised."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +17,15 @@ from gough_stewart.harness.identify.geometry import GEOMETRY, PoseAccuracy, iden
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_platform, save_platform
+from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
 
 NOMINAL = replace(UNEVEN, leg_length_min=None, leg_length_max=None)
 SIZE = NOMINAL.characteristic_length
 # A tracker: 0.05 mm in each coordinate, 0.05 mm over the size of the platform in each angle.
 NOISE, ENCODER = 5e-5, 1e-6
+TABLE = (("leg_length", 6, "mm"), ("position", 3, "mm"), ("orientation", 3, "deg"))
 WRONG = 1e-3  # of joints and offsets [m]
 X, X_T = Rotation.from_euler("xyz", [0.3, -0.4, 2.1]), np.array([4.0, -3.0, 1.2])
 Y, Y_T = Rotation.from_euler("xyz", [1.0, 0.2, -0.7]), np.array([0.1, 0.2, 0.15])
@@ -239,3 +244,32 @@ def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
     refused(log, "expected standard errors > 0", accuracy=PoseAccuracy(position=-1.0))
     single = np.where([1, 1, 0], log.orientation, np.nan)
     refused(replace(log, orientation=single), "row 1 has some angles of three", pose_frame="own")
+
+
+def test_the_command_calibrates_from_a_table_of_poses(tmp_path: Path) -> None:
+    """Expected: as in Python; the method follows from the names, and units from the header."""
+    machine, log = Machine(), in_own_frame(Machine().log(2))
+    assert log.position is not None
+    assert log.orientation is not None
+    heads = [f"{name}[{k + 1}] [{unit}]" for name, n, unit in TABLE for k in range(n)]
+    rows = np.concatenate([1e3 * log.leg_length, 1e3 * log.position, np.degrees(log.orientation)], axis=1)
+    lines = [",".join(heads), *(",".join(map(repr, row)) for row in rows.tolist())]
+    (tmp_path / "poses.csv").write_text("\n".join(lines))
+    save_platform(NOMINAL, tmp_path / "nominal.toml")
+    named = ["--platform", str(tmp_path / "nominal.toml"), "--estimate", ",".join(GEOMETRY)]
+    done = invoke(
+        "identify", str(tmp_path / "poses.csv"), *named, "--pose-frame", "own", "--out", str(tmp_path / "out")
+    )
+    assert done.exit_code == 0, done.output
+    assert "30 of 42 combinations are seen" in done.output
+    found = identify_geometry(log, NOMINAL, pose_frame="own")
+    made = load_platform(tmp_path / "out" / "platform.toml")
+    assert np.abs(made.base_points - found.platform(NOMINAL).base_points).max() < 1e-9
+    written = json.loads((tmp_path / "out" / "estimate.json").read_text())
+    offset = [written["parameters"][f"leg_length_offset[{k}]"]["value"] for k in range(1, 7)]
+    assert pose_error(machine, made, np.array(offset), relative=True) < 1e-4
+    other = invoke(
+        "identify", str(tmp_path / "poses.csv"), *named[:2], "--estimate", "platform_mass", "--pose-frame", "own"
+    )
+    assert other.exit_code == 1
+    assert "pose_frame is of method geometry alone" in other.output
