@@ -64,6 +64,8 @@ Experiments
     ensemble                  thousands that differ in what is not known exactly
     Ensemble                  what that gives: a row for each member, bands over time
     read_ensemble             one from its folder
+    tune                      its numbers, searched for the best figure of merit
+    Tuning                    what that gives
     export                    its controller as C or FMU, its loop as SSP
 
 Results

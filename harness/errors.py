@@ -52,6 +52,10 @@ class ReachError(GoughStewartError, ValueError):
         self.leg = leg
 
 
+class TuningError(GoughStewartError, ValueError):
+    """A search that cannot be: nothing to vary, a metric that is none, conditions that no candidate keeps."""
+
+
 class ExperimentError(GoughStewartError, ValueError):
     """An experiment that cannot be run as it is written: `where` names the file, `key` the place in it."""
 

@@ -30,7 +30,7 @@ NAMES = [
     "Hold", "Step", "PointToPoint", "Sine", "Chirp", "Circle",
     "experiment_names", "load_experiment", "Experiment", "check", "MotionCheck", "run", "margins", "LoopMargins",
     "frf", "FrequencyResponse",
-    "ensemble", "Ensemble", "read_ensemble", "export",
+    "ensemble", "Ensemble", "read_ensemble", "tune", "Tuning", "export",
     "Record", "read_record", "save_record", "metrics", "view",
     "sweep", "evaluate_poses",
     "identify", "Estimate", "read_log", "Log",

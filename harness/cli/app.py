@@ -18,6 +18,7 @@ from gough_stewart.harness.cli.margins import margins_command
 from gough_stewart.harness.cli.presets import presets_command
 from gough_stewart.harness.cli.reproduce import reproduce_command
 from gough_stewart.harness.cli.run import run_command
+from gough_stewart.harness.cli.tune import tune_command
 from gough_stewart.harness.cli.view import view_command
 from gough_stewart.harness.cli.workspace import workspace_command
 
@@ -58,6 +59,7 @@ app.command("margins")(margins_command)
 app.command("frf")(frf_command)
 app.command("identify")(identify_command)
 app.command("ensemble")(ensemble_command)
+app.command("tune")(tune_command)
 app.command("export")(export_command)
 app.command("view")(view_command)
 app.command("workspace")(workspace_command)

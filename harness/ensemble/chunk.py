@@ -53,7 +53,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
         return Chunk(_rows(first, part.draws.columns, part.impossible, [], (), merits), nothing, "")
     batch = batch_of(prepared, plan.substeps)
     timing = prepared[0].loop.timing
-    merit = Merit(batch.loop, _limits(prepared, batch.size), batch.size)
+    merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
     bands = Bands(_signals(members), timing, len(prepared), first)
     with batch.plant:
         outcomes = observe(batch.plant, batch.law_from, batch.loop, _Both(merit, bands, len(prepared)))
@@ -64,7 +64,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     columns = {name: values[: len(prepared)] for name, values in merit.columns().items()}
     columns[INTEGRATION_ERROR] = errors
     if members.choice.margins:
-        columns |= _margins(prepared)
+        columns |= margins_of(prepared)
     rows = _rows(first, part.draws.columns, part.impossible, numbers, outcomes[: len(prepared)], columns)
     return Chunk(rows, bands.samples(), features)
 
@@ -96,7 +96,7 @@ def _signals(members: Members) -> Sequence[str]:
     return DEFAULT if members.choice.signals is None else members.choice.signals
 
 
-def _limits(prepared: Sequence[Prepared], size: int) -> dict[str, Any]:
+def limits_of_members(prepared: Sequence[Prepared], size: int) -> dict[str, Any]:
     """What the designers believe, one number for all where it is the same."""
     believed = [each.platform for each in prepared]
     found = dict[str, Any]()
@@ -109,7 +109,7 @@ def _limits(prepared: Sequence[Prepared], size: int) -> dict[str, Any]:
     return found
 
 
-def _margins(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
+def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
     """Of each member's own machine with its controller: whether the linear loop is stable, and its disk margin."""
     # python-control takes a second to import
     from gough_stewart.harness.control.loop_transfer import loop_transfer

@@ -91,7 +91,7 @@ def plan_of(experiment: Experiment) -> Plan:
         The members cannot be run.
     """
     plan = plan_without_substeps(experiment)
-    return replace(plan, substeps=_substeps(Members(experiment)))
+    return replace(plan, substeps=substeps_of(Members(experiment)))
 
 
 def plan_without_substeps(experiment: Experiment) -> Plan:
@@ -174,7 +174,7 @@ def _some(members: Members) -> Iterator[Prepared | str]:
             yield part.prepared.get(k) or part.impossible[k]
 
 
-def _substeps(members: Members) -> int:
+def substeps_of(members: Members) -> int:
     """How many the first members need along their run for the experiment's tolerance."""
     plant, prepared = members.nominal.plant, pilots(members)
     if plant.fixed_step_size:

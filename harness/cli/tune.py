@@ -1,0 +1,146 @@
+"""The command `tune`: numbers of an experiment, searched for the best value of a figure of merit."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    NoPythonOption,
+    OutOption,
+    SetOption,
+    chosen_experiment,
+    results_folder,
+)
+from gough_stewart.harness.cli.terminal import (
+    EXIT_INTERRUPTED,
+    Terminal,
+    clear_errors,
+    errors,
+    progress_bar,
+    say_written,
+    warn,
+)
+from gough_stewart.harness.errors import UsageError
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.tuning.search import Search
+
+
+def tune_command(
+    experiment: ExperimentArgument,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            help="A key and its bounds, such as controller.bandwidth=1..6Hz; with ,log behind on a logarithmic scale. "
+            "May be repeated.",
+            metavar="KEY=LOW..HIGH",
+        ),
+    ],
+    minimise: Annotated[
+        str, typer.Option(help="The figure of merit, such as tracking.position.norm_rms.", metavar="METRIC")
+    ],
+    subject_to: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What has to hold, such as 'disk_margin > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.",
+            metavar="CONDITION",
+        ),
+    ] = None,
+    over_ensemble: Annotated[
+        str | None,
+        typer.Option(help="The quantile over the members of [ensemble]; quantile=0.95.", metavar="quantile=Q"),
+    ] = None,
+    members: Annotated[
+        int | None, typer.Option(help="By how many members a candidate is judged; at most 64 by default.", min=1)
+    ] = None,
+    fresh: Annotated[
+        int | None, typer.Option(help="By how many that it has not seen the result is judged.", min=1)
+    ] = None,
+    generations: Annotated[int, typer.Option(help="Of the search.", min=1)] = 25,
+    population: Annotated[
+        int | None, typer.Option(help="Candidates in a generation; by default 16 for each key.", min=5)
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the search.", min=0)] = 0,
+    out: OutOption = None,
+    settings: SetOption = None,
+    no_python: NoPythonOption = False,
+) -> None:
+    """Search numbers of an experiment for the smallest value of a figure of merit, over many machines if it has them.
+
+    Writes **tuned.toml**, an experiment that `gough-stewart run` takes, **tuning.json**, **candidates.csv**, and
+    **search** as PNG and SVG. Ctrl-C ends the search and writes the best so far.
+
+    Examples
+    --------
+    - `gough-stewart tune heave_step --vary controller.bandwidth=1..6Hz --vary controller.damping_ratio=0.4..1.2
+      --minimise tracking.position.norm_rms --subject-to 'step_response.z.overshoot_percent < 5'`
+
+    - `gough-stewart tune heave_tolerances --vary controller.bandwidth=1..6Hz --minimise tracking.position.norm_peak
+      --over-ensemble quantile=0.95`
+    """
+    with clear_errors() as written:
+        quantile = _quantile(over_ensemble)
+        chosen = chosen_experiment(experiment, settings, no_python)
+        folder = out or results_folder(experiment, "_tuned")
+        with progress_bar(refresh_per_second=4) as progress:
+            task = progress.add_task("preparing", total=None)
+            from gough_stewart.harness.ensemble.names import shown_metric
+            from gough_stewart.harness.tuning.files import FILES, tuning_files
+            from gough_stewart.harness.tuning.tune import tune
+            from gough_stewart.model.files import check_output_folder, write_files
+
+            check_output_folder(folder, FILES)
+
+            def status(found: "Search") -> None:
+                shown, best = shown_metric(found.goal.metric), found.best
+                so_far = "none yet" if best is None else f"{shown.factor * best.value:.4g} {shown.unit}"
+                done = found.generation[-1] + 1
+                progress.update(task, description=f"best {so_far}", completed=done, total=generations)
+
+            if over_ensemble is None and chosen.ensemble is not None:
+                chosen = chosen.model_copy(update={"ensemble": None})
+            found = tune(
+                chosen,
+                vary,
+                minimise,
+                subject_to=subject_to or (),
+                quantile=quantile,
+                members=members,
+                fresh=fresh,
+                generations=generations,
+                population=population,
+                seed=seed,
+                status=status,
+            )
+            progress.update(task, description="files and figures", total=None)
+            files = tuning_files(found, experiment, folder, settings or ())
+        write_files(folder, files)
+        written.append(folder)
+        from gough_stewart.harness.output.tables import to_terminal
+        from gough_stewart.harness.tuning.tables import statement, tuning_sheets
+
+        terminal = Terminal()
+        for sheet in tuning_sheets(found):
+            terminal.print(to_terminal(sheet))
+        terminal.say(statement(found))
+        if found.left_out:
+            warn(f"{found.left_out} members cannot be, and are left out")
+        say_written(files, folder)
+        if found.is_interrupted:
+            errors.say(("interrupted", "bold red"), "; the best so far is written")
+            raise typer.Exit(EXIT_INTERRUPTED)
+
+
+def _quantile(text: str | None) -> float:
+    """From `quantile=0.95`."""
+    if text is None:
+        return 0.95
+    name, equals, number = (part.strip() for part in text.partition("="))
+    try:
+        quantile = float(number)
+    except ValueError:
+        quantile = 0.0
+    if name != "quantile" or not equals or not 0 < quantile <= 1:
+        raise UsageError(f"--over-ensemble {text}: expected quantile=Q with Q above 0, up to 1, such as quantile=0.95")
+    return quantile

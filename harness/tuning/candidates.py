@@ -1,0 +1,232 @@
+"""Candidates of a search, run side by side over the same members: a generation is one batch."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members, margins_of
+from gough_stewart.harness.ensemble.result import MARGINS
+from gough_stewart.harness.errors import TuningError
+from gough_stewart.harness.experiment.batch import batch_of
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.plan import substeps_of
+from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.results.streamed import Merit
+from gough_stewart.harness.sampling.choice import EnsembleChoice
+from gough_stewart.harness.tuning.conditions import Condition
+from gough_stewart.harness.tuning.space import Axis
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.vectors import FloatArray
+
+Point = tuple[float | int, ...]
+RunsProgress = Callable[[int], None]
+# What the machine is, and where it starts, follows from these.
+_OF_MACHINES = ("platform", "plant", "start", "reference")
+
+
+class Evaluation(NamedTuple):
+    """What a candidate is worth."""
+
+    point: Point
+    value: float  # of the metric; infinite where too many members failed
+    conditions: tuple[float, ...]  # the metric of each
+    failed: int  # members that did not complete
+    reason: str  # of the first of them
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is looked for."""
+
+    metric: str  # to be made small
+    conditions: tuple[Condition, ...]
+    quantile: float  # over the members, of the metric and of what conditions bound from above
+
+    def violation(self, found: Evaluation) -> float:
+        """How far a candidate is from keeping all conditions, 0 if it does; failed members count for the most."""
+        total = sum(c.violation(value) for c, value in zip(self.conditions, found.conditions, strict=True))
+        return total + (1e6 * (1 + found.failed) if not np.isfinite(found.value) else 0.0)
+
+
+class Candidates:
+    """Runs points of a search over the members of an experiment, the same for all points (common random numbers)."""
+
+    def __init__(self, experiment: Experiment, members: int, seed: int | None = None) -> None:
+        self.members = members_for(experiment, members, seed)
+        self._own = self.members.draws(0, self.members.count)
+        self._machines: dict[int, Any] = {}
+        self._left_out = frozenset[int]()
+        self.substeps = substeps_of(self.members)
+        self.integration_error = 0.0
+
+    @property
+    def count(self) -> int:
+        """Members that a candidate is judged by."""
+        return self.members.count - len(self._left_out)
+
+    @property
+    def is_random(self) -> bool:
+        """Whether other seeds give other members."""
+        sensors, clocks = self.members.nominal.sensors, self.members.nominal.loop
+        return bool(self.members.inputs or any(sensors.noise.values()) or clocks.jitter)
+
+    def metrics(self) -> tuple[str, ...]:
+        """Figures of merit that the runs have.
+
+        Raises
+        ------
+        TuningError
+            None of the members can run.
+        """
+        some = next((each for _, each in self._prepared((), ()) if not isinstance(each, str)), None)
+        if some is None:
+            self.leave_out_impossible()
+            raise TuningError(f"{self.members.nominal.where}: no member can run")
+        return tuple(Merit(some.loop, limits_of_members([some], 1)).columns())
+
+    def leave_out_impossible(self) -> tuple[int, str]:
+        """From here on without the members that the experiment as it is cannot have; how many, and why the first."""
+        prepared = dict(self._prepared((), ()))
+        impossible = {k: each for k, each in prepared.items() if isinstance(each, str)}
+        self._left_out = frozenset(k for _, k in impossible)
+        if len(impossible) == self.members.count:
+            reason = next(iter(impossible.values()))
+            raise TuningError(f"{self.members.nominal.where}: none of the members is possible; the first: {reason}")
+        return len(impossible), next(iter(impossible.values()), "")
+
+    def evaluate(
+        self, axes: Sequence[Axis], points: Sequence[Point], goal: Goal, progress: RunsProgress | None = None
+    ) -> list[Evaluation]:
+        """All points over all members.
+
+        Raises
+        ------
+        TuningError
+            A metric that runs do not have.
+        """
+        names = [goal.metric, *(condition.metric for condition in goal.conditions)]
+        numbers = np.full((len(points), self.members.count, len(names)), np.nan)
+        completed = np.zeros((len(points), self.members.count), dtype=bool)
+        reasons: dict[int, str] = {}
+        waiting: list[tuple[tuple[int, int], Prepared]] = []
+
+        def run_waiting() -> None:
+            for at in range(0, len(waiting), SIZE):
+                some = waiting[at : at + SIZE]
+                values, ended = self._run([each for _, each in some], names)
+                for ((c, k), _), row, (status, cause) in zip(some, values, ended, strict=True):
+                    numbers[c, k], completed[c, k] = row, status == "completed"
+                    if status != "completed":
+                        reasons.setdefault(c, cause)
+                if progress is not None:
+                    progress(len(some))
+            waiting.clear()
+
+        for (c, k), each in self._prepared(axes, points):
+            if isinstance(each, str):
+                reasons.setdefault(c, each)
+                continue
+            waiting.append(((c, k), each))
+            if len(waiting) == SIZE:
+                run_waiting()
+        run_waiting()
+        for at in [at for at, name in enumerate(names) if name.startswith(MARGINS)]:
+            numbers[:, :, at] = [[margin] for margin in self._margins(axes, points, names[at])]
+        kept = [k for k in range(self.members.count) if k not in self._left_out]
+        return [
+            _evaluation(point, numbers[c][kept], completed[c][kept], goal, reasons.get(c, ""))
+            for c, point in enumerate(points)
+        ]
+
+    def _prepared(
+        self, axes: Sequence[Axis], points: Sequence[Point]
+    ) -> Iterator[tuple[tuple[int, int], Prepared | str]]:
+        """Every point and member; a text is why it cannot be."""
+        members, paths = self.members, [axis.place.path for axis in axes]
+        keeps_machines = not any(path[0] in _OF_MACHINES for path in paths)
+        for c, point in enumerate(points or [()]):
+            for k, own in enumerate(self._own.values):
+                if k in self._left_out:
+                    continue
+                try:
+                    experiment = members.experiment({**own, **dict(zip(paths, point, strict=True))})
+                    known = self._machines.get(k) if keeps_machines else None
+                    machine, held = known or (members.preparation.machine(experiment), None)
+                    prepared = members.preparation.prepare(
+                        experiment, seed=members.seed_of(k), machine=machine, held=held
+                    )
+                    if keeps_machines and known is None and prepared.controller is not None:
+                        self._machines[k] = (machine, _held(prepared))
+                except GoughStewartError as error:
+                    yield (c, k), str(error)
+                    continue
+                yield (c, k), prepared
+
+    def _margins(self, axes: Sequence[Axis], points: Sequence[Point], name: str) -> list[float]:
+        """Of the linear loop about what the designer believes: a second each, so not of every member."""
+        found = []
+        for point in points:
+            values = {axis.place.path: value for axis, value in zip(axes, point, strict=True)}
+            try:
+                prepared = self.members.preparation.prepare(self.members.experiment(values))
+                margins = margins_of([replace(prepared, machine=prepared.platform)])
+                found.append(float(margins[name][0]))
+            except GoughStewartError:
+                found.append(np.nan)
+        return found
+
+    def _run(self, prepared: Sequence[Prepared], names: Sequence[str]) -> tuple[FloatArray, list[tuple[str, str]]]:
+        """Metrics (n, names) and how each ended."""
+        n = len(prepared)
+        batch = batch_of(prepared, self.substeps)
+        merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
+        with batch.plant:
+            outcomes = observe(batch.plant, batch.law_from, batch.loop, merit)
+            self.integration_error = max(self.integration_error, float(np.max(batch.plant.integration_error[:n])))
+        assert not hasattr(outcomes, "status")
+        if any(outcome.status == "interrupted" for outcome in outcomes):
+            raise KeyboardInterrupt
+        columns = merit.columns()
+        unknown = np.full(n, np.nan)  # a margin, which runs do not have
+        return np.stack([columns.get(name, unknown)[:n] for name in names], axis=1), [
+            (outcome.status, str(outcome.cause or "")) for outcome in outcomes[:n]
+        ]
+
+
+def members_for(experiment: Experiment, members: int, seed: int | None) -> Members:
+    """So many members of an experiment; without `[ensemble]` they differ in noise and jitter alone."""
+    choice = experiment.ensemble
+    if choice is None:
+        choice = EnsembleChoice.model_validate({})
+    # a search and its check want other numbers of members than a design may have
+    sampling = "random" if choice.sampling in ("saltelli", "latin_hypercube") else choice.sampling
+    update = {"members": members, "sampling": sampling, "seed": choice.seed if seed is None else seed}
+    return Members(experiment.model_copy(update={"ensemble": choice.model_copy(update=update)}))
+
+
+def _held(prepared: Prepared) -> FloatArray | None:
+    """Forces that hold the machine in its start pose, where no limit has cut them."""
+    limit = prepared.loop.actuators.force_limit
+    force = prepared.loop.start_force
+    return force if limit is None or (np.abs(force) < limit).all() else None
+
+
+def _evaluation(
+    point: Point, numbers: FloatArray, completed: np.ndarray[Any, np.dtype[np.bool_]], goal: Goal, reason: str
+) -> Evaluation:
+    """Quantiles over the members; one that failed, or has no such number, is as bad as can be."""
+    failed = int((~completed).sum())
+
+    def quantile(column: int, is_upper: bool) -> float:
+        worst = np.inf if is_upper else -np.inf
+        values = np.where(completed & np.isfinite(numbers[:, column]), numbers[:, column], worst)
+        level = goal.quantile if is_upper else 1 - goal.quantile
+        # the nearest member on the bad side: between two members there may be infinity
+        return float(np.quantile(values, level, method="higher" if is_upper else "lower"))
+
+    conditions = tuple(quantile(1 + k, condition.is_upper) for k, condition in enumerate(goal.conditions))
+    return Evaluation(point, quantile(0, True), conditions, failed, reason)

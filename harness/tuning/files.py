@@ -1,0 +1,192 @@
+"""What a search leaves behind: an experiment file that runs, everything that was tried, and a picture of it."""
+
+import json
+import os
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gough_stewart.harness.ensemble.names import shown_metric
+from gough_stewart.harness.experiment.file import Settings, experiment_names, shipped_text, with_settings
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.plotting import entitle, pictures
+from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.tuning.candidates import Evaluation
+from gough_stewart.harness.tuning.search import Search
+from gough_stewart.harness.tuning.tune import Tuning
+from gough_stewart.model.toml import toml_values
+
+TUNED = "tuned.toml"
+FILES = (TUNED, "tuning.json", "candidates.csv", "search.png", "search.svg")
+# Files that tables of an experiment name, by path.
+_NAMED = (("platform", "file"), ("plant", "file"), ("plant", "fmu"), ("controller", "file"), ("reference", "file"))
+
+
+def tuning_files(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> dict[str, bytes]:
+    """The files by name: the experiment's own text with the keys set and its comments kept, and what was tried.
+
+    Parameters
+    ----------
+    name
+        The file or shipped name of the experiment; None for one that has no file.
+    folder
+        Where they will be: files that the experiment names are found from there.
+    settings
+        What else was set anew.
+    """
+    numbers = {**summary(found), "versions": versions()}
+    return {
+        TUNED: tuned_toml(found, name, folder, settings).encode(),
+        "tuning.json": (json.dumps(numbers, indent=2, ensure_ascii=False) + "\n").encode(),
+        "candidates.csv": found.candidates.write_csv().encode(),
+        **pictures("search", partial(_draw, found.search), 8.0, 3.4),
+    }
+
+
+def tuned_toml(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> str:
+    """An experiment file with the values that were found."""
+    if name is None:
+        document = tomlkit.parse(tomlkit.dumps(found.experiment.model_dump(mode="json", exclude_unset=True)))
+    else:
+        is_shipped = str(name) in experiment_names() and not Path(name).is_file()
+        text = shipped_text(str(name)) if is_shipped else Path(name).read_text(encoding="utf-8-sig")
+        document = tomlkit.parse(text)
+        plain = toml_values(text)
+        _merge(document, plain, with_settings(plain, settings))
+    for axis in found.search.axes:
+        value = found.values[axis.key]
+        _set(document, axis.place.path, f"{value!r} {axis.unit}" if axis.unit else value)
+    _point_at_files(document, found.experiment, folder)
+    return tomlkit.dumps(document)
+
+
+def summary(found: Tuning) -> dict[str, Any]:
+    """What was found, in plain types; None for what is infinite."""
+    goal = found.search.goal
+
+    def plain(each: Evaluation | None) -> dict[str, Any] | None:
+        if each is None:
+            return None
+        names = [condition.metric for condition in goal.conditions]
+        values = dict(zip(names, map(_finite, each.conditions), strict=True))
+        return {"value": _finite(each.value), "conditions": values, "failed": each.failed}
+
+    return {
+        "metric": goal.metric,
+        "subject_to": [condition.text for condition in goal.conditions],
+        "quantile": goal.quantile if found.search_is_over_members else None,
+        "values": found.values,
+        "units": {axis.key: axis.unit for axis in found.search.axes},
+        "members": found.members,
+        "seen": plain(found.seen),
+        "before": plain(found.before),
+        "fresh_members": found.fresh_members,
+        "fresh": plain(found.fresh),
+        "before_fresh": plain(found.before_fresh),
+        "candidates": len(found.search.tried),
+        "ending": found.search.ending,
+        "left_out": found.left_out,
+        "integration_error": found.integration_error,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _merge(document: Any, old: Mapping[str, Any], new: Mapping[str, Any], path: tuple[str, ...] = ()) -> None:
+    """Set in a document what differs, and leave its comments where they are."""
+    for key, value in new.items():
+        before = old.get(key)
+        if isinstance(value, Mapping) and isinstance(before, Mapping):
+            _merge(document, before, value, (*path, key))
+        elif before != value:
+            _set(document, (*path, key), value)
+
+
+def _set(document: Any, path: tuple[str, ...], value: Any) -> None:
+    table = document
+    for name in path[:-1]:
+        if isinstance(table, list):
+            table = table[int(name) - 1]
+            continue
+        if name not in table:
+            table[name] = tomlkit.table()
+        table = table[name]
+    table[path[-1]] = value
+
+
+def _point_at_files(document: Any, experiment: Experiment, folder: Path) -> None:
+    for section, key in _NAMED:
+        name = document.get(section, {}).get(key)
+        if isinstance(name, str) and not Path(name).is_absolute():
+            target = (experiment.folder / name).absolute()
+            document[section][key] = Path(os.path.relpath(target, folder.absolute())).as_posix()
+
+
+def _draw(found: Search, figure: Figure) -> None:
+    shown = shown_metric(found.goal.metric)
+    unit = f" [{shown.unit}]" if shown.unit else ""
+    values = shown.factor * np.array([each.value for each in found.tried])
+    kept = np.array([found.goal.violation(each) == 0 for each in found.tried]) & np.isfinite(values)
+    entitle(figure, f"{len(found.tried)} candidates for the {shown.text}")
+    left, right = figure.subplots(1, 2)
+    number = np.arange(1, len(values) + 1)
+    best = np.minimum.accumulate(np.where(kept, values, np.inf))
+    is_shown = np.isfinite(values) & (values <= _most(values[kept]))
+    left.plot(number[is_shown & kept], values[is_shown & kept], ".", color=COLOURS[4], markersize=3)
+    left.plot(number[is_shown & ~kept], values[is_shown & ~kept], "x", color="#999999", markersize=3)
+    left.plot(number[np.isfinite(best)], best[np.isfinite(best)], color=COLOURS[0], drawstyle="steps-post")
+    left.set_title(f"{shown.text}{unit}; line: the best so far")
+    left.set_xlabel("candidate")
+    points = np.array([each.point for each in found.tried], dtype=float)
+    if len(found.axes) == 1:
+        _one(right, found, points[:, 0], values, kept, is_shown)
+    else:
+        _two(figure, right, found, points, values, kept)
+
+
+def _one(axes: Axes, found: Search, x: Any, values: Any, kept: Any, is_shown: Any) -> None:
+    axes.plot(x[is_shown & kept], values[is_shown & kept], ".", color=COLOURS[0], markersize=4)
+    axes.plot(x[is_shown & ~kept], values[is_shown & ~kept], "x", color="#999999", markersize=4)
+    _name(axes.set_xlabel, found, 0)
+    axes.set_title("landscape; crosses break a condition")
+
+
+def _two(figure: Figure, axes: Axes, found: Search, points: Any, values: Any, kept: Any) -> None:
+    """Over the first two keys, coloured by the metric."""
+    axes.plot(points[~kept, 0], points[~kept, 1], "x", color="#999999", markersize=3.5)
+    if kept.any():
+        dots = axes.scatter(
+            points[kept, 0], points[kept, 1], c=values[kept], s=12, cmap="viridis_r", vmax=_most(values[kept])
+        )
+        figure.colorbar(dots, ax=axes)
+        best = int(np.flatnonzero(kept)[values[kept].argmin()])
+        axes.plot(*points[best, :2], "o", markerfacecolor="none", markeredgecolor="black", markersize=9)
+    _name(axes.set_xlabel, found, 0)
+    _name(axes.set_ylabel, found, 1)
+    if found.axes[0].is_log:
+        axes.set_xscale("log")
+    if found.axes[1].is_log:
+        axes.set_yscale("log")
+    axes.set_title("landscape; circle: the best, crosses break a condition")
+
+
+def _name(set_label: Any, found: Search, k: int) -> None:
+    axis = found.axes[k]
+    set_label(f"{axis.key} [{axis.unit}]" if axis.unit else axis.key)
+
+
+def _most(values: Any) -> float:
+    """Beyond it, a few would leave nothing to be seen of the others."""
+    if not len(values):
+        return np.inf
+    low, middle, high = np.quantile(values, (0, 0.5, 1))
+    return float(min(high, middle + 4 * (middle - low))) if middle > low else float(high)

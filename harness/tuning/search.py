@@ -1,0 +1,117 @@
+"""The search: differential evolution, a generation as one batch, the user's own values among the first."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.optimize import Bounds, differential_evolution
+from scipy.stats import qmc
+
+from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
+from gough_stewart.harness.tuning.space import Axis, values_of
+from gough_stewart.model.vectors import FloatArray
+
+# Every candidate that keeps the conditions is better than any that does not.
+_INFEASIBLE = 1e30
+_TOLERANCE = 1e-3
+
+
+@dataclass
+class Search:
+    """What has been tried, in the order of trial."""
+
+    axes: tuple[Axis, ...]
+    goal: Goal
+    tried: list[Evaluation] = field(default_factory=list)
+    generation: list[int] = field(default_factory=list)  # of each
+    ending: str = ""
+    is_interrupted: bool = False
+
+    @property
+    def best(self) -> Evaluation | None:
+        """The best that keeps all conditions."""
+        kept = [each for each in self.tried if self.goal.violation(each) == 0 and np.isfinite(each.value)]
+        return min(kept, key=lambda each: each.value, default=None)
+
+    def broken_most(self) -> str:
+        """The condition that most candidates do not keep, in words."""
+        if not self.tried:
+            return "nothing was tried"
+        failed = sum(not np.isfinite(each.value) for each in self.tried)
+        counts = {f"{failed} of {len(self.tried)} candidates have members that do not complete": failed}
+        for k, condition in enumerate(self.goal.conditions):
+            values = [each.conditions[k] for each in self.tried]
+            count = sum(not condition.holds(value) for value in values)
+            finite = [value for value in values if np.isfinite(value)]
+            nearest = min(finite, key=condition.violation, default=None)
+            reached = "" if nearest is None else f", the nearest reached {nearest:.4g}"
+            counts[f"'{condition.text}' was not kept by {count} of {len(self.tried)} candidates{reached}"] = count
+        return max(counts, key=lambda text: counts[text])
+
+
+def search(
+    candidates: Candidates,
+    axes: tuple[Axis, ...],
+    goal: Goal,
+    *,
+    population: int,
+    generations: int,
+    seed: int,
+    progress: RunsProgress | None = None,
+    status: Callable[[Search], None] | None = None,
+) -> Search:
+    """Look for the best candidate; Ctrl-C ends the search with what has been tried.
+
+    Conditions come in by the order of candidates (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000) 311): one that keeps
+    them is better than any that does not, and of two that do not the one that is nearer. Differential evolution only
+    compares, so that this is all it needs; SciPy's own constraints would ask for them apart from the metric, though
+    both come from the same runs.
+    """
+    found = Search(axes, goal)
+    number = 0
+
+    def energies(x: FloatArray, /) -> Any:
+        nonlocal number
+        points = [values_of(axes, u) for u in np.atleast_2d(x.T)]
+        done = candidates.evaluate(axes, points, goal, progress)
+        found.tried += done
+        found.generation += [number] * len(done)
+        number += 1
+        if status is not None:
+            status(found)
+        return np.array([_energy(goal, each) for each in done])
+
+    options: dict[str, Any] = {"polish": False, "vectorized": True, "updating": "deferred", "tol": _TOLERANCE}
+    try:
+        result = differential_evolution(
+            energies,
+            Bounds(np.zeros(len(axes)), np.ones(len(axes))),
+            init=_first(axes, population, seed),
+            maxiter=generations - 1,
+            rng=np.random.default_rng(seed),
+            **options,
+        )
+        found.ending = "the candidates have become one" if result.success else f"after {generations} generations"
+    except KeyboardInterrupt:
+        found.ending, found.is_interrupted = "interrupted by the user", True
+    return found
+
+
+def _energy(goal: Goal, found: Evaluation) -> float:
+    violation = goal.violation(found)
+    return found.value if violation == 0 else _INFEASIBLE * (1 + violation)
+
+
+def _first(axes: tuple[Axis, ...], population: int, seed: int) -> FloatArray:
+    """Spread evenly, and among them what the experiment has."""
+    points: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(population)
+    if all(axis.is_within for axis in axes):
+        points[0] = [axis.share(axis.now) for axis in axes if axis.now is not None]
+    return points
+
+
+def own_point(axes: tuple[Axis, ...]) -> Point | None:
+    """The values of the experiment as it is, also outside of the bounds; None where it leaves one out."""
+    values = tuple(axis.now for axis in axes if axis.now is not None)
+    return values if len(values) == len(axes) else None

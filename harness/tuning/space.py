@@ -1,0 +1,135 @@
+"""What is searched: keys of an experiment, each between two bounds, as `controller.bandwidth=1..6Hz`."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gough_stewart.harness.errors import TuningError
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.varied import Place, place_of
+from gough_stewart.harness.quantities import PLAIN, number
+from gough_stewart.model.vectors import FloatArray
+
+_DIGITS = 5
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*([^\d.,\s][^.,]*?)?\s*\.\.\s*({_NUMBER})\s*([^,]*?)\s*(,\s*log)?\s*")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One number that is searched."""
+
+    key: str
+    place: Place
+    low: float
+    high: float
+    now: float | int | None = None  # what the experiment has
+    is_log: bool = False
+    is_whole: bool = False
+
+    @property
+    def unit(self) -> str:
+        """SI, Hz of frequencies; "" of plain numbers."""
+        return self.place.target.unit or ""
+
+    def value(self, u: float) -> float | int:
+        """Of a number in [0, 1]."""
+        if self.is_whole:
+            return min(int(self.low) + int(u * (self.high - self.low + 1)), int(self.high))
+        if self.is_log:
+            value = math.exp(math.log(self.low) + u * math.log(self.high / self.low))
+        else:
+            value = self.low + u * (self.high - self.low)
+        # what is written into a file is what has been tried
+        return min(max(float(f"{value:.{_DIGITS}g}"), self.low), self.high)
+
+    def share(self, value: float) -> float:
+        """The number in [0, 1] of a value."""
+        if self.is_whole:
+            return (value - self.low + 0.5) / (self.high - self.low + 1)
+        if self.is_log:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
+
+    @property
+    def is_within(self) -> bool:
+        """Whether what the experiment has is within the bounds."""
+        return self.now is not None and self.low <= self.now <= self.high
+
+
+def axes_of(texts: Sequence[str], members: Members) -> tuple[Axis, ...]:
+    """The axes that texts such as `controller.bandwidth=1..6Hz` name; `,log` behind it searches on a logarithmic scale.
+
+    Raises
+    ------
+    TuningError
+        No range, bounds the wrong way round, an unknown key, one that is no single number, or one that varies in the
+        ensemble as well.
+    """
+    if not texts:
+        raise TuningError("nothing to vary; expected --vary KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
+    axes = tuple(_axis(text, members) for text in texts)
+    paths = [axis.place.path for axis in axes]
+    for axis in axes:
+        if paths.count(axis.place.path) > 1:
+            raise TuningError(f"--vary {axis.key}: is there twice; expected every key once")
+    return axes
+
+
+def _axis(text: str, members: Members) -> Axis:
+    key, equals, range_text = (part.strip() for part in text.partition("="))
+    parts = _RANGE.fullmatch(range_text)
+    if not equals or not key or parts is None:
+        raise TuningError(f"--vary {text}: expected KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
+    low_text, low_unit, high_text, unit, log = parts.groups()
+    experiment, preparation = members.nominal, members.preparation
+    try:
+        place = place_of(key, experiment, preparation.believed(experiment), preparation.machine(experiment))
+    except ValueError as error:
+        raise TuningError(f"--vary {text}: {key}: {error}") from None
+    target = place.target
+    # a delay in samples, and its like
+    is_whole = isinstance(_now(experiment, place), int)
+    if target.shape or (target.unit is None and not is_whole):
+        raise TuningError(f"--vary {text}: {key} is no single number; expected a key that is one")
+    if any(each.place.path == place.path for each in members.inputs):
+        raise TuningError(f"--vary {text}: {key} varies in [ensemble], too; expected one of both")
+    try:
+        low, high = (
+            number(digits + each if each else float(digits), target.unit or PLAIN)
+            for digits, each in ((low_text, low_unit or unit), (high_text, unit))
+        )
+    except ValueError as error:
+        raise TuningError(f"--vary {text}: {error}") from None
+    if not low < high:
+        raise TuningError(f"--vary {text}: the bounds are {low:g} and {high:g}; expected the lower one first")
+    if log and not low > 0:
+        raise TuningError(f"--vary {text}: the lower bound is {low:g}; expected > 0 for a logarithmic scale")
+    axis = Axis(key, place, low, high, _now(experiment, place), bool(log), is_whole)
+    if axis.is_whole and (low % 1 or high % 1):
+        raise TuningError(f"--vary {text}: {key} is a whole number; expected whole bounds")
+    return axis
+
+
+def _now(experiment: Experiment, place: Place) -> float | int | None:
+    """What stands there, whole numbers as such; None where it is left out."""
+    value: Any = experiment
+    for name in place.path:
+        if isinstance(value, list):
+            value = value[int(name) - 1]
+        elif isinstance(value, dict):
+            value = value.get(name)
+        else:
+            value = getattr(value, name)
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    nominal = place.target.nominal
+    return None if nominal is None or nominal.ndim else float(nominal)
+
+
+def values_of(axes: Sequence[Axis], u: FloatArray) -> tuple[float | int, ...]:
+    """The values at a point of the unit cube."""
+    return tuple(axis.value(float(each)) for axis, each in zip(axes, u, strict=True))

@@ -1,0 +1,65 @@
+"""What a search has found, as tables and one honest sentence."""
+
+from gough_stewart.harness.ensemble.names import shown_metric
+from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.harness.tuning.candidates import Evaluation
+from gough_stewart.harness.tuning.tune import Tuning
+
+
+def tuning_sheets(found: Tuning) -> list[Sheet]:
+    """The values, and what they are worth beside the experiment as it was; at most 80 columns wide."""
+    values = Sheet("Tuned", ("", "was", "is", "from", "to"))
+    for axis in found.search.axes:
+        row = [number_text(each, 5) for each in (axis.now, found.values[axis.key], axis.low, axis.high)]
+        values.add(Named(axis.key, axis.unit), *row)
+    heads = ["was", "is"]
+    pairs = [(found.before, found.seen)]
+    if found.fresh is not None:
+        heads += ["was, fresh", "is, fresh"]
+        pairs.append((found.before_fresh, found.fresh))
+    of = f", {100 * found.search.goal.quantile:g} % of {found.members} members" if found.search_is_over_members else ""
+    worth = Sheet(f"Worth{of}", ("", *heads))
+    evaluations = [each for pair in pairs for each in pair]
+    goal = found.search.goal
+    worth.add(_named(goal.metric), *(_cell(goal.metric, each, None) for each in evaluations))
+    for k, condition in enumerate(goal.conditions):
+        worth.add(_named(condition.metric), *(_cell(condition.metric, each, k) for each in evaluations))
+    worth.add("members that failed", *("–" if each is None else str(each.failed) for each in evaluations))
+    return [values, worth]
+
+
+def statement(found: Tuning) -> str:
+    """What the value is worth on members that the search has not seen."""
+    shown = shown_metric(found.search.goal.metric)
+
+    def text(each: Evaluation) -> str:
+        return f"{number_text(shown.factor * each.value)} {shown.unit}".rstrip()
+
+    seen = f"{shown.text} of {text(found.seen)}"
+    if found.fresh is None:
+        why = "the search was interrupted" if found.is_interrupted else "nothing is random: other runs are the same"
+        return f"{seen}, as the search saw it; not judged anew, {why}."
+    broken = [
+        condition.text
+        for condition, value in zip(found.search.goal.conditions, found.fresh.conditions, strict=True)
+        if not condition.holds(value)
+    ]
+    also = f" There, {' and '.join(repr(each) for each in broken)} does not hold." if broken else ""
+    by = f"the {found.members} members" if found.search_is_over_members else "the one run"
+    return (
+        f"{seen} on {by} of the search; {100 * found.search.goal.quantile:g} % of {found.fresh_members} that it has "
+        f"not seen have at most "
+        f"{text(found.fresh)}.{also}"
+    )
+
+
+def _named(metric: str) -> Named:
+    shown = shown_metric(metric)
+    return Named(shown.text, shown.unit)
+
+
+def _cell(metric: str, found: Evaluation | None, k: int | None) -> str:
+    if found is None:
+        return "–"
+    value = found.value if k is None else found.conditions[k]
+    return number_text(shown_metric(metric).factor * value)
