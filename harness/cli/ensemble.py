@@ -1,6 +1,7 @@
 """The command `ensemble`: a thousand members of an experiment, to tables and bands."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +15,9 @@ from gough_stewart.harness.cli.options import (
 )
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors, members_bar, say_written
 from gough_stewart.harness.errors import UsageError
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.experiment.schema import Experiment
 
 
 def ensemble_command(
@@ -34,6 +38,13 @@ def ensemble_command(
             metavar="ADDRESS",
         ),
     ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            help="Run this experiment over the same members, too, and show the differences, it less the first.",
+            metavar="FILE.toml|NAME",
+        ),
+    ] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
 ) -> None:
@@ -51,6 +62,8 @@ def ensemble_command(
 
     - `gough-stewart ensemble mine.toml --set controller.bandwidth=3 --out results/faster`
 
+    - `gough-stewart ensemble slow.toml --compare fast.toml`
+
     - `gough-stewart ensemble mine.toml --members 100000 --scheduler tcp://10.0.0.1:8786`
     """
     with clear_errors() as written:
@@ -58,6 +71,12 @@ def ensemble_command(
             raise UsageError("--workers and --scheduler exclude each other: a scheduler has workers of its own")
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "_ensemble")
+        if compare is not None:
+            other = chosen_experiment(compare, None, no_python)
+            folder = out or results_folder(experiment, "_compared")
+            options = {"members": members, "seed": seed, "resume": resume, "workers": workers, "scheduler": scheduler}
+            _compare((chosen, other), (experiment, compare), folder, options)
+            return
         with members_bar() as progress:
             task = progress.add_task("preparing", total=None)
             from gough_stewart.harness.ensemble.ensemble import ensemble
@@ -86,3 +105,27 @@ def ensemble_command(
         for sheet in sheets:
             terminal.print(to_terminal(sheet))
         say_written([MEMBERS, BANDS, METADATA, *files], folder)
+
+
+def _compare(
+    experiments: "tuple[Experiment, Experiment]", texts: tuple[str, str], folder: Path, options: dict[str, Any]
+) -> None:
+    with members_bar() as progress:
+        task = progress.add_task("preparing", total=None)
+        from gough_stewart.harness.ensemble.compare import compare_sheets
+        from gough_stewart.harness.ensemble.compared import DIFFERENCES, PAGE, names_of, run_compared
+        from gough_stewart.harness.output.tables import to_terminal
+
+        names = names_of(*texts)
+        found = run_compared(
+            experiments,
+            names,
+            folder,
+            lambda name: progress.update(task, description=name),
+            **options,
+            progress=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    terminal = Terminal()
+    for sheet in compare_sheets(found):
+        terminal.print(to_terminal(sheet))
+    say_written([*names, DIFFERENCES, PAGE], folder)
