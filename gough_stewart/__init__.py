@@ -49,6 +49,7 @@ Controllers
 Motions
     Hold, Step, PointToPoint  stay, jump, go
     Sine, Chirp, Circle       swing, swing faster and faster, go round
+    Excitation                swing in all coordinates at once, as identification wants it
 
 Experiments
     experiment_names          those that ship
@@ -82,6 +83,8 @@ Workspace
 Identification
     identify                  parameters from a log, with confidence intervals
     Estimate                  what that gives
+    excite                    a motion made to tell parameters
+    before_and_after          an experiment with each platform, errors and margins side by side
     read_log                  a log of a machine from CSV or Parquet
     Log                       what it gives
 

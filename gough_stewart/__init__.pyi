@@ -30,9 +30,12 @@ from gough_stewart.harness.experiment.run import run as run
 from gough_stewart.harness.experiment.schema import Experiment as Experiment
 from gough_stewart.harness.export.export import export as export
 from gough_stewart.harness.identify.estimate import Estimate as Estimate
+from gough_stewart.harness.identify.excite import excite as excite
 from gough_stewart.harness.identify.identify import identify as identify
 from gough_stewart.harness.identify.log import Log as Log
 from gough_stewart.harness.identify.log import read_log as read_log
+from gough_stewart.harness.identify.retuned import before_and_after as before_and_after
+from gough_stewart.harness.motion.excitation import Excitation as Excitation
 from gough_stewart.harness.motion.references import Chirp as Chirp
 from gough_stewart.harness.motion.references import Circle as Circle
 from gough_stewart.harness.motion.references import Hold as Hold

@@ -10,6 +10,7 @@ import typer
 from gough_stewart.harness.cli.build import build_command
 from gough_stewart.harness.cli.check import check_command
 from gough_stewart.harness.cli.ensemble import ensemble_command
+from gough_stewart.harness.cli.excite import excite_command
 from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
 from gough_stewart.harness.cli.frf import frf_command
@@ -57,6 +58,7 @@ app.command("experiments")(experiments_command)
 app.command("check")(check_command)
 app.command("margins")(margins_command)
 app.command("frf")(frf_command)
+app.command("excite")(excite_command)
 app.command("identify")(identify_command)
 app.command("ensemble")(ensemble_command)
 app.command("tune")(tune_command)

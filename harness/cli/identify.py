@@ -6,7 +6,15 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
+from gough_stewart.harness.cli.options import (
+    NoPythonOption,
+    PlatformOption,
+    PresetOption,
+    chosen_experiment,
+    chosen_platform,
+    experiments,
+    path,
+)
 from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, say_written
 
 
@@ -44,6 +52,16 @@ def identify_command(
         PoseFrame | None,
         typer.Option(help="Of measured poses: of the platform in world, or own, as a tracker anywhere has them."),
     ] = None,
+    experiment: Annotated[
+        str | None,
+        typer.Option(
+            help="Run this experiment with the nominal platform and with the one found: errors and margins side by "
+            "side; a TOML file or the name of a shipped one.",
+            metavar="FILE.toml|NAME",
+            autocompletion=experiments,
+        ),
+    ] = None,
+    no_python: NoPythonOption = False,
     out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
         "results/identify"
     ),
@@ -53,8 +71,8 @@ def identify_command(
     The log is a record of `run`, or has the columns `time`, `leg_length[1..6]`, `actuator_force[1..6]` or
     `motor_current[1..6]`, with units in their names where they are not SI: `time [ms]`.
 
-    Writes **platform.toml**, which `run` takes, and **estimate.json**: values, intervals, correlation, what the log
-    could see, residuals.
+    Writes **platform.toml**, which `run` takes; **estimate.json**: values, intervals, correlation, what the log could
+    see, residuals; **fit** and **parameters** as PNG and SVG; and **identify.html**, a page that needs no network.
 
     Examples
     --------
@@ -68,20 +86,26 @@ def identify_command(
             from gough_stewart.harness.identify.files import FILES, identification_files
             from gough_stewart.harness.identify.identify import identify
             from gough_stewart.harness.identify.log import read_log
+            from gough_stewart.harness.identify.retuned import before_and_after
             from gough_stewart.harness.identify.tables import sheets_of
             from gough_stewart.harness.output.tables import to_terminal
             from gough_stewart.model.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
+        chosen = None if experiment is None else chosen_experiment(experiment, None, no_python)
         with progress_bar() as progress:
-            progress.add_task("identifying", total=None)
+            task = progress.add_task("identifying", total=None)
             options = {} if pose_frame is None else {"pose_frame": pose_frame.value}
             found = identify(read_log(log, force_per_current), nominal, estimate, method.value, **options)
-            files = identification_files(found, nominal)
+            more = []
+            if chosen is not None:
+                progress.update(task, description="before and after")
+                more.append(before_and_after(chosen, nominal, found.platform(nominal)).sheet)
+            files = identification_files(found, nominal, more)
         write_files(out, files)
         written.append(out)
         console = Terminal()
-        for sheet in sheets_of(found):
+        for sheet in (*sheets_of(found), *more):
             console.print(to_terminal(sheet))
         for note in found.notes:
             console.say(note)

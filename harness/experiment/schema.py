@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.injections import InjectionChoice
+from gough_stewart.harness.motion import excitation  # noqa: F401 - by being there its motion is known
 from gough_stewart.harness.motion.reach import Beyond
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.motion.shares import WORST_CONDITION_NUMBER

@@ -33,7 +33,7 @@ _STIFFEST = 1.5
 _INDICES = (1e-3, 10.0)
 # Steps before the filter has forgotten its start.
 _SETTLING = 12
-_OF_STARTS = 0.2  # share of the log on which further starts are tried
+_OF_STARTS = 0.15  # share of the log on which further starts are tried
 _SPREAD = 0.3  # of starts, in shares of scale
 
 
@@ -107,11 +107,11 @@ def identify_output_error(
     whitening = np.eye(6) / max(float(np.abs(first.values).max()), 1e-15)
     short = max(int(_OF_STARTS * n), min(n, _SETTLING + 50))
     rng = np.random.default_rng(seed)
-    tried = [fit(start, short, whitening, 1e-4) for start in _starts(nominal, scale, starts, rng)]
+    tried = [fit(start, short, whitening, 1e-3) for start in _starts(nominal, scale, starts, rng)]
     best, least = min(tried, key=lambda each: each[1])
     agree = sum(cost < 1.01 * least for _, cost in tried)
-    whitening = whitening_of(run(best.values, n).values)
-    best, _ = fit(best.values, n, whitening, 1e-8)
+    whitening = whitening_of(run(best.values, short).values)
+    best, _ = fit(best.values, n, whitening, 1e-6)
     whole = run(best.values, len(course.length))
     fitted = n - _SETTLING
     whitening = whitening_of(whole.values[:fitted])
@@ -146,7 +146,7 @@ def identify_output_error(
             "time": time[kept],
             "measured": course.length[kept],
             "fitted": course.length[kept] - whole.values,
-            "before": course.length[kept] - run(nominal, len(course.length)).values,
+            "before": course.length[kept] - simulated(course, p, directions[:, :0]).values[_SETTLING:],
             "validation_from": float(time[n]) if n < len(time) else None,
         },
     )

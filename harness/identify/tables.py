@@ -11,34 +11,20 @@ def sheets_of(estimate: Estimate) -> list[Sheet]:
 
 
 def _parameters(estimate: Estimate) -> Sheet:
-    sheet = Sheet("Parameters, with 95 % intervals", ("", "before", "found", "±", "% of it", "correlates most with"))
-    correlation = estimate.correlation
+    sheet = Sheet("Parameters, with 95 % intervals", ("", "before", "found", "±", "± %"))
     half = estimate.values - estimate.interval[:, 0]
     for k, name in enumerate(estimate.names):
-        others = [abs(correlation[k, j]) if j != k else 0.0 for j in range(len(estimate.names))]
-        j = max(range(len(others)), key=others.__getitem__)
-        with_other = f"{estimate.names[j]} {correlation[k, j]:+.2f}" if others[j] > 0 else "–"
         value = estimate.values[k]
         share = f"{100 * half[k] / abs(value):.2g}" if value else "–"
-        sheet.add(
-            Named(name, unit_of(name)),
-            f"{estimate.nominal[k]:.6g}",
-            f"{value:.6g}",
-            f"{half[k]:.2g}",
-            share,
-            with_other,
-        )
+        sheet.add(Named(name, unit_of(name)), f"{estimate.nominal[k]:.5g}", f"{value:.6g}", f"{half[k]:.2g}", share)
     return sheet
 
 
 def _identifiability(estimate: Estimate) -> Sheet:
-    sheet = Sheet(
-        f"What the log sees; condition number {estimate.condition_number:.3g}",
-        ("combination, in shares of scale", "singular value", "standard error, % of scale"),
-    )
+    title = f"What the log sees; condition number {estimate.condition_number:.3g}"
+    sheet = Sheet(title, ("combination, in shares of scale", "± %"))
     for k, sigma in enumerate(estimate.singular_values):
-        error = f"{100 / sigma:.2g}" if k < estimate.rank else "not seen"
-        sheet.add(estimate.combination(k), f"{sigma:.4g}", error)
+        sheet.add(estimate.combination(k), f"{100 / sigma:.2g}" if k < estimate.rank else "not seen")
     return sheet
 
 

@@ -75,7 +75,7 @@ class ReferenceChoice(Kind):
         return MotionError(message)
 
 
-class _AboutPose(ReferenceChoice):
+class AboutPose(ReferenceChoice):
     """A motion about a pose, by default the platform's home pose."""
 
     position: Position | None = None
@@ -115,7 +115,7 @@ class _AboutPose(ReferenceChoice):
         return np.concatenate([self.position, self.orientation])
 
 
-class Hold(_AboutPose):
+class Hold(AboutPose):
     """Stay in a pose.
 
     `position` [m], `orientation` [rad]; home by default.
@@ -128,7 +128,7 @@ class Hold(_AboutPose):
         return motion_of(rest + self.centre, rest, rest)
 
 
-class _Change(_AboutPose):
+class _Change(AboutPose):
     """A motion from a pose to another."""
 
     position_change: Position = ZEROS
@@ -169,7 +169,7 @@ class PointToPoint(_Change):
         return self._by((quintic(time - self.at, self.duration), self._direction))
 
 
-class _Swing(_AboutPose):
+class _Swing(AboutPose):
     """A motion to and fro."""
 
     position_amplitude: Position = ZEROS
@@ -237,7 +237,7 @@ class Chirp(_Swing):
         return max(self.from_frequency, self.to_frequency) / self.time_scale
 
 
-class Circle(_AboutPose):
+class Circle(AboutPose):
     """Circle about a position, radius (cos 2π f t, sin 2π f t) in a plane; the radius is faded in by the quintic.
 
     `radius` [m], `frequency` [Hz], `plane` "xy", "xz" or "yz", `fade_in` [s]; about `position` [m] and

@@ -1,0 +1,186 @@
+"""A motion that tells parameters: Fourier coefficients for the best-conditioned regressor within all limits."""
+
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.errors import IdentificationError, ReachError
+from gough_stewart.harness.identify.linear import scales
+from gough_stewart.harness.identify.linear_parameters import (
+    FRICTION,
+    elements_of,
+    gradient,
+    linear_parameters,
+    regressor,
+    with_estimated,
+)
+from gough_stewart.harness.identify.names import expanded, value_of
+from gough_stewart.harness.identify.regression import Rows
+from gough_stewart.harness.motion.excitation import Excitation
+from gough_stewart.harness.motion.motion import Motion, Reference
+from gough_stewart.harness.motion.reach import check_reach
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+
+Criterion = Literal["condition", "determinant"]
+ESTIMATE = ("platform_mass", "platform_com", "platform_inertia", *FRICTION)
+# Of every limit the motion uses at most this share, for what a controller adds.
+_SHARE = 0.9
+# Amplitudes at the outset: shares of the platform's size, and of a radian.
+_LARGEST = (0.3, 0.3)
+# Rows in a period of the highest harmonic: of the regressor, and where limits are checked in the end.
+_COARSE, _FINE = 6, 40
+_BISECTIONS = 7
+_FIRST = 0.3  # of the trials are independent; the others vary the best
+
+
+class Excited(NamedTuple):
+    """The best motion that was found."""
+
+    reference: Excitation
+    condition_number: float  # of the regressor, its columns in shares of their scale
+    log_determinant: float  # of the information matrix per row, likewise
+
+
+def excite(
+    platform: Platform,
+    estimate: Sequence[str] | str = ESTIMATE,
+    *,
+    duration: float = 20.0,
+    frequency: float = 0.1,
+    harmonics: int = 5,
+    fade: float = 1.0,
+    criterion: Criterion = "condition",
+    trials: int = 150,
+    seed: int = 0,
+    status: StepProgress | None = None,
+) -> Excited:
+    """Find Fourier coefficients whose motion tells these parameters best, within all limits of the platform.
+
+    Every trial is scaled until it just keeps stroke, joint angles, velocity, force, power and condition number, with
+    a tenth to spare; the best trial is then varied at random in ever smaller steps. The same seed, the same motion.
+
+    Parameters
+    ----------
+    estimate
+        Parameters, or elements of them, in which inverse dynamics is linear.
+    duration, fade
+        [s]
+    frequency, harmonics
+        Of the first harmonic [Hz], and how many there are.
+    criterion
+        "condition", the regressor's condition number; or "determinant", that of its information matrix (D-optimal).
+    trials
+        How many motions are tried.
+    status
+        Called with what has been found so far.
+
+    Raises
+    ------
+    IdentificationError
+        A parameter that is not linear; names it. Or no motion was found that tells these at all.
+
+    Examples
+    --------
+    >>> found = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=6, trials=4)
+    >>> found.reference.duration, found.condition_number < 100
+    """
+    names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
+    rng = np.random.default_rng(seed)
+    size = np.repeat([_LARGEST[0] * platform.characteristic_length, _LARGEST[1]], 3)
+    steps = int(np.ceil(_COARSE * duration * frequency * harmonics)) + 1
+    time = np.linspace(0.0, duration, steps)
+
+    def reference_of(coefficients: FloatArray) -> Excitation:
+        a, b = coefficients
+        return Excitation(
+            frequency=frequency,
+            duration=duration,
+            fade=fade,
+            position_sine=a[:, :3].tolist(),
+            position_cosine=b[:, :3].tolist(),
+            orientation_sine=a[:, 3:].tolist(),
+            orientation_cosine=b[:, 3:].tolist(),
+        )
+
+    def keeps(scale: float, coefficients: FloatArray, at: FloatArray) -> bool:
+        return within_limits(platform, at, reference_of(scale / _SHARE * coefficients).about(platform)(at))
+
+    best: tuple[float, FloatArray, float, float] | None = None
+    independent = max(1, int(_FIRST * trials))
+    for k in range(max(1, trials)):
+        drawn = rng.standard_normal((2, harmonics, 6)) * size / np.sqrt(2 * harmonics)
+        if best is not None and k >= independent:
+            spread = 0.5 * 0.02 ** ((k - independent) / max(1, trials - independent))
+            drawn = best[1] + spread * np.sqrt((best[1] ** 2).mean(axis=(0, 1))) * rng.standard_normal(drawn.shape)
+        scale = _largest(lambda s, c=drawn: keeps(s, c, time))  # type: ignore[misc]
+        if scale == 0:
+            continue
+        coefficients = scale * drawn
+        motion = reference_of(coefficients).about(platform)(time)
+        number, determinant = criteria(platform, names, time, motion)
+        cost = number if criterion == "condition" else -determinant
+        if best is None or cost < best[0]:
+            best = (cost, coefficients, number, determinant)
+            if status is not None:
+                status(f"condition number {number:.3g}")
+    if best is None or not np.isfinite(best[2]):
+        raise IdentificationError(
+            f"no motion was found within the limits of {platform.name} that tells {', '.join(names)}; estimate fewer "
+            "parameters, or try more motions or harmonics",
+            names,
+        )
+    fine = np.linspace(0.0, duration, int(np.ceil(_FINE * duration * frequency * harmonics)) + 1)
+    coefficients = best[1] * _largest(lambda s: keeps(s, best[1], fine))
+    reference = reference_of(np.round(coefficients, 6))
+    return Excited(reference, *criteria(platform, names, time, reference.about(platform)(time)))
+
+
+def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion: Motion) -> tuple[float, float]:
+    """Condition number of a motion's regressor, and the logarithm of det(Dᵀ D/n), columns in shares of their scale."""
+    state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
+    W = regressor(platform, state, acceleration)
+    elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
+    rows = Rows(time, W @ linear_parameters(elements), W, 0.0)
+    D = (W @ (gradient(elements, names) * scales(rows, platform, names))).reshape(-1, len(names))
+    sigma = np.linalg.svd(D / np.sqrt(len(time)), compute_uv=False)
+    force = float(np.sqrt((rows.force**2).mean()))
+    with np.errstate(divide="ignore"):
+        number = float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-12 * sigma[0] else float("inf")
+        return number, float(2 * np.log(sigma / force).sum())
+
+
+def condition_number_of(
+    platform: Platform, estimate: Sequence[str] | str, reference: Reference, duration: float
+) -> float:
+    """Condition number of any motion's regressor over a duration [s], as `excite` takes it."""
+    names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
+    time = np.linspace(0.0, duration, 400)
+    return criteria(platform, names, time, reference(time))[0]
+
+
+def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:
+    """Whether a motion keeps all limits, that of the forces among them."""
+    try:
+        check_reach(platform, time, motion)
+    except ReachError:
+        return False
+    if platform.actuator_force_max is None:
+        return True
+    force = inverse_dynamics(platform, State(*motion[:4]), Acceleration(*motion[4:]))
+    return bool(np.abs(force).max() <= platform.actuator_force_max)
+
+
+def _largest(keeps: Callable[[float], bool]) -> float:
+    """The largest share of the amplitudes, up to 1, that keeps the limits; 0 if none was found."""
+    if keeps(1.0):
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if keeps(middle) else (low, middle)
+    return low

@@ -1,0 +1,66 @@
+"""An optimised excitation as an experiment file that `run` takes."""
+
+from gough_stewart.harness.identify.excite import Excited
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+_TEXT = """\
+# Written by `gough-stewart excite` with --seed {seed}: finite Fourier series in six coordinates that tell
+#   {names}
+# Condition number of their regressor: {number:.3g}.
+
+title = {title}
+description = "motion for identification, computed torque"
+
+[platform]
+{platform}
+
+[reference]
+type = "excitation"
+frequency = "{frequency:g} Hz"
+duration = "{duration:g} s"
+fade = "{fade:g} s"
+# a row for each harmonic: x, y, z [m]; roll, pitch, yaw [rad]
+{coefficients}
+
+[controller]
+type = "pd"
+bandwidth = "{bandwidth:g} Hz"
+damping_ratio = 0.8
+feedforward = "computed_torque"
+
+[loop]
+duration = "{duration:g} s"
+sample_time = "1 ms"
+
+[sensors]
+quantisation = {{ leg_length = "1 um" }}
+"""
+# Of the loop that follows it: a few times the motion's own frequencies.
+_ABOVE = 6.0
+
+
+def experiment_text(found: Excited, platform: Platform, chosen: str, names: str, seed: int) -> str:
+    """The TOML text; `chosen` is the line that says which platform."""
+    reference = found.reference
+    sine, cosine = reference.coefficients
+    parts = {"position_sine": sine[:, :3], "position_cosine": cosine[:, :3]}
+    parts |= {"orientation_sine": sine[:, 3:], "orientation_cosine": cosine[:, 3:]}
+    title = "excitation of " + platform.name
+    return _TEXT.format(
+        seed=seed,
+        names=names,
+        number=found.condition_number,
+        title='"' + title.replace("\\", "\\\\").replace('"', '\\"') + '"',
+        platform=chosen,
+        frequency=reference.frequency,
+        duration=reference.duration,
+        fade=reference.fade,
+        coefficients="\n".join(f"{name} = {_rows(values)}" for name, values in parts.items()),
+        bandwidth=max(1.0, _ABOVE * reference.highest_frequency),
+    )
+
+
+def _rows(values: FloatArray) -> str:
+    rows = "".join(f"    [{', '.join(f'{v:.6g}' for v in row)}],\n" for row in values)
+    return f"[\n{rows}]"

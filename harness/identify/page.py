@@ -1,0 +1,61 @@
+"""A page of an identification for the browser: tables, intervals, correlation, fit and residuals; without a network."""
+
+import html
+from collections.abc import Sequence
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.tables import sheets_of
+from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.pages import asset, document, packed, plotly
+from gough_stewart.harness.output.tables import Sheet, to_html
+from gough_stewart.model.platform import Platform
+
+
+def identification_page(estimate: Estimate, nominal: Platform, more: Sequence[Sheet] = ()) -> bytes:
+    """The page; `more` are further tables, such as an experiment before and after."""
+    title = f"Parameters of {nominal.name}"
+    body = Template(asset("identify", "identify.html")).substitute(
+        title=html.escape(title),
+        lead=html.escape("; ".join([f"method {estimate.method}", *estimate.notes])),
+        tables="".join(f"<div>{to_html(sheet)}</div>" for sheet in (*more, *sheets_of(estimate))),
+        footer=html.escape(
+            "Intervals hold 95 % of the time if the model's form is right. Made by gough-stewart, with "
+            "plotly.js inside."
+        ),
+    )
+    scripts = [plotly(), asset("output", "page.js") + asset("identify", "identify.js")]
+    return document(title, body, asset("identify", "identify.css"), _data(estimate), scripts)
+
+
+def _data(estimate: Estimate) -> dict[str, Any]:
+    half = estimate.values - estimate.interval[:, 0]
+    scale = 100 / estimate.scale
+    data: dict[str, Any] = {
+        "names": list(estimate.names),
+        "change": _numbers((estimate.values - estimate.nominal) * scale),
+        "half": _numbers(half * scale),
+        "correlation": [_numbers(row) for row in estimate.correlation],
+        "time": None,
+    }
+    found = estimate.details
+    if "time" not in found:
+        return data
+    return data | {
+        "time": packed(found["time"], "f4"),
+        "channels": found["measured"].shape[1],
+        "measured": packed(found["measured"], "f8"),
+        "fitted": packed(found["fitted"], "f8"),
+        "before": packed(found["before"], "f8"),
+        "aside": found["validation_from"],
+        "quantity": estimate.residuals.quantity,
+        "unit": estimate.residuals.unit,
+        "colours": list(COLOURS),
+    }
+
+
+def _numbers(values: Any) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]

@@ -1,0 +1,144 @@
+"""What an identification is good for: an experiment with the nominal platform and with the found one, side by side."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control.margins import loop_margins
+from gough_stewart.harness.errors import UnstableLoopError
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.harness.results.record import Record, plain
+from gough_stewart.model.parameters import TABLE
+from gough_stewart.model.platform import Platform
+
+# Of the loop with the machine in it, and their units.
+_MARGINS = {"disk margin α": "", "gain of all legs": "", "phase of all legs": "°", "crossover": "Hz"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Compared:
+    """An experiment before and after: the machine is the same, the designer's platform is not."""
+
+    before: Record
+    after: Record
+    experiments: tuple[Experiment, Experiment]
+
+    def __repr__(self) -> str:
+        """The table, as text."""
+        sheet = self.sheet
+        rows = [
+            [c if isinstance(c, str) else f"{c.what} [{c.unit}]".removesuffix(" []") for c in row] for row in sheet.rows
+        ]
+        rows.insert(0, list(sheet.heads))
+        widths = [max(len(row[k]) for row in rows) for k in range(3)]
+        return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+
+    @property
+    def sheet(self) -> Sheet:
+        """Errors, feedback and margins side by side."""
+        sheet = Sheet(f"{self.experiments[0].title}: before and after", ("", "before", "after"))
+        for name, unit, factor, value in _MEASURES:
+            sheet.add(Named(name, unit), *(f"{factor * value(r):.4g}" for r in (self.before, self.after)))
+        found = [_margins(experiment) for experiment in self.experiments]
+        for name, unit in _MARGINS.items():
+            sheet.add(Named(name, unit), *(each[name] for each in found))
+        return sheet
+
+
+def before_and_after(experiment: Experiment | Path | str, nominal: Platform, found: Platform) -> Compared:
+    """Run an experiment with the nominal platform as what the designer believes, then with the found one.
+
+    The machine is the experiment's own in both: `[plant]` as it is with the nominal platform. Margins are those of the
+    real loop: the controller designed for what is believed, around the linear model of the machine.
+
+    Parameters
+    ----------
+    experiment
+        A TOML file, the name of a shipped experiment, or an `Experiment`.
+    nominal, found
+        Platforms before and after an identification.
+
+    Raises
+    ------
+    ExperimentError, ReachError
+        As `run`.
+
+    Examples
+    --------
+    >>> nominal = gs.load_preset("liu2000")
+    >>> from dataclasses import replace
+    >>> heavier = replace(nominal, platform_mass=14.0)
+    >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 0.3, "plant.parameters.platform_mass": 14.0})
+    >>> gs.before_and_after(experiment, nominal, heavier).after["position"].shape
+    (301, 3)
+    """
+    chosen = experiment_of(experiment)
+    machine = prepare(with_belief(chosen, nominal)).machine
+    before, after = (with_belief(chosen, platform, machine) for platform in (nominal, found))
+    return Compared(run(before), run(after), (before, after))
+
+
+def with_belief(experiment: Experiment, platform: Platform, machine: Platform | None = None) -> Experiment:
+    """The experiment with this platform as what the designer believes, and if there is one, with this machine."""
+    settings = {"platform.parameters": _numbers(platform)}
+    if machine is not None:
+        settings["plant.parameters"] = _numbers(machine)
+    return experiment_of(experiment, settings)
+
+
+def _text(cell: str | Named) -> str:
+    return cell if isinstance(cell, str) else f"{cell.what} [{cell.unit}]".removesuffix(" []")
+
+
+def _numbers(platform: Platform) -> dict[str, Any]:
+    return {name: value for name, value in plain(platform).items() if name in TABLE}
+
+
+def _margins(experiment: Experiment) -> dict[str, str]:
+    prepared = prepare(experiment)
+    if not isinstance(prepared.controller, LinearController):
+        return dict.fromkeys(_MARGINS, "–")
+    actuators, motion = prepared.loop.actuators, prepared.motion
+    place = {} if motion is None else {"position": motion.position[0], "orientation": motion.orientation[0]}
+    sample_time = prepared.loop.timing.sample_time
+    L = loop_transfer(
+        prepared.machine, prepared.controller, sample_time, delay=actuators.delay, lag=actuators.lag, **place
+    )
+    try:
+        found = loop_margins(L)
+    except UnstableLoopError:
+        return dict.fromkeys(_MARGINS, "unstable")
+    disk = found.disk
+    return {
+        "disk margin α": f"{disk.alpha:.3f}",
+        "gain of all legs": f"× {disk.gain[0]:.3g} to {disk.gain[1]:.3g}",
+        "phase of all legs": f"± {np.degrees(disk.phase):.1f}",
+        "crossover": f"{max(leg.crossover for leg in found.legs):.3g}",
+    }
+
+
+def _norm_rms(name: str) -> Callable[[Record], float]:
+    return lambda record: float(np.sqrt((record[name] ** 2).sum(axis=1).mean()))
+
+
+_MEASURES: tuple[tuple[str, str, float, Callable[[Record], float]], ...] = (
+    ("position error, RMS", "mm", 1e3, _norm_rms("error.position")),
+    ("position error, peak", "mm", 1e3, lambda r: float(np.linalg.norm(r["error.position"], axis=1).max())),
+    ("orientation error, RMS", "mrad", 1e3, _norm_rms("error.orientation")),
+    ("leg length error, RMS", "mm", 1e3, _norm_rms("error.leg_length")),
+    (
+        "feedback's share of the force, RMS",
+        "N",
+        1.0,
+        lambda r: float(np.sqrt(((r["controller.force"] - r["controller.feedforward"]) ** 2).sum(axis=1).mean())),
+    ),
+)

@@ -1,0 +1,77 @@
+"""A motion that excites: finite Fourier series in all six coordinates, from rest to rest."""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.profiles import Profile, motion_about, quintic, sine
+from gough_stewart.harness.motion.references import AboutPose
+from gough_stewart.harness.quantities import Frequency, Orientation, Position, PositiveTime
+from gough_stewart.model.vectors import Array, FloatArray
+
+_Positions = Annotated[list[Position], Field(min_length=1, max_length=100)]
+_Orientations = Annotated[list[Orientation], Field(min_length=1, max_length=100)]
+
+
+class Excitation(AboutPose):
+    """Swing in all coordinates at multiples of a frequency: w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t).
+
+    `position_sine`, `position_cosine` [m], `orientation_sine`, `orientation_cosine` [rad]: the coefficients, three
+    numbers for each k = 1, 2, …; `frequency` f [Hz], `duration` [s], `fade` [s]: w rises by the quintic over it, and
+    falls at the end, so that pose, velocity and acceleration are at rest before and after. About `position` [m] and
+    `orientation` [rad], home by default.
+
+    Examples
+    --------
+    >>> swing = gs.Excitation(frequency=0.5, duration=4, position_sine=[[0.02, 0, 0]], position_cosine=[[0, 0, 0.01]],
+    ...                       orientation_sine=[[0, 0.02, 0]], orientation_cosine=[[0, 0, 0]])
+    >>> swing.about(gs.load_preset("liu2000"))(np.linspace(0, 4, 5)).velocity.shape
+    (5, 3)
+    """
+
+    type: Literal["excitation"] = "excitation"
+    frequency: Frequency
+    duration: PositiveTime
+    fade: PositiveTime = 1.0
+    position_sine: _Positions
+    position_cosine: _Positions
+    orientation_sine: _Orientations
+    orientation_cosine: _Orientations
+
+    @model_validator(mode="after")
+    def _alike(self) -> "Excitation":
+        sizes = {name: len(getattr(self, name)) for name in _COEFFICIENTS}
+        if len(set(sizes.values())) > 1:
+            found = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise ValueError(f"expected as many coefficients of each kind; found {found}")
+        if 2 * self.fade > self.duration:
+            raise ValueError(f"fade is {self.fade:g} s at either end of a duration of {self.duration:g} s")
+        return self
+
+    def _at(self, time: Array) -> Motion:
+        begin, end = quintic(time, self.fade), quintic(time - (self.duration - self.fade), self.fade)
+        window = begin.times(Profile(1 - end.value, -end.rate, -end.acceleration))
+        parts = []
+        sines, cosines = self.coefficients
+        for k in range(len(sines)):
+            omega = 2 * math.pi * (k + 1) * self.frequency
+            for phase, direction in ((0.0, sines[k]), (math.pi / 2, cosines[k])):
+                parts.append((sine(omega * time + phase, omega).times(window), direction))
+        return motion_about(self._pose, *parts)
+
+    @property
+    def coefficients(self) -> tuple[FloatArray, FloatArray]:
+        """Those of the sines and of the cosines (N, 6) [m], [rad]."""
+        found = [np.array(getattr(self, name), dtype=float) for name in _COEFFICIENTS]
+        return np.hstack([found[0], found[2]]), np.hstack([found[1], found[3]])
+
+    @property
+    def highest_frequency(self) -> float:
+        """Of its last harmonic [Hz]."""
+        return self.frequency * len(self.position_sine)
+
+
+_COEFFICIENTS = ("position_sine", "position_cosine", "orientation_sine", "orientation_cosine")
