@@ -60,6 +60,7 @@ bench: $(VENV)/bench
 	$(BIN)/python benchmarks/lanes.py
 	$(BIN)/python benchmarks/workspace.py
 	$(BIN)/python benchmarks/view.py
+	PYTHONPATH=. $(BIN)/python benchmarks/identify.py
 
 evidence: $(VENV)/evidence
 	$(BIN)/python -m pytest -m evidence -s

@@ -28,6 +28,8 @@ VALIDATION = 0.2
 # A combination with a larger standard error, as a share of its scale, is not seen; nor one below rounding.
 _UNSEEN = 1.0
 _ROUNDING = 1e-9
+# Of the forces' changes, in the median of the legs: beyond it the log is of another machine.
+_UNEXPLAINED = 0.5
 _REWEIGHTINGS = 3
 
 
@@ -84,6 +86,7 @@ def identify_linear(
         phi, G = linear_parameters(found), gradient(found, names)
         residual = rows.force - rows.regressor @ phi
         whitening = whitening_of(residual[:fitted])
+    _check_explained(residual[:fitted], F)
     Ww = np.einsum("ij,tjk->tik", whitening, W)
     D = np.einsum("tik,kp->tip", Ww, G * scale)
     sigma, directions, covariance = uncertainty(D, residual[:fitted] @ whitening.T)
@@ -173,6 +176,17 @@ def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence
         "(gough-stewart excite)",
         dependent,
     )
+
+
+def _check_explained(residual: FloatArray, force: FloatArray) -> None:
+    """Refuse a fit that leaves most of the forces unexplained: this platform has not made this log."""
+    share = rms(residual) / np.maximum(np.std(force, axis=0), 1e-300)
+    if np.median(share) > _UNEXPLAINED:
+        raise LogError(
+            f"the log contradicts this platform: the best fit leaves {100 * float(np.median(share)):.0f} % of the "
+            "forces' changes unexplained; check the joints, the order of the legs, the sign of the forces (positive "
+            "extends a leg), and that lengths are from joint to joint"
+        )
 
 
 def check_seen(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.profiles import Profile, motion_about, quintic, sine
+from gough_stewart.harness.motion.profiles import Profile, quintic, sine
 from gough_stewart.harness.motion.references import AboutPose
 from gough_stewart.harness.quantities import Frequency, Orientation, Position, PositiveTime
 from gough_stewart.model.vectors import Array, FloatArray
@@ -60,7 +60,7 @@ class Excitation(AboutPose):
             omega = 2 * math.pi * (k + 1) * self.frequency
             for phase, direction in ((0.0, sines[k]), (math.pi / 2, cosines[k])):
                 parts.append((sine(omega * time + phase, omega).times(window), direction))
-        return motion_about(self._pose, *parts)
+        return self._by(*parts)
 
     @property
     def coefficients(self) -> tuple[FloatArray, FloatArray]:
@@ -71,7 +71,7 @@ class Excitation(AboutPose):
     @property
     def highest_frequency(self) -> float:
         """Of its last harmonic [Hz]."""
-        return self.frequency * len(self.position_sine)
+        return self.frequency * len(self.position_sine) / self.time_scale
 
 
 _COEFFICIENTS = ("position_sine", "position_cosine", "orientation_sine", "orientation_cosine")

@@ -72,6 +72,7 @@ LEFT_BY = {
     "README.md": "compared.html",
     "docs/control.md": "results/mine/pose.png",
     "docs/export.md": "heave_step.o",
+    "docs/identify.md": "results/identified/identify.html",
     "docs/motion.md": "results/fitted/record.csv",
     "docs/use-loop.md": "results/mine/record.csv",
     "docs/view.md": "compared.html",

@@ -1,4 +1,4 @@
-"""Logs of machines that are not the model: motion prescribed, forces by Newton–Euler, friction and sensors of their own.
+"""Logs of machines that are not the model: forces by Newton–Euler, friction and sensors of their own.
 
 Nothing here is what an identification inverts: thirteen free bodies give the forces, encoders read lengths of joints
 that are not where the platform's file says, friction may be LuGre's bristles instead of a smooth sign.
@@ -58,7 +58,7 @@ def smooth_sign(viscous: float, coulomb: float, velocity: float = 1e-3) -> Frict
 
 
 def lugre(viscous: float, coulomb: float, stiffness: float = 2e6) -> Friction:
-    """Bristles: ż = v − σ0 |v| z/F_c, F = σ0 z + c v [Canudas de Wit et al., IEEE TAC 40(3), 1995]; exact per sample."""
+    """Bristles: ż = v − σ0 |v| z/F_c, F = σ0 z + c v [Canudas de Wit et al., IEEE TAC 40(3), 1995]."""
 
     def force(v: FloatArray, step: float) -> FloatArray:
         z = np.zeros(6)
@@ -101,9 +101,7 @@ def frictionless_forces(machine: Platform, motion: Motion) -> FloatArray:
     J = leg_jacobian(smooth, motion.position, motion.orientation)
     F = np.zeros((n, 6))
     for _ in range(3):
-        found = newton_euler.solve(
-            smooth, motion.position, R, motion.velocity, motion.angular_velocity, F, none, none
-        )
+        found = newton_euler.solve(smooth, motion.position, R, motion.velocity, motion.angular_velocity, F, none, none)
         error = wanted - np.hstack([found.linear, found.angular])
         F = F + np.linalg.solve(np.swapaxes(J, 1, 2), (M @ error[..., None]))[..., 0]
     assert np.abs(error).max() < 1e-8

@@ -1,0 +1,86 @@
+"""Excitation: from rest to rest, exact derivatives, within limits, better conditioned than a circle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.identify.excite import condition_number_of, excite, within_limits
+from gough_stewart.harness.motion.excitation import Excitation
+from gough_stewart.harness.motion.references import Circle
+from gough_stewart.model.platform_toml import load_preset
+from tests.harness.identify.machine import excitation
+from tests.support.uneven import UNEVEN
+
+TOLD_BY_A_CIRCLE = "platform_mass,platform_com[1],platform_com[2],leg_viscous_friction"
+
+
+def test_it_rests_before_and_after() -> None:
+    """Expected: home, with neither velocity nor acceleration, at both ends and beyond."""
+    motion = excitation(6.0).about(UNEVEN)(np.array([0.0, 6.0, 7.5]))
+    np.testing.assert_allclose(motion.position, np.tile(UNEVEN.home_position, (3, 1)), atol=1e-12)
+    for part in motion[2:]:
+        np.testing.assert_allclose(part, 0.0, atol=1e-12)
+
+
+def test_its_rates_are_those_of_its_poses() -> None:
+    """Expected: central differences of positions, first and second."""
+    reference, t, h = excitation(6.0).about(UNEVEN), np.array([0.4, 1.7, 3.2, 5.6]), 1e-4
+    before, at, after = (reference(t + e) for e in (-h, 0.0, h))
+    np.testing.assert_allclose(at.velocity, (after.position - before.position) / (2 * h), atol=1e-6)
+    second = (after.position - 2 * at.position + before.position) / h**2
+    np.testing.assert_allclose(at.acceleration, second, atol=1e-5)
+
+
+def test_in_the_middle_it_is_the_series() -> None:
+    """Expected: Σ a sin(2π k f t) + b cos(2π k f t), written out."""
+    series = Excitation(
+        frequency=0.5,
+        duration=8,
+        position_sine=[[0.1, 0, 0], [0, 0.2, 0]],
+        position_cosine=[[0, 0, 0.3], [0.4, 0, 0]],
+        orientation_sine=[[0, 0, 0.05], [0, 0, 0]],
+        orientation_cosine=[[0, 0, 0], [0, 0.06, 0]],
+    )
+    t, w = 3.3, np.pi
+    motion = series.about(UNEVEN)(np.array([t]))
+    moved = np.array([0.1 * np.sin(w * t) + 0.4 * np.cos(2 * w * t), 0.2 * np.sin(2 * w * t), 0.3 * np.cos(w * t)])
+    np.testing.assert_allclose(motion.position[0] - UNEVEN.home_position, moved, rtol=1e-12)
+    turned = np.array([0.0, 0.06 * np.cos(2 * w * t), 0.05 * np.sin(w * t)])
+    np.testing.assert_allclose(motion.orientation[0] - UNEVEN.home_orientation, turned, atol=1e-12)
+
+
+def test_coefficients_that_do_not_belong_together_are_refused() -> None:
+    with pytest.raises(MotionError, match="as many coefficients of each kind; found position_sine 2"):
+        Excitation(
+            frequency=1,
+            duration=4,
+            position_sine=[[0, 0, 0], [0, 0, 0]],
+            position_cosine=[[0, 0, 0]],
+            orientation_sine=[[0, 0, 0]],
+            orientation_cosine=[[0, 0, 0]],
+        )
+
+
+def test_the_best_motion_keeps_all_limits_and_tells_ten_times_more_than_a_circle() -> None:
+    """Expected: limits looked at ten times as finely as the search did; condition numbers of one measure."""
+    platform = replace(load_preset("motion_base"), actuator_force_max=9000.0)
+    found = excite(platform, TOLD_BY_A_CIRCLE, duration=10.0, trials=10, seed=2)
+    motion = found.reference.about(platform)(np.linspace(0, 10, 3000))
+    assert within_limits(platform, np.linspace(0, 10, 3000), motion)
+    circle = Circle(radius=0.2, frequency=0.4, fade_in=1.0).about(platform)
+    of_circle = condition_number_of(platform, TOLD_BY_A_CIRCLE, circle, 10.0)
+    of_found = condition_number_of(platform, TOLD_BY_A_CIRCLE, found.reference.about(platform), 10.0)
+    assert of_found < of_circle
+    everything = "platform_mass,platform_com,platform_inertia"
+    assert condition_number_of(platform, everything, circle, 10.0) > 10 * condition_number_of(
+        platform, everything, found.reference.about(platform), 10.0
+    )
+
+
+def test_the_same_seed_gives_the_same_motion_and_another_another() -> None:
+    platform = load_preset("liu2000")
+    first, second, other = (excite(platform, "platform_mass", duration=5.0, trials=3, seed=s) for s in (4, 4, 5))
+    np.testing.assert_array_equal(first.reference.coefficients, second.reference.coefficients)
+    assert np.abs(np.subtract(first.reference.coefficients, other.reference.coefficients)).max() > 1e-3

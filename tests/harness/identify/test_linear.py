@@ -1,0 +1,169 @@
+"""Linear identification: of logs that another formulation, another friction and other joints have made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.linear_parameters import (
+    elements_of,
+    gradient,
+    linear_parameters,
+    regressor,
+)
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.motion.references import Circle
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
+from gough_stewart.model.rotations import matrix_from_orientation
+from tests.harness.identify.machine import NOMINAL, RATE, TRUE, frictionless_forces, legs, lugre, machine_log
+from tests.support.uneven import INPUTS, STATE, UNEVEN
+
+NAMES = ["platform_mass", "platform_com", "platform_inertia", "leg_viscous_friction", "leg_coulomb_friction"]
+
+
+def test_regressor_times_parameters_are_the_forces_of_newton_and_euler() -> None:
+    """Expected: the forces under which thirteen free bodies have this acceleration."""
+    F = INPUTS.actuator_force
+    none = np.zeros(3)
+    R = matrix_from_orientation(STATE.orientation)
+    found = newton_euler.solve(UNEVEN, STATE.position, R, STATE.velocity, STATE.angular_velocity, F, none, none)
+    state = type(STATE)(*(part[None] for part in STATE))
+    W = regressor(UNEVEN, state, Acceleration(found.linear[None], found.angular[None]))
+    np.testing.assert_allclose((W @ linear_parameters(elements_of(UNEVEN)))[0], F, rtol=1e-9)
+
+
+def test_gradient_of_the_linear_parameters_is_that_of_differences() -> None:
+    """Expected: forces of platforms that differ in one element, by the physics, over the difference."""
+    state = type(STATE)(*(part[None] for part in STATE))
+    acceleration = Acceleration(np.array([[0.7, -0.4, 1.1]]), np.array([[0.5, 0.9, -0.6]]))
+    names = ["platform_mass", "platform_com[2]", "leg_upper_com", "leg_lower_com", "leg_coulomb_friction"]
+    found = regressor(UNEVEN, state, acceleration)[0] @ gradient(elements_of(UNEVEN), names)
+    for k, name in enumerate(names):
+        h = 1e-5
+        stem = name.partition("[")[0]
+        step = h * np.array([0.0, 1.0, 0.0]) if name != stem else h
+        ends = [replace(UNEVEN, **{stem: getattr(UNEVEN, stem) + sign * step}) for sign in (1, -1)]
+        after, before = (np.asarray(inverse_dynamics(end, state, acceleration))[0] for end in ends)
+        np.testing.assert_allclose(found[:, k], (after - before) / (2 * h), rtol=1e-6, atol=1e-6)
+
+
+def test_payload_com_and_friction_of_a_foreign_machine_are_found_within_the_issue_s_figures() -> None:
+    """Expected: the machine's own: mass to 0.5 %, centre of mass to 1 mm, friction to 3 %; joints 50 µm off."""
+    rng = np.random.default_rng(7)
+    machine = replace(
+        TRUE,
+        base_points=TRUE.base_points + 5e-5 * rng.standard_normal((6, 3)),
+        platform_points=TRUE.platform_points + 5e-5 * rng.standard_normal((6, 3)),
+    )
+    found = identify(machine_log(machine, friction=lugre(560.0, 130.0)), NOMINAL, NAMES)
+    assert abs(found["platform_mass"][0] / TRUE.platform_mass - 1) < 0.005
+    np.testing.assert_allclose(found["platform_com"], TRUE.platform_com, atol=1e-3)
+    assert abs(found["leg_viscous_friction"][0] / 560.0 - 1) < 0.03
+    assert abs(found["leg_coulomb_friction"][0] / 130.0 - 1) < 0.03
+    assert found.residuals.validation_rms is not None
+    assert (found.residuals.validation_rms < 0.02 * found.residuals.signal_rms).all()
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
+    """Expected: 95 % of them; with 16 logs of twelve parameters within four standard deviations of a binomial."""
+    names = [*NAMES[:3], *NAMES[3:]]
+    inside = []
+    for seed in range(16):
+        found = identify(machine_log(duration=8.0, seed=seed), NOMINAL, names)
+        truth = np.array([value_of(TRUE, name) for name in found.names])
+        inside.append((found.interval[:, 0] < truth) & (truth < found.interval[:, 1]))
+    assert 0.95 - 4 * np.sqrt(0.95 * 0.05 / (16 * 12)) < np.mean(inside)
+
+
+def test_friction_of_each_leg_is_found_apart() -> None:
+    """Expected: the six of the machine, to 3 %; the platform that results has them, read back from its file."""
+    six = np.array([430.0, 520.0, 610.0, 480.0, 700.0, 560.0])
+    log = machine_log(duration=8.0, friction=lambda v, _step: six * v)
+    found = identify(log, replace(NOMINAL, leg_coulomb_friction=0.0), ["leg_viscous_friction[1..6]", *NAMES[:3]])
+    np.testing.assert_allclose(found["leg_viscous_friction"], six, rtol=0.03)
+    platform = platform_from_toml(platform_to_toml(found.platform(NOMINAL)))
+    own = platform.leg_viscous_friction * platform.leg_viscous_friction_factor
+    np.testing.assert_allclose(own, found["leg_viscous_friction"], rtol=1e-12)
+
+
+def circle_log() -> Log:
+    """A machine on a circle, which never turns."""
+    circle = Circle(radius=0.15, frequency=0.4, fade_in=1.0).about(NOMINAL)
+    time = np.arange(0.0, 6.0, 1 / RATE)
+    coarse = time[::40]
+    force = frictionless_forces(TRUE, circle(coarse))
+    rows = np.stack([np.interp(time, coarse, f) for f in force.T], axis=1)
+    noise = np.random.default_rng(1).standard_normal(rows.shape)
+    return Log(legs(TRUE, circle, time)[0], time, rows + 40.0 * noise)
+
+
+def test_a_motion_that_does_not_turn_is_refused_with_the_parameters_that_it_cannot_tell() -> None:
+    """Expected: products and moments of inertia, which act on rotations only."""
+    with pytest.raises(IdentificationError, match=r"too little excitation.*platform_inertia") as caught:
+        identify(circle_log(), NOMINAL, NAMES)
+    assert all("platform_inertia" in name for name in caught.value.names)
+
+
+def test_what_acts_as_another_parameter_does_is_refused() -> None:
+    """Expected: of both inertias of a leg the equations hold the sum only."""
+    with pytest.raises(IdentificationError, match=r"leg_\w+_inertia acts as a combination of leg_\w+_inertia does"):
+        identify(machine_log(duration=8.0), NOMINAL, ["leg_lower_inertia", "leg_upper_inertia"])
+
+
+def test_an_inertia_that_no_body_has_is_kept_physical() -> None:
+    """Expected: a platform that its own checks take, where noise alone would have made an impossible one."""
+    thin = replace(TRUE, platform_inertia=np.diag([380.0, 1.0, 380.9]))
+    log = machine_log(thin, duration=8.0, force_noise=0.1)
+    found = identify(log, NOMINAL, NAMES)
+    assert "platform_inertia" in " ".join(found.notes)
+    assert found.platform(NOMINAL).platform_inertia.shape == (3, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda log: replace(log, leg_length=1e3 * log.leg_length), r"They look like mm: write the unit"),
+        (lambda log: replace(log, actuator_force=log.actuator_force / 1e3), r"They look like kN"),
+        (lambda log: replace(log, actuator_force=20 * log.actuator_force), r"where actuator_force_max is 20000 N"),
+        (lambda log: replace(log, actuator_force=None), r"no forces; expected columns actuator_force"),
+        (lambda log: replace(log, time=1e3 * log.time), r"Is time in ms\?"),
+        (lambda log: replace(log, time=None), "no column time"),
+        (
+            lambda log: replace(log, time=np.where(np.arange(len(log)) > 500, log.time + 0.2, log.time)),
+            r"a gap of 0\.201 s after row 501",
+        ),
+        (
+            lambda log: replace(log, time=np.where(np.arange(len(log)) == 40, 0.0, log.time)),
+            "expected increasing times",
+        ),
+        (lambda log: log.rows(slice(0, 40)), "are shorter than the filter"),
+        (lambda log: replace(log, leg_length=log.leg_length + np.array([1, -1, 1, -1, 1, -1])), "no pose of this"),
+        (
+            lambda log: replace(log, leg_length=log.leg_length[:, [1, 0, 3, 2, 5, 4]]),
+            "the log contradicts this platform",
+        ),
+    ],
+)
+def test_a_log_that_no_such_machine_has_made_is_refused(change, message: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(LogError, match=message):
+        identify(change(machine_log(duration=8.0)), NOMINAL, "platform_mass")
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ("platform_mas", "did you mean 'platform_mass'"),
+        ("platform_mass,platform_mass", "platform_mass twice"),
+        ("leg_friction_velocity", "not linear in it; use the method output_error"),
+        ("platform_com[4]", r"no element 'platform_com\[4\]'"),
+        ("leg_viscous_friction,leg_viscous_friction[2]", "twice"),
+    ],
+)
+def test_names_that_cannot_be_estimated_are_refused(names: str, message: str) -> None:
+    with pytest.raises(IdentificationError, match=message):
+        identify(machine_log(duration=8.0), NOMINAL, names)
