@@ -17,6 +17,7 @@ from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95
 _RESAMPLES = 1000
+_ENDS = ("_low", "_high")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,21 +72,21 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
 def compare_sheets(found: Comparison, usual: bool = True) -> list[Sheet]:
     """Differences with their confidence, and who completed; at most 80 columns wide."""
     first, second = found.names
-    ended = Sheet(f"{found.a.members.height} members in both", ("", f"completed in {second}", "not"))
-    ended.add(f"completed in {first}", str(found.both_completed), str(found.only_a))
+    ended = Sheet(f"{found.a.members.height} members; A is {first}, B is {second}", ("", "completed in B", "not"))
+    ended.add("completed in A", str(found.both_completed), str(found.only_a))
     ended.add("not", str(found.only_b), str(found.neither))
     names = usual_metrics(found.a) if usual else list(found.a.metrics)
     table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
     sheets = [ended]
     of = f"of the {found.both_completed} that completed in both"
     for kind, title, ends in (("mean", "mean difference", True), ("median", "median difference", False)):
-        heads = (first, second) if ends else (f"less in {second}",)
-        sheet = Sheet(f"{second} − {first}, {title}, {of}", ("", *heads, second + " − " + first, "95 %"))
+        heads = ("A", "B") if ends else ("less in B",)
+        sheet = Sheet(f"B − A, {title}, {of}", ("", *heads, "B − A", "95 %"))
         for name in names:
             if name in table:
                 row, shown = table[name], shown_metric(name)
                 low, mid, high, *means = (
-                    number_text(None if row[key] is None else shown.factor * row[key], 3)
+                    number_text(None if row[key] is None else shown.factor * row[key], 2 if key.endswith(_ENDS) else 3)
                     for key in (f"{kind}_low", kind, f"{kind}_high", "mean_a", "mean_b")
                 )
                 first_cells = means if ends else [f"{100 * row['less_b']:.0f} %"]

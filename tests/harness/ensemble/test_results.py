@@ -152,7 +152,9 @@ def test_the_worst_members_are_those_that_ended_early_and_then_those_with_the_la
 def test_tables_are_whole_in_eighty_columns() -> None:
     """Expected: no text is cut, of all usual metrics and of the comparison."""
     ensemble = failing()
-    both = compare(ensemble, ensemble, ("slow", "fast"))
+    gap = polars.Series(PEAK, ensemble.values(PEAK) - 1.23456e-6 * np.arange(60) ** 2)
+    other = Ensemble(ensemble.members.with_columns(gap), ensemble.bands, ensemble.metadata)
+    both = compare(ensemble, other, ("a_rather_long_name", "another_rather_long_name"))
     console = Console(width=80, color_system=None)
     for sheet in (*ensemble_sheets(ensemble), sensitivity_sheet(sensitivity(ensemble, PEAK)), *compare_sheets(both)):
         with console.capture() as shown:
