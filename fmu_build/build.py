@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gough_stewart.fmu_build.builder import VERSIONS, build_units
 from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -40,7 +41,7 @@ def build(
     Raises
     ------
     BuildError
-        An unknown version or target, or the compiler's complaint.
+        An unknown version or target, a package that is not installed, or the compiler's complaint.
     OutputError
         The files cannot be written there.
 
@@ -50,5 +51,6 @@ def build(
     """
     if platform is not None and not isinstance(platform, Platform):
         raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
+    check_installed(RUNNER, COMPILER)
     component = plant_component(load_preset(DEFAULT_PRESET) if platform is None else platform)
     return build_units(component, out, fmi=fmi, targets=targets, progress=progress)

@@ -12,6 +12,7 @@ from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.companions import build_description, terminals_and_icons
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.model_description import Identity
@@ -62,7 +63,7 @@ def build_units(
     Raises
     ------
     BuildError
-        An unknown version or target, or the compiler's complaint.
+        An unknown version or target, a package that is not installed, or the compiler's complaint.
     OutputError
         The files cannot be written there.
     """
@@ -77,7 +78,8 @@ def build_units(
 def unit_archives(
     component: Component, versions: Iterable[str], systems: Iterable[Target], progress: StepProgress | None = None
 ) -> dict[str, bytes]:
-    """The units as archives, by file name."""
+    """The units as archives, by file name; see `build_units` for errors."""
+    check_installed(RUNNER, COMPILER)
     report, systems = progress or (lambda _text: None), tuple(systems)
     archives = {}
     for version in versions:

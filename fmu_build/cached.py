@@ -12,12 +12,13 @@ from pathlib import Path
 from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.progress import StepProgress
 
 # What the bytes of an FMU depend on beside this package's own files.
-_PACKAGES = ("gough-stewart", "casadi", "fmpy", "latex2mathml", "numpy", "scipy", "ziglang")
+_PACKAGES = ("gough-stewart", "casadi", RUNNER, "latex2mathml", "numpy", "scipy", COMPILER)
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path:
@@ -87,7 +88,14 @@ def _is_whole(path: Path, digest: Path) -> bool:
 
 @cache
 def state_of_sources() -> str:
-    """Digest of every file of the packages that FMUs are made from, and of the versions of what makes them."""
+    """Digest of every file of the packages that FMUs are made from, and of the versions of what makes them.
+
+    Raises
+    ------
+    BuildError
+        What makes them is not installed.
+    """
+    check_installed(RUNNER, COMPILER)
     state = hashlib.sha256()
     for package in _PACKAGES:
         state.update(f"{package} {version(package)}\n".encode())

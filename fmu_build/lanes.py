@@ -54,7 +54,7 @@ def lanes_library() -> LanesLibrary:
     Raises
     ------
     BuildError
-        No compiler (the package ziglang), its complaint, or another kind of machine.
+        No compiler (the extra `fmu`), its complaint, or another kind of machine.
     OSError
         The cache cannot be written.
     """

@@ -1,13 +1,14 @@
 """The C sources of a unit: the FMI layers, a component's own code and tables, headers of the standard."""
 
 from dataclasses import dataclass
+from importlib.metadata import version
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
-
-import fmpy
 
 from gough_stewart.fmu_build.component import Code, Component
 from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.extra import RUNNER, check_installed
 from gough_stewart.fmu_build.tables import model_header, model_source, token_source
 
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
@@ -54,14 +55,18 @@ def standard_headers(fmi_version: str) -> dict[str, str]:
     Raises
     ------
     BuildError
-        This FMPy has them elsewhere.
+        No FMPy is installed, or it has them elsewhere.
     """
-    folder = Path(fmpy.__file__).parent / "c-code"
+    check_installed(RUNNER)
+    spec = find_spec(RUNNER)  # to import it takes half a second
+    assert spec is not None
+    assert spec.origin is not None
+    folder = Path(spec.origin).parent / "c-code"
     try:
         return {name: (folder / name).read_text() for name in _STANDARD[fmi_version]}
     except FileNotFoundError as error:
         raise BuildError(
-            f"FMPy {fmpy.__version__} has no {Path(error.filename).name}; install FMPy 0.3.28 or later"
+            f"FMPy {version(RUNNER)} has no {Path(error.filename).name}; install FMPy 0.3.28 or later"
         ) from None
 
 

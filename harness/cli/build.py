@@ -27,9 +27,9 @@ def build_command(
 ) -> None:
     """Build the platform as FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
-    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. Nothing has to be installed to compile: the
-    compiler is a Python package, and makes binaries for every target on every machine. A first build takes ten
-    seconds a target (Windows: two minutes), the next ones two.
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. The compiler is a Python package,
+    which `pip install 'gough-stewart[fmu]'` brings; it makes binaries for every target on every machine. A first
+    build takes ten seconds a target (Windows: two minutes), the next ones two.
 
     The platform chosen gives the start values; another one can be set through the parameters, without a build.
 

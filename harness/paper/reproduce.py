@@ -4,19 +4,18 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gough_stewart.fmu_build.build import build
 from gough_stewart.fmu_build.builder import VERSIONS, number_of_steps
+from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
 from gough_stewart.harness.paper import figures, readings, report
 from gough_stewart.harness.paper.agreement import agreement, of_fmus
-from gough_stewart.harness.paper.fmu_runs import run_fmu
 from gough_stewart.harness.paper.open_loop import run_kane, run_kernel, run_stepping
 from gough_stewart.harness.paper.record import csv_of, record_of_case
-from gough_stewart.harness.plants.unit import FmiType
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
@@ -25,6 +24,9 @@ from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
+if TYPE_CHECKING:
+    from gough_stewart.harness.plants.unit import FmiType
+
 # Tolerance and (α, β) of the runs that show the drift; 1e-3 is ode45's default.
 _DRIFT_RUNS = {
     "without Baumgarte, rtol 1e-3": (1e-3, (0.0, 0.0)),
@@ -32,7 +34,7 @@ _DRIFT_RUNS = {
     "without Baumgarte, rtol 1e-6": (1e-6, (0.0, 0.0)),
     "Baumgarte α = β = 10/s, rtol 1e-6": (1e-6, (10.0, 10.0)),
 }
-_FMI_TYPES: dict[FmiType, str] = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange under CVode"}
+_FMI_TYPES: "dict[FmiType, str]" = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange under CVode"}
 FILES = (
     "open_loop.csv",
     "figure-4.png",
@@ -100,13 +102,14 @@ def reproduce(
     StepError
         The plant cannot go through the case.
     BuildError
-        The FMUs cannot be built.
+        The FMUs cannot be built, or what runs them is not installed.
 
     Examples
     --------
     >>> result = gs.reproduce()
     >>> result.agrees, result.save("results/paper")
     """
+    check_installed(RUNNER, COMPILER)
     if not isinstance(case, OpenLoopCase):
         case = case_of(load_preset(PAPER_PRESET) if case is None else case)
     console = console or Console(quiet=True)
@@ -161,6 +164,8 @@ def reproduce(
 
 def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
     """The native FMUs of the case's platform as files, and what they make of the case."""
+    from gough_stewart.harness.paper.fmu_runs import run_fmu
+
     runs = {}
     with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
         paths = build(folder, platform=case.platform, progress=lambda _what: done())

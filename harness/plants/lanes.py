@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 
@@ -203,9 +202,6 @@ def substeps_for(integration_error: float, substeps: int, tolerance: float) -> i
 
 def _kernel(compiler: bool | None) -> LaneKernel:
     if compiler is False:
-        return NumpyLanes()
-    if compiler is None and find_spec("ziglang") is None:
-        _warn("the package ziglang is not installed")
         return NumpyLanes()
     try:
         return _compiled()

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.fmu_build.extra import RUNNER, check_installed
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
@@ -44,7 +45,7 @@ def open_plant(
     PlantError
         An unknown kind, a file for the model, an FMU of the other version, or as `FmuPlant`.
     BuildError
-        The FMU cannot be built.
+        The FMU cannot be built, or what runs it is not installed.
     """
     if kind == "model":
         if fmu is not None or fixed_step_size:
@@ -57,6 +58,7 @@ def open_plant(
         return
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
+    check_installed(RUNNER)
     version = FMI_VERSIONS[kind]
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant

@@ -8,6 +8,7 @@ Shell commands and what becomes of them:
 - `make …`: the target is there (`make -n`);
 - `pytest …`, also in tables: collects at least one test;
 - the build for all targets: its options are there (`--help`);
+- `pip install …`: the extra is there; `tests/test_install.py` installs;
 - `. .venv/bin/activate`: nothing; the tests run in that environment.
 """
 
@@ -41,7 +42,7 @@ from tests.support.snippets import (
 )
 
 COMMANDS = {page: commands_of(page) for page in PAGES}
-ELSEWHERE = re.compile(r"make |pytest |\. \.venv/bin/activate$|.* --target all")
+ELSEWHERE = re.compile(r"make |pytest |pip install |\. \.venv/bin/activate$|.* --target all")
 BY_DEMO = re.compile(
     r"(gough-stewart reproduce|gough-stewart run heave_step --plant fmu3)( --report)?(?: --out (\S+))?$"
 )
@@ -234,5 +235,14 @@ def test_blocks_for_tools_that_are_not_here_name_what_there_is(block: Block) -> 
 
 
 @pytest.mark.skipif(not SET_UP_BY_MAKE, reason="not set up by make")
+def test_what_the_pages_install_are_extras_of_this_package() -> None:
+    """Expected: the extras of pyproject.toml."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {""} | {f"[{name}]" for name in project["optional-dependencies"]}
+    words = [word for c in EVERY if c.startswith("pip install ") for word in shlex.split(c)[2:]]
+    assert words
+    assert {word.partition(project["name"])[2] for word in words} <= extras
+
+
 def test_the_environment_that_the_pages_activate_is_there() -> None:
     assert (ROOT / ".venv/bin/activate").exists()

@@ -1,0 +1,169 @@
+"""What users install: the sdist, the wheel made of it, and a plain install with nothing but what the wheel declares.
+
+The install is a virtual environment of its own, with links to those packages of this environment that the wheel asks
+for, and to what these ask for; so it takes seconds and no network.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import venv
+import zipfile
+from collections.abc import Iterator
+from importlib.metadata import Distribution, distribution
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parent.parent
+FOLDERS = ("model", "fmu_build", "harness")
+PACKED = (*FOLDERS, "gough_stewart", "tests", "pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md")
+
+
+class Install(NamedTuple):
+    """Archives, and where they are installed."""
+
+    sdist: Path
+    wheel: Path
+    environment: Path
+
+    def run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """A program of the environment, outside of the repository and with none of its variables."""
+        command = [str(self.environment / "bin" / program), *arguments]
+        kept = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+        env = {**kept, "MPLBACKEND": "agg", "COLUMNS": "200", "NO_COLOR": "1"}
+        return subprocess.run(command, cwd=self.environment, env=env, capture_output=True, text=True, check=False)
+
+
+def requirements(found: Distribution) -> Iterator[Distribution]:
+    """What a distribution asks for without extras, as far as it is here, and what that asks for."""
+    for line in found.requires or ():
+        need = Requirement(line)
+        # of extras that are asked for, all that is here may be linked
+        if need.marker is None or any(need.marker.evaluate({"extra": extra}) for extra in ("", *need.extras)):
+            yield distribution(need.name)
+
+
+def link_packages(wheel: Path, site: Path) -> None:
+    """Link to all that the wheel needs, and to nothing else."""
+    with zipfile.ZipFile(wheel) as archive:
+        name = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        archive.extractall(site.parent / "metadata", [name, name.replace("METADATA", "WHEEL")])
+    waiting: list[Distribution] = [Distribution.at((site.parent / "metadata" / name).parent)]
+    known = set[str]()
+    while waiting:
+        found = waiting.pop()
+        for each in requirements(found):
+            if each.metadata["Name"] in known:
+                continue
+            known.add(each.metadata["Name"])
+            waiting.append(each)
+            for top in {file.parts[0] for file in each.files or () if file.parts[0] not in ("..", "__pycache__")}:
+                if not (site / top).exists():
+                    (site / top).symlink_to(Path(str(each.locate_file(top))))
+
+
+def packed(kind: str, source: Path, folder: Path) -> list[Path]:
+    """The sdist or the wheel of some sources, as their build system makes it."""
+    script = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
+    subprocess.run([sys.executable, "-c", script, str(folder)], cwd=source, capture_output=True, check=True)
+    return list(folder.glob({"sdist": "*.tar.gz", "wheel": "*.whl"}[kind]))
+
+
+@pytest.fixture(scope="module")
+def install(tmp_path_factory: pytest.TempPathFactory) -> Install:
+    folder = tmp_path_factory.mktemp("install")
+    source = folder / "source"
+    source.mkdir()
+    for name in PACKED:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / name, source)
+    (sdist,) = packed("sdist", source, folder)
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder / "unpacked", filter="data")
+    (wheel,) = packed("wheel", folder / "unpacked" / sdist.name.removesuffix(".tar.gz"), folder)
+    environment = folder / "plain"
+    venv.create(environment, symlinks=True)
+    (site,) = environment.glob("lib/python*/site-packages")
+    link_packages(wheel, site)
+    python = str(environment / "bin" / "python")
+    command = [sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index", str(wheel)]
+    subprocess.run(command, capture_output=True, check=True)
+    return Install(sdist, wheel, environment)
+
+
+def test_the_wheel_has_every_file_of_the_package(install: Install) -> None:
+    """Expected: the files of the folders themselves, however the wheel's list is made."""
+    expected = {
+        f"gough_stewart/{path.relative_to(ROOT).as_posix()}"
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    with zipfile.ZipFile(install.wheel) as wheel:
+        names = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    face = ("__init__.py", "__init__.pyi", "__main__.py", "py.typed")
+    assert names == expected | {f"gough_stewart/{name}" for name in face}
+
+
+def test_the_sdist_has_no_tests_that_cannot_run_and_what_a_reader_looks_for(install: Install) -> None:
+    with tarfile.open(install.sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert not [name for name in names if name.startswith(("tests", "benchmarks", "docs", "tools"))]
+    assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md"} <= names
+
+
+def test_a_plain_install_has_all_it_needs_to_run_and_show_an_experiment(install: Install) -> None:
+    done = install.run("gough-stewart", "--help")
+    assert (done.returncode, "experiments" in done.stdout) == (0, True), done.stderr
+    done = install.run("gough-stewart", "experiments")
+    assert (done.returncode, "heave_step" in done.stdout) == (0, True), done.stderr
+    out = install.environment / "results"
+    done = install.run(
+        "gough-stewart", "run", "heave_step", "--set", "loop.duration=0.1", "--report", "--out", str(out)
+    )
+    assert done.returncode == 0, done.stderr
+    assert {"record.csv", "pose.png", "report.html"} <= {path.name for path in out.iterdir()}
+
+
+def test_a_plain_install_has_neither_compiler_nor_fmpy_and_says_how_to_get_them(install: Install) -> None:
+    """Expected: the one error base and the extra's name at every door; many platforms are stepped by NumPy."""
+    heavy = ("fmpy", "ziglang", "cmake", "pandas")
+    there = f"from importlib.util import find_spec; print([each for each in {heavy} if find_spec(each)])"
+    assert install.run("python", "-c", there).stdout == "[]\n"
+    script = """
+import warnings
+
+import gough_stewart as gs
+from gough_stewart.harness.plants.lanes import lanes_plant
+from gough_stewart.model.state import State
+
+refused = (
+    gs.build,
+    gs.reproduce,
+    lambda: gs.run("heave_step", plant="fmu3"),
+    lambda: gs.run("heave_step", plant="fmu2", fmu="mine.fmu"),
+    lambda: gs.export("heave_step", forms=["fmu"], out="exported"),
+)
+for each in refused:
+    try:
+        each()
+    except gs.GoughStewartError as error:
+        assert "pip install 'gough-stewart[fmu]'" in str(error), error
+    else:
+        raise AssertionError(each)
+platform = gs.load_preset("motion_base")
+start = State(platform.home_position, platform.home_orientation, [0, 0, 0], [0, 0, 0])
+with warnings.catch_warnings(record=True) as heard:
+    warnings.simplefilter("always")
+    lanes_plant([platform], [start], substeps=1)
+assert any("NumPy" in str(each.message) and "gough-stewart[fmu]" in str(each.message) for each in heard), heard
+"""
+    done = install.run("python", "-c", script)
+    assert done.returncode == 0, done.stderr
