@@ -1,7 +1,10 @@
 """Cost of a closed-loop step at 1 kHz on the FMU: `make bench`.
 
 The heave step over 10 s, everything recorded. What the FMU itself takes is timed inside, around its doStep; all else of
-a step is the harness: two readings of all results, controller, limits, record. Best of some rounds.
+a step is the harness: signals, results, controller, limits, record. Best of some rounds.
+
+And many members at once, PD in leg space, delay, quantisation: the harness beyond the plant, an observer that looks at
+nothing, against the single run's harness in the same rounds, run alternately.
 """
 
 import sys
@@ -12,13 +15,21 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws_together import laws_together
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.run import simulate
+from gough_stewart.harness.loop.together import together
 from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.lanes import lanes_plant
 
 ROUNDS = 5
 SETTINGS = ["loop.duration=10"]
+MEMBERS = 512
+OF_MANY = ["loop.duration=1", "loop.delay=1", "sensors.quantisation.leg_length=0.01 mm"]
 
 
 def seconds_a_step(version: str) -> tuple[float, float]:
@@ -34,6 +45,39 @@ def seconds_a_step(version: str) -> tuple[float, float]:
             simulate(plant, prepared.law, prepared.loop)
             rounds.append(((time.perf_counter() - start) / steps, inside.seconds / steps))
     return min(rounds, key=lambda both: both[0] - both[1])
+
+
+def seconds_of_many() -> tuple[float, float, float]:
+    """Of a step and member among many: the harness, the plant; and of a step of a single run beyond doStep."""
+    prepared = prepare(shipped_experiment("heave_step", OF_MANY))
+    assert isinstance(prepared.controller, LinearController)
+    steps, n = prepared.loop.timing.steps, MEMBERS
+    loop = together([prepared.loop] * n)
+    rounds = []
+    for _ in range(ROUNDS):
+        plant = lanes_plant([prepared.machine] * n, [prepared.start] * n, substeps=1)
+        inside = [Stopwatch(getattr(plant, name)) for name in ("set_inputs", "signals", "do_step")]
+        plant.set_inputs, plant.signals, plant.do_step = inside  # type: ignore[method-assign]
+        law_from = laws_together([prepared.controller] * n, loop.timing.sample_time, prepared.jacobians)
+        start = time.perf_counter()
+        observe(plant, law_from, loop, Nothing())
+        whole = time.perf_counter() - start
+        in_plant = sum(each.seconds for each in inside)
+        with FmuPlant(cached_build("3.0"), prepared.platform, prepared.start) as single:
+            step = Stopwatch(single._unit.do_step)
+            single._unit.do_step = step  # type: ignore[method-assign]
+            start = time.perf_counter()
+            simulate(single, prepared.law, prepared.loop)
+            alone = time.perf_counter() - start - step.seconds
+        rounds.append(((whole - in_plant) / steps / n, in_plant / steps / n, alone / steps))
+    return tuple(min(each) for each in zip(*rounds, strict=True))  # type: ignore[return-value]
+
+
+class Nothing(Observer):
+    """Looks at nothing."""
+
+    def row(self, row: Row) -> None:
+        """Nothing."""
 
 
 class Stopwatch:
@@ -60,6 +104,11 @@ def main() -> int:
         table.add_row(f"a step, FMI {version}", f"{1e6 * whole:.1f} µs, {whole / inside:.1f} × doStep", "")
         table.add_row(f"… beyond doStep, FMI {version}", f"{beyond:.1f} µs", "60 µs")
         missed += [f"beyond doStep, FMI {version}"] if beyond > 60 else []
+    harness, plant, alone = seconds_of_many()
+    table.add_row(f"a step of each of {MEMBERS}, the harness", f"{1e6 * harness:.3f} µs", "0.15 µs")
+    table.add_row("… its plant (no target here)", f"{1e6 * plant:.3f} µs", "")
+    table.add_row("… a single run's harness, by that of a member", f"{alone / harness:.0f} ×", "")
+    missed += ["the harness of many"] if harness > 0.15e-6 else []
     Console().print(table)
     if missed:
         Console().print(f"missed: {', '.join(missed)}", style="bold red")

@@ -55,7 +55,7 @@ class LinearLaw:
 
     def _advance(self) -> FloatArray:
         n = len(self._x)
-        both: FloatArray = self._matrix @ self._xu
+        both: FloatArray = self._matrix.dot(self._xu)  # faster than @
         self._x[:] = both[:n]
         return both[n:]
 

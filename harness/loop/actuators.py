@@ -32,7 +32,10 @@ class Drives:
         begin = start.T.copy()
         rate = np.inf if actuators.rate_limit is None else actuators.rate_limit
         lag = np.asarray(actuators.lag)
-        self._force_limit = actuators.force_limit
+        # for six forces NumPy takes an array in half the time that it needs for a number
+        limit = actuators.force_limit
+        self._high = limit if limit is None or start.ndim > 1 else np.full(6, limit)
+        self._low = None if self._high is None else -self._high
         self._follows_at_once = actuators.rate_limit is None and not (lag > 0).any()
         self._rate, self._slope = rate, np.where(np.isfinite(rate), rate, 0.0)[()]
         self._step = plant_step
@@ -54,14 +57,15 @@ class Drives:
         Returns which of them the force limit cut (*shape, 6), and the excess (*shape, 6) [N]: what the limits of force
         and rate leave of the command when it has acted for a sample, minus the command.
         """
-        wanted, limit = force.T, self._force_limit
-        limited, cut = wanted, self.none
-        if limit is not None:
-            limited = _between(-limit, wanted, limit)
+        wanted = force.T
+        if self._high is None:
+            limited, cut = wanted.copy(), self.none
+        else:
+            limited = _between(self._low, wanted, self._high)
             cut = (limited != wanted).T
         self._target = self._delay(j, limited, due)
         if self._follows_at_once:
-            return cut, self._nothing if limit is None else (limited - wanted).T
+            return cut, self._nothing if self._high is None else (limited - wanted).T
         change = self._largest_change_of_a_sample
         planned = _between(self._planned - change, limited, self._planned + change)
         self._planned = planned if due is None else np.where(due, planned, self._planned)
@@ -100,33 +104,24 @@ class _Delay:
     """
 
     def __init__(self, delays: NDArray[np.int_], start: FloatArray) -> None:
-        self._ring = np.broadcast_to(start, (int(delays.max()) + 1, *start.shape)).copy()
-        self._same = int(delays.max()) if (delays == delays.max()).all() else None
-        self._delays = delays
-        # where the elements of slot 0 are in the ring as a row of numbers
-        self._elements = np.arange(start.size).reshape(start.shape)
+        self._delay = int(delays.max())
+        self._slots = [start.copy() for _ in range(self._delay + 1)]
+        # of members with other delays, what each takes from which slot
+        self._of_slot = [(d, delays == d) for d in np.unique(delays).tolist()] if delays.min() < delays.max() else []
         self._out = start.copy()
 
     def __call__(self, j: int, forces: FloatArray, due: BoolArray | None) -> FloatArray:
-        """Take forces at sample j, of the members that are due, and give those that come out; a view."""
-        ring = self._ring
-        slot = ring[j % len(ring)]
-        if due is None:
-            slot[...] = forces
-        else:
-            np.copyto(slot, forces, where=due)
-        if self._same is not None:
-            late: FloatArray = ring[(j - self._same) % len(ring)]
-        else:
-            elements = (j - self._delays) % len(ring) * self._elements.size + self._elements
-            late = np.take(ring, elements)
-        if due is None:
-            return late
-        np.copyto(self._out, late, where=due)
+        """Take forces at sample j, of the members that are due, and give those that come out; both are kept."""
+        slots, n = self._slots, self._delay + 1
+        slots[j % n] = forces if due is None else np.where(due, forces, slots[j % n])
+        if due is None and not self._of_slot:
+            return slots[(j - self._delay) % n]
+        for delay, whose in self._of_slot or [(self._delay, True)]:
+            np.copyto(self._out, slots[(j - delay) % n], where=whose if due is None else due & whose)
         return self._out
 
 
 def _between(low: PerMember, values: FloatArray, high: PerMember) -> FloatArray:
     """As np.clip, which costs three times as much on six numbers."""
-    between: FloatArray = np.maximum(values, low)
-    return np.minimum(between, high, out=between)
+    between: FloatArray = np.minimum(np.maximum(values, low), high)
+    return between

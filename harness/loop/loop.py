@@ -214,14 +214,16 @@ def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes:
             outcomes.end(beyond.any(axis=-1), "stopped", lambda k: _beyond_stroke(limits, now[..., LENGTHS], beyond, k))
     if wanted is None:
         return
-    gap, bound = wanted[..., :3] - now[..., :3], limits.largest_position_error
-    if gap.ndim == 1:
-        error: PerMember = math.sqrt(gap @ gap)
+    bound = limits.largest_position_error
+    if now.ndim == 1:
+        gap = wanted[:3] - now[:3]
+        error: PerMember = math.sqrt(gap.dot(gap))  # faster than @
         if error <= bound:
             return
-    elif members.all_below(gap, members.smallest(bound)):
-        return
     else:
+        gap = wanted[..., :3] - now[..., :3]
+        if members.all_below(gap, members.smallest(bound)):
+            return
         x, y, z = gap.T
         error = np.sqrt(x * x + y * y + z * z)
     outcomes.end(

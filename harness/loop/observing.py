@@ -1,16 +1,18 @@
 """What sees a run while it runs: row by row, of one member or of many."""
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
 
-class Sampled(NamedTuple):
+@dataclass(slots=True)
+class Sampled:
     """What the controllers did at a sample; views, valid during the call only."""
 
     j: int  # the sample
-    due: BoolArray  # (*shape,), whose sample it is at this row
+    due: BoolArray | None  # (N,), whose sample it is at this row; None is everyone's
     measured: FloatArray  # (*shape, 24); of many members only what the controllers look at
     state: FloatArray  # (*shape, n_states), with which the command was made
     command: FloatArray  # (*shape, 6), before any limit

@@ -65,25 +65,26 @@ class _Everything(Observer):
 
     def row(self, row: Row) -> None:
         # once more: accelerations and joint forces under the forces that act from here on
-        self._results[row.k], self._inputs[row.k] = self._plant.results(), row.inputs
-        self._rate_limited[row.k] = row.rate_limited
-        self._rows = row.k + 1
+        k = row.k
+        self._results[k], self._inputs[k] = self._plant.results(), row.inputs
+        self._rate_limited[k] = row.rate_limited
+        self._rows = k + 1
         if row.sampled is not None:
             self._sample(row.sampled)
 
     def _sample(self, sampled: Sampled) -> None:
-        j, due, measured, state, command, force_limited = sampled
-        if self._state.shape[-1] != state.shape[-1]:
-            self._state = members.zeros(self._shape, state.shape[-1], self._m)
-        if not self._shape:
-            self._measured[j], self._state[j], self._command[j] = measured, state, command
-            self._force_limited[j] = force_limited
+        j = sampled.j
+        if j == 0:
+            self._state = members.zeros(self._shape, sampled.state.shape[-1], self._m)
+        if sampled.due is None:
+            self._measured[j], self._state[j] = sampled.measured, sampled.state
+            self._command[j], self._force_limited[j] = sampled.command, sampled.force_limited
             return
-        whose = due[:, None]
-        np.copyto(self._measured[j], measured, where=whose)
-        np.copyto(self._state[j], state, where=whose)
-        np.copyto(self._command[j], command, where=whose)
-        np.copyto(self._force_limited[j], force_limited, where=whose)
+        whose = sampled.due[:, None]
+        np.copyto(self._measured[j], sampled.measured, where=whose)
+        np.copyto(self._state[j], sampled.state, where=whose)
+        np.copyto(self._command[j], sampled.command, where=whose)
+        np.copyto(self._force_limited[j], sampled.force_limited, where=whose)
 
     def run(self, outcomes: tuple[Outcome, ...]) -> Run:
         """As far as it came."""

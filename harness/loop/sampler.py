@@ -84,21 +84,19 @@ class Sampler:
             at = j * self._every * self._plant_step
             if self._shape:
                 force, due = self._forces(cast("LawOfMany", self._law), j, at, wanted, reading, due)
+                command = np.add(command, force, out=self._sum if due is None else None)
             else:
-                force = self._law.force(j, at, wanted, reading, self._excess)
-            command = np.add(command, force, out=self._sum if due is None else None)
+                command = command + self._law.force(j, at, wanted, reading, self._excess)
         if self._shape:
             self._command_many(j, time, command, due)
         else:
             self._command_one(j, time, command)
-        return Sampled(
-            j, self._outcomes.running if due is None else due, reading, state, self.command, self.force_limited
-        )
+        return Sampled(j, due, reading, state, self.command, self.force_limited)
 
     def _command_one(self, j: int, time: float, command: FloatArray) -> None:
         self.command = command
-        # false of NaN, too; NumPy takes three times as long
-        if not all(abs(force) <= LARGEST_NUMBER for force in command.tolist()):
+        # quick, and enough for all but the largest; false of NaN, too
+        if not (command.dot(command) < LARGEST_NUMBER or (np.abs(command) <= LARGEST_NUMBER).all()):
             self._outcomes.end(True, "diverged", _forces_are(command), time=time)
             self.force_limited = np.zeros(6, dtype=bool)
             return
@@ -117,11 +115,8 @@ class Sampler:
             self._outcomes.end(beyond, "diverged", lambda member: _forces_are(self.command[member]), time=time)
             due = going & (True if due is None else due)
         cut, excess = self._drives.command(j, self.command, due)
-        if due is None:
-            self.force_limited, self._excess = cut, excess
-        else:
-            self.force_limited = np.where(due[:, None], cut, going[:, None] & self.force_limited)
-            self._excess = np.where(due[:, None], excess, self._excess)
+        # of commands that stayed both are what they were
+        self.force_limited, self._excess = cut if due is None else cut & going[:, None], excess
 
     def _forces(
         self, law: "LawOfMany", j: int, at: float, wanted: FloatArray, reading: FloatArray, due: BoolArray | None

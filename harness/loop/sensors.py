@@ -45,18 +45,21 @@ class Readings:
 
     def only(self, names: Iterable[str]) -> None:
         """Read these signals alone from here on: of many members the others would cost time that nobody uses."""
-        read = list(names) if self._measured.ndim > 1 else list(signals.NAMES)
+        many = self._measured.ndim > 1
+        read = list(names) if many else list(signals.NAMES)
         self._exact = _joined([_PARTS[name] for name in read if name not in self._steps or name in self._noise])
         self._noisy = [(_PARTS[name], noise) for name, noise in self._noise.items() if name in read]
         self._stepped = [
-            (_PARTS[name], _Steps(step), name in self._noise) for name, step in self._steps.items() if name in read
+            (part := _PARTS[name], _Steps(step, None if many else part.stop - part.start), name in self._noise)
+            for name, step in self._steps.items()
+            if name in read
         ]
 
     def __call__(self, k: int, true: FloatArray) -> FloatArray:
         """All signals as measured at reading k (*shape, 24); of many members valid until the next call."""
         columns = true.T
         if columns.ndim == 1:
-            measured = columns + 0.0
+            measured = columns + self._measured  # zeros
         else:
             measured = self._measured
             for part in self._exact:
@@ -71,10 +74,12 @@ class Readings:
 class _Steps:
     """q · round(x / q), x itself where q is 0."""
 
-    def __init__(self, step: PerMember) -> None:
+    def __init__(self, step: PerMember, size: int | None) -> None:
         self._none = np.asarray(step) == 0
         self._some_have_none = bool(self._none.any())
         self._step = np.where(self._none, 1.0, step) if self._some_have_none else step
+        if size is not None:
+            self._step = np.full(size, step)  # which NumPy takes in half the time
 
     def round(self, exact: FloatArray, out: FloatArray) -> None:
         """Into `out`, which may be `exact` itself."""

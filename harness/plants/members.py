@@ -32,12 +32,12 @@ def stacked(values: Sequence[Any]) -> Any:
 
 
 def all_below(values: FloatArray, bound: float) -> bool:
-    """Whether vectors (N, size) are certainly all shorter than a bound; where not, one has to look more closely.
+    """Whether vectors (size,) or (N, size) are all shorter than a bound for certain; where not, look more closely.
 
-    All squares together are at once at hand, and no sum of theirs is larger; false of NaN, too.
+    The squares of all together are quickly summed up, and no vector's own are more; false of NaN, too.
     """
-    row = values.T.reshape(-1)
-    return bool(row @ row < bound * bound)
+    row = values if values.ndim == 1 else values.T.reshape(-1)
+    return bool(row.dot(row) < bound * bound)
 
 
 def smallest(value: PerMember) -> Any:

@@ -102,7 +102,7 @@ def member_of(k: int, controller: Any, features: Sequence[str] = ()) -> Member:
     on = set(features)
     rng = np.random.default_rng(k)
     timing = Timing(
-        0.5, T, 0.002, jitter=(0.004 + 0.0015 * (k % 3)) * ("jitter" in on), seed=SeedSequence(5, spawn_key=(k,))
+        0.3, T, 0.002, jitter=(0.004 + 0.0015 * (k % 3)) * ("jitter" in on), seed=SeedSequence(5, spawn_key=(k,))
     )
     wanted = reference(timing.times) if "references" not in on else reference(timing.times * (1 + 0.1 * k))
     samples = len(timing.samples)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from gough_stewart.harness.control.laws import LinearController, Sample
+from gough_stewart.harness.control.laws import LinearController, Sample, law_of
 from gough_stewart.harness.control.laws_together import laws_together
 from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
@@ -16,7 +16,8 @@ from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.loop.together import together
-from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants import members, signals
+from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses
 from tests.support.loops import FORCES, constant, loop_of
@@ -109,6 +110,56 @@ def test_rows_count_up_to_the_row_of_the_outcome() -> None:
         assert counting.calls == counting.rows.max()
         if len(chosen) == 7:  # with nobody left nothing is frozen
             assert plant.frozen.tolist() == [outcome.status != "completed" for outcome in outcomes]
+
+
+class Commands(Observer):
+    """Keeps command and flags of every row."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[FloatArray, BoolArray]] = []
+
+    def row(self, row: Row) -> None:
+        self.rows.append((row.command.copy(), row.force_limited.copy()))
+
+
+def test_a_command_stays_in_the_rows_until_the_next_sample_of_its_member() -> None:
+    """Expected: rows of single runs, in which each has its samples late in its own way."""
+    features = ["jitter", "force_limit", "feedforward", "delays"]
+    some = [member_of(k, law_of_member(k), features) for k in range(4)]
+    many = Commands()
+    law_from = laws_together([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    observe(ManyMasses([each.platform_mass for each in some]), law_from, together([each.loop for each in some]), many)
+    for k, each in enumerate(some):
+        single = Commands()
+        observe(
+            Masses(each.platform_mass),
+            lambda wanted, measured, law=each.controller: law_of(law, T, np.zeros((0, 6, 6)), wanted, measured),  # type: ignore[misc]
+            each.loop,
+            single,
+        )
+        assert len(single.rows) == len(many.rows) == 151
+        for (command, limited), (commands, limits) in zip(single.rows, many.rows, strict=True):
+            np.testing.assert_array_equal(commands[k], command)
+            np.testing.assert_array_equal(limits[k], limited)
+
+
+def test_the_first_outcome_of_a_member_is_its_outcome() -> None:
+    """Expected: a force that is no number comes before the bound that the same row is beyond."""
+    far = replace(member_of(0, law_of_member(0)).loop, limits=Limits(largest_position_error=1e-12))
+    starting = replace(far, wanted=None if far.wanted is None else far.wanted + 0.1)
+    nan = np.full(6, np.nan)
+    for outcome in side_by_side([Member(starting, constant(nan)), Member(starting, constant(nan))]).outcomes:
+        assert outcome.status == "diverged"
+        assert "the controller's forces are [nan" in str(outcome.cause)
+
+
+@pytest.mark.parametrize(("bound", "below"), [(5.0, False), (5.001, True), (np.inf, True)])
+def test_vectors_are_below_a_bound_only_if_they_certainly_are(bound: float, below: bool) -> None:
+    """Expected: |(3, −4, 0)| = 5; two such may be, one cannot tell without a closer look; NaN never is."""
+    one = np.array([[3.0, -4.0, 0.0]])
+    assert members.all_below(one, bound) is below
+    assert members.all_below(np.concatenate([one, one]), bound) is (bound == np.inf)
+    assert not members.all_below(np.array([[3.0, np.nan, 0.0]]), bound)
 
 
 def test_a_function_that_gives_no_forces_at_first_ends_its_member_alone() -> None:
