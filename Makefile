@@ -87,6 +87,7 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_architecture.py
 	$(BIN)/python docs/figures/draw_workspace.py
 	$(BIN)/python docs/figures/draw_recorded.py
+	$(BIN)/python docs/figures/draw_fastest.py
 	$(BIN)/python docs/figures/draw_shares.py
 
 lower-bounds:

@@ -49,6 +49,7 @@ Controllers
 Motions
     Hold, Step, PointToPoint  stay, jump, go
     Sine, Chirp, Circle       swing, swing faster and faster, go round
+    ViaPath                   through poses, in a given time or as fast as the platform can
     Excitation                swing in all coordinates at once, as identification wants it
 
 Experiments

@@ -42,6 +42,7 @@ from gough_stewart.harness.motion.references import Hold as Hold
 from gough_stewart.harness.motion.references import PointToPoint as PointToPoint
 from gough_stewart.harness.motion.references import Sine as Sine
 from gough_stewart.harness.motion.references import Step as Step
+from gough_stewart.harness.motion.via_path import ViaPath as ViaPath
 from gough_stewart.harness.paper.reproduce import reproduce as reproduce
 from gough_stewart.harness.results.metrics import metrics as metrics
 from gough_stewart.harness.results.record import Record as Record

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import GetCoreSchemaHandler
+from pydantic import BeforeValidator, GetCoreSchemaHandler
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import no_info_before_validator_function, no_info_plain_validator_function
 
@@ -31,6 +31,7 @@ UNITS: dict[str, dict[str, float]] = {
     "N.m": {"N.m": 1, "N m": 1, "Nm": 1, "kN.m": 1e3},
     "N/m": {"N/m": 1, "kN/m": 1e3, "N/mm": 1e3},
     "N.s/m": {"N.s/m": 1, "N s/m": 1, "kN.s/m": 1e3},
+    "1": {"%": 1e-2},
     "N/(m.s)": {"N/(m.s)": 1, "N/(m s)": 1, "kN/(m.s)": 1e3},
     "kg": {"kg": 1, "g": 1e-3, "t": 1e3},
     "kg.m2": {"kg.m2": 1, "kg m2": 1, "kg m²": 1},
@@ -180,6 +181,18 @@ def quantity_in(*annotations: object) -> Quantity | Vector | Unit | None:
     return None
 
 
+def _share(value: object) -> float:
+    """A share from 0 to below 1: 0.1, or "10 %"."""
+    try:
+        size = number(value, "1")
+    except ValueError:
+        raise ValueError("expected a number from 0 to below 1, or a text such as '10 %'") from None
+    if not 0 <= size < 1:
+        raise ValueError("expected a number from 0 to below 1, or from '0 %' to below '100 %'")
+    return size
+
+
+Share = Annotated[float, Unit("1"), BeforeValidator(_share)]
 Number = Annotated[float, Quantity(PLAIN)]
 PositiveNumber = Annotated[float, Quantity(PLAIN, "> 0")]
 AnyTime = Annotated[float, Quantity("s")]

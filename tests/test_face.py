@@ -27,7 +27,7 @@ NAMES = [
     "SteppingModel", "build", "VARIABLES",
     "plant_system", "linearise", "trim", "modes",
     "PD", "PID", "gains_from_bandwidth", "Gains", "pid", "sampled", "LinearController", "Sample",
-    "Hold", "Step", "PointToPoint", "Sine", "Chirp", "Circle",
+    "Hold", "Step", "PointToPoint", "Sine", "Chirp", "Circle", "ViaPath",
     "Excitation",
     "experiment_names", "load_experiment", "Experiment", "check", "MotionCheck", "run", "margins", "LoopMargins",
     "frf", "FrequencyResponse",

@@ -7,8 +7,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.injections import InjectionChoice
-from gough_stewart.harness.motion import excitation  # noqa: F401 - by being there its motion is known
-from gough_stewart.harness.motion.reach import Beyond
+from gough_stewart.harness.motion import excitation, via_path  # noqa: F401 - by being there their motions are known
+from gough_stewart.harness.motion.reach import WhenBeyond
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.motion.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.plants.kinds import PlantKind
@@ -144,7 +144,7 @@ class LimitChoice(Section):
 
     stroke: Literal["ignore", "warn", "stop"] = "warn"
     # a reference that asks for too much velocity, acceleration, force or power; one out of reach is always refused
-    reference: Beyond = "refuse"
+    reference: WhenBeyond = "refuse"
     position_error: PositiveLength | None = None
     condition_number: Annotated[Number, Field(gt=1)] = WORST_CONDITION_NUMBER
 

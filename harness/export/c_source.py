@@ -15,7 +15,7 @@ from gough_stewart.harness.export.operations import operations_of, words_of
 from gough_stewart.harness.export.settings import Setting
 from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, filled, number, numbers
 from gough_stewart.harness.export.trace import Traced, traced
-from gough_stewart.harness.motion.table import FromTable
+from gough_stewart.harness.motion.motion import Piecewise
 from gough_stewart.model import interface
 
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
@@ -73,7 +73,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
     settings = designed.settings
     call = partial(_call, settings=settings)
     at_time, uses_excess = _uses(law, "motion") or _uses(functions.start, "motion"), _uses(law, "excess")
-    is_table = isinstance(designed.reference, FromTable)
+    is_table = isinstance(designed.reference, Piecewise)
     forward = functions.feedforward is not None
     is_moving = forward or at_time
     inside = designed.reference is not None

@@ -1,8 +1,7 @@
 """A motion from a table as C: the splines' polynomials, and their evaluation in fixed work."""
 
 from gough_stewart.harness.export.texts import number, numbers
-from gough_stewart.harness.motion.motion import ROUNDING
-from gough_stewart.harness.motion.table import FromTable
+from gough_stewart.harness.motion.motion import ROUNDING, Piecewise
 
 _TEXT = """/* Polynomials between the rows of a table: of each piece six quantities, of each the highest power first. */
 #define TABLE_END @END@
@@ -39,7 +38,7 @@ static void table_at(double time, double pose[6], double rate[6], double acceler
 """
 
 
-def table_of(reference: FromTable) -> str:
+def table_of(reference: Piecewise) -> str:
     """The table and its evaluation."""
     begins, pieces = reference.pieces
     n = len(begins)

@@ -15,9 +15,8 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
 from gough_stewart.harness.export.laws import FORCE, MEMORY, MEMORY_NEXT, FunctionLaw, Law
-from gough_stewart.harness.motion.motion import Motion, Reference, extrapolated, motion_of
+from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
 from gough_stewart.harness.motion.reach import legs_of
-from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.interrupts import interrupts_held_back
@@ -58,7 +57,7 @@ def traced(designed: Designed) -> Traced:
 
 def motion_function(reference: Reference) -> casadi.Function:
     """CasADi Function `motion`: time -> motion; of a table (pose, rate, acceleration) -> motion."""
-    if isinstance(reference, FromTable):
+    if isinstance(reference, Piecewise):
         parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
         at = motion_of(*(symbols.row(part) for part in parts.values()))
         return symbols.function("motion_of_table", parts, {"motion": _vector(at)})

@@ -60,7 +60,7 @@ _WITH_UNIT = re.compile(r"(.*?)(\s*)[\[(]([^\[\]()]*)[\])]")
 _OWN_PREFIX = re.compile(r"^(reference|measured)\.")
 
 
-def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "") -> dict[str, Column]:
+def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, timed: bool = True) -> dict[str, Column]:
     """Where time, position, and one of orientation, quaternion, rotation_vector stand.
 
     Parameters
@@ -71,6 +71,8 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "") -> d
     chosen
         Names of the file, with or without units, by this project's own names; for what is left out, the usual names
         of motion logs. Or the prefix of a record's signals, "reference" or "measured".
+    timed
+        Whether there has to be a time.
 
     Raises
     ------
@@ -86,7 +88,7 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "") -> d
             raise MotionError(f"columns: no quantity '{name}'{nearest(name, _QUANTITIES)}")
     found = {name: _found(name, headings, chosen) for name in _QUANTITIES}
     turning = _TURNING[_kind_of_turning(found, chosen)]
-    wanted = (*_PLACE, *turning)
+    wanted = (*(_PLACE if timed else _PLACE[1:]), *turning)
     missing = [name for name in wanted if found[name] is None]
     if missing:
         raise MotionError(

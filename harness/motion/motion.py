@@ -1,6 +1,7 @@
 """A motion of the platform frame: poses with their exact first and second derivatives."""
 
 import math
+from abc import ABC, abstractmethod
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -33,6 +34,27 @@ class Reference(Protocol):
 
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
+
+
+class Piecewise(ABC):
+    """A motion that is, or is as good as, a polynomial from time to time; so it can leave as a table."""
+
+    @abstractmethod
+    def __call__(self, time: ArrayLike) -> Motion:
+        """The motion at times (n,) [s]."""
+
+    @property
+    @abstractmethod
+    def end(self) -> float:
+        """The last time at which anything moves [s]."""
+
+    @property
+    @abstractmethod
+    def pieces(self) -> tuple[FloatArray, FloatArray]:
+        """When each piece begins (n,) [s], and its polynomials in the time since then (n, 6, 6).
+
+        Coefficients of x, y, z, roll, pitch, yaw, the highest power first.
+        """
 
 
 def end_of(reference: Reference) -> float:

@@ -8,13 +8,13 @@ from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.fitting import remedy
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.scaling import pose_at_start
-from gough_stewart.harness.motion.shares import GEOMETRIC, WORST_CONDITION_NUMBER, Limited, shares_along
+from gough_stewart.harness.motion.shares import GEOMETRIC, WORST_CONDITION_NUMBER, Beyond, shares_along
 from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
-Beyond = Literal["refuse", "warn"]
+WhenBeyond = Literal["refuse", "warn"]
 
 
 class LegMotion(NamedTuple):
@@ -38,7 +38,7 @@ def check_reach(
     largest_condition_number: float = WORST_CONDITION_NUMBER,
     *,
     centre: FloatArray | None = None,
-    dynamic: Beyond = "refuse",
+    dynamic: WhenBeyond = "refuse",
 ) -> list[str]:
     """Refuse a motion that passes a limit of the platform, or comes near a singular pose; see `shares_along`.
 
@@ -68,27 +68,19 @@ def check_reach(
     passed = [each for each in shares.limited if not each.within.all()]
     refused = [each for each in passed if dynamic == "refuse" or each.limit in GEOMETRIC]
     if not refused:
-        return [f"the reference passes a limit: {_where(each, time)[0]}" for each in passed]
-    first = min(refused, key=_first_row)
-    text, row, leg, value = _where(first, time)
+        return [f"the reference passes a limit: {_at(time, each.first_beyond)}" for each in passed]
+    first = min(refused, key=lambda each: each.first_beyond.row)
+    beyond = first.first_beyond
     about = pose_at_start(motion) if centre is None else centre
     helps = remedy(platform, motion, about, largest_condition_number)
-    raise ReachError(f"the reference cannot be reached: {text}; {helps}", float(time[row]), first.quantity, value, leg)
+    raise ReachError(
+        f"the reference cannot be reached: {_at(time, beyond)}; {helps}",
+        float(time[beyond.row]),
+        first.quantity,
+        beyond.value,
+        beyond.leg,
+    )
 
 
-def _first_row(limited: Limited) -> int:
-    """Where it is first passed."""
-    outside = ~limited.within
-    return int(outside.any(axis=tuple(range(1, outside.ndim))).argmax())
-
-
-def _where(limited: Limited, time: FloatArray) -> tuple[str, int, int | None, float]:
-    """When a limit is first passed, in words, the row, the leg, and the value."""
-    row = _first_row(limited)
-    leg = int((~limited.within[row]).argmax()) + 1 if limited.values.ndim == 2 else None
-    value = float(limited.values[row, leg - 1] if leg else limited.values[row])
-    of_leg = f" of leg {leg}" if leg else ""
-    unit = f" {limited.unit}" if limited.unit else ""
-    expected = f"{limited.low:g} to {limited.high:g}" if limited.low < limited.high else f"{limited.low:g}"
-    text = f"at time {time[row]:.6g} s {limited.quantity}{of_leg} is {value:.6g}{unit}; expected {expected}{unit}"
-    return text, row, leg, value
+def _at(time: FloatArray, beyond: Beyond) -> str:
+    return f"at time {time[beyond.row]:.6g} s {beyond.text}"

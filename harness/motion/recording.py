@@ -5,15 +5,19 @@ from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.columns import columns_of
+from gough_stewart.harness.motion.columns import Column, columns_of
 from gough_stewart.harness.motion.table import FromTable, check_increasing
 from gough_stewart.harness.motion.table_file import numbers_of, read_table, times_of
 from gough_stewart.harness.motion.turning import continuous, of_quaternions, of_rotation_vectors
 from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    import polars
 
 # A step of time that is longer, in median steps, is a gap.
 _LONGEST_STEP = 5.0
@@ -63,15 +67,33 @@ def read_recording(
         table = read_table(path)
         chosen = columns_of(table.columns, columns)
         first, since = times_of(table, chosen["time"].name)
-        values = {name: each.factor * numbers_of(table, each.name) for name, each in chosen.items() if name != "time"}
         first, since = chosen["time"].factor * first, chosen["time"].factor * since
         check_increasing(since, first)
         _check_gaps(since, first, largest_gap)
-        position, turning = list(values)[:3], list(values)[3:]
-        orientation = _ORIENTATION_FROM[turning[0].partition("[")[0]](_stacked(values, turning))
-        return Recording(FromTable(since, _stacked(values, position), orientation), first)
+        return Recording(FromTable(since, *_poses(table, chosen)), first)
     except MotionError as error:
         raise MotionError(f"{path}: {error}") from error
+
+
+def read_poses(path: Path | Traversable, columns: Mapping[str, str] | str = "") -> tuple[FloatArray, FloatArray]:
+    """Positions [m] and orientations [rad], each (n, 3), from a CSV or Parquet file; times are left aside.
+
+    Raises
+    ------
+    MotionError
+        As `read_recording`.
+    """
+    try:
+        table = read_table(path)
+        return _poses(table, columns_of(table.columns, columns, timed=False))
+    except MotionError as error:
+        raise MotionError(f"{path}: {error}") from error
+
+
+def _poses(table: "polars.DataFrame", columns: Mapping[str, Column]) -> tuple[FloatArray, FloatArray]:
+    values = {name: each.factor * numbers_of(table, each.name) for name, each in columns.items() if name != "time"}
+    position, turning = list(values)[:3], list(values)[3:]
+    return _stacked(values, position), _ORIENTATION_FROM[turning[0].partition("[")[0]](_stacked(values, turning))
 
 
 def _stacked(values: Mapping[str, FloatArray], names: list[str]) -> FloatArray:

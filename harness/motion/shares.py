@@ -29,6 +29,15 @@ WORST_CONDITION_NUMBER = 100.0
 GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
 
 
+class Beyond(NamedTuple):
+    """Where a limit is first passed."""
+
+    row: int
+    leg: int | None  # from 1; None where the limit is of the whole platform
+    value: float
+    text: str  # quantity, leg, value and what was expected
+
+
 class Limited(NamedTuple):
     """A quantity of a motion that has to stay from low to high."""
 
@@ -44,6 +53,18 @@ class Limited(NamedTuple):
     def within(self) -> NDArray[np.bool_]:
         """Where it does; NaN does not."""
         return (self.values >= self.low) & (self.values <= self.high)
+
+    @property
+    def first_beyond(self) -> Beyond:
+        """The first row that is not within."""
+        outside = ~self.within
+        row = int(outside.any(axis=tuple(range(1, outside.ndim))).argmax())
+        leg = int(outside[row].argmax()) + 1 if self.values.ndim == 2 else None
+        value = float(self.values[row, leg - 1] if leg else self.values[row])
+        of_leg = f" of leg {leg}" if leg else ""
+        unit = f" {self.unit}" if self.unit else ""
+        expected = f"{self.low:g} to {self.high:g}" if self.low < self.high else f"{self.low:g}"
+        return Beyond(row, leg, value, f"{self.quantity}{of_leg} is {value:.6g}{unit}; expected {expected}{unit}")
 
     @property
     def share(self) -> FloatArray:

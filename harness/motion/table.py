@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import ROUNDING, Motion, motion_of
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, motion_of
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
@@ -19,7 +19,7 @@ _SPLINE_DEGREE = 5
 
 
 @dataclass(frozen=True, eq=False)
-class FromTable:
+class FromTable(Piecewise):
     """Poses at given times with quintic splines between them, and the splines' own derivatives.
 
     Raises

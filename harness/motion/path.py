@@ -1,0 +1,163 @@
+"""A smooth path through poses: positions and rotation vectors as splines of one path parameter."""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.model.real import real_array
+from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
+from gough_stewart.model.vectors import FloatArray, cross, dot, skew
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+# Natural ends: no curvature there, so that two poses are joined by a straight line.
+_DERIVATIVES_ZERO_AT_ENDS = {5: (2, 4), 3: (2,)}
+DEGREES = {"quintic": 5, "cubic": 3}
+# Angles [rad] below which the coefficients of the exponential come from their series.
+_SMALL_ANGLE = 1e-2
+
+
+class PathPoint(NamedTuple):
+    """Poses on a path and their derivatives by its parameter s; each (n, 3)."""
+
+    position: FloatArray  # [m]
+    orientation: FloatArray  # roll, pitch, yaw [rad]
+    tangent: FloatArray  # p' [m]
+    turning: FloatArray  # τ: the angular velocity is τ ṡ, world components [rad]
+    curvature: FloatArray  # p'' [m]
+    turning_rate: FloatArray  # τ' [rad]
+
+    def motion(self, rate: FloatArray, acceleration: FloatArray) -> Motion:
+        """The motion with s at these rates ṡ (n,) [1/s] and s̈ (n,) [1/s²]: v = p' ṡ, v̇ = p' s̈ + p'' ṡ²; likewise ω."""
+        first, second = rate[:, None], acceleration[:, None]
+        return Motion(
+            self.position,
+            self.orientation,
+            self.tangent * first,
+            self.turning * first,
+            self.tangent * second + self.curvature * first**2,
+            self.turning * second + self.turning_rate * first**2,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GeometricPath:
+    """A path through poses, from s = 0 to 1, at each of them exactly.
+
+    The pose at s is p(s) and R(s) = exp(ρ̃(s)) R₀, with R₀ the first pose's orientation; p and ρ are splines of s. From
+    pose to pose s grows with the distance √(|Δp|² + ℓ² |Δρ|²).
+
+    Raises
+    ------
+    MotionError
+        Fewer than two poses, one that is not finite, two neighbours that are the same, or one that is turned by half a
+        turn or more from the first.
+    """
+
+    position: FloatArray  # of the via poses (n, 3) [m]
+    orientation: FloatArray  # roll, pitch, yaw (n, 3) [rad]
+    length: float  # ℓ that scales angles against lengths [m]
+    degree: int = 5
+    at: FloatArray = field(init=False)  # s of the via poses (n,)
+    _spline: "BSpline" = field(init=False, repr=False)
+    _first: FloatArray = field(init=False, repr=False)  # R₀
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        if n < 2:
+            raise MotionError(f"a path of {n} poses; expected at least 2")
+        for name in ("position", "orientation"):
+            try:
+                object.__setattr__(self, name, real_array(getattr(self, name), (n, 3)))
+            except ValueError as error:
+                raise MotionError(f"{name} of the poses {error}") from None
+        from scipy.interpolate import make_interp_spline
+
+        rotation = matrix_from_orientation(self.orientation)
+        rho = _rotation_vectors(rotation @ rotation[0].T)
+        steps = np.diff(np.hstack([self.position, self.length * rho]), axis=0)
+        distance = np.sqrt((steps**2).sum(axis=1))
+        if not distance.all():
+            k = int((distance == 0).argmax())
+            raise MotionError(f"poses {k + 1} and {k + 2} of the path are the same; leave one out")
+        at = np.concatenate([[0.0], np.cumsum(distance)])
+        at /= at[-1]
+        ends: Any = [(k, np.zeros(6)) for k in _DERIVATIVES_ZERO_AT_ENDS[self.degree]]
+        spline = make_interp_spline(at, np.hstack([self.position, rho]), k=self.degree, bc_type=(ends, ends))
+        object.__setattr__(self, "at", at)
+        object.__setattr__(self, "_spline", spline)
+        object.__setattr__(self, "_first", rotation[0])
+
+    def __call__(self, s: ArrayLike) -> PathPoint:
+        """Poses and their derivatives at path parameters (n,) from 0 to 1."""
+        s = np.asarray(s, dtype=float)
+        value, first, second = (self._spline(s, k) for k in range(3))
+        rho, rate, acceleration = (part[:, 3:] for part in (value, first, second))
+        turning, turning_rate = turning_of(rho, rate, acceleration)
+        orientation = orientation_from_matrix(rotation_of(rho) @ self._first)
+        return PathPoint(value[:, :3], orientation, first[:, :3], turning, second[:, :3], turning_rate)
+
+
+def rotation_of(rho: FloatArray) -> FloatArray:
+    """exp(ρ̃) of rotation vectors (n, 3) [rad]: 1 + a ρ̃ + b ρ̃², a = sin θ/θ, b = (1 − cos θ)/θ², θ = |ρ|."""
+    a, b, _, _, _ = (each[:, None, None] for each in _coefficients(rho))
+    x = skew(rho)
+    return np.asarray(np.eye(3) + a * x + b * (x @ x))
+
+
+def turning_of(rho: FloatArray, rate: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Angular velocity and acceleration (n, 3) in world components of exp(ρ̃), from ρ and its derivatives.
+
+    ω = ρ' + b ρ × ρ' + c ρ × (ρ × ρ'), with b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³, and ω' by the product rule; b' and
+    c' are 2 ρ·ρ' times the derivatives of b and c by θ².
+    """
+    _, b, c, db, dc = (each[:, None] for each in _coefficients(rho))
+    growth = 2 * dot(rho, rate)[:, None]
+    once = cross(rho, rate)
+    twice = cross(rho, once)
+    omega = rate + b * once + c * twice
+    alpha = (
+        acceleration
+        + b * cross(rho, acceleration)
+        + c * (cross(rate, once) + cross(rho, cross(rho, acceleration)))
+        + growth * (db * once + dc * twice)
+    )
+    return omega, alpha
+
+
+def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
+    """Of θ² = |ρ|²: sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³, and the derivatives of the last two by θ²; each (n,)."""
+    q = dot(rho, rho)
+    small = q < _SMALL_ANGLE**2
+    safe = np.where(small, 1.0, q)
+    theta = np.sqrt(safe)
+    a, b, c = np.sin(theta) / theta, (1 - np.cos(theta)) / safe, (theta - np.sin(theta)) / (safe * theta)
+    # db/dq = (a − 2 b)/(2 q), dc/dq = (b − 3 c)/(2 q)
+    exact = (a, b, c, (a - 2 * b) / (2 * safe), (b - 3 * c) / (2 * safe))
+    return tuple(np.where(small, _series(k, q), each) for k, each in enumerate(exact))
+
+
+def _series(k: int, q: FloatArray) -> FloatArray:
+    """Σ (−q)ⁿ/(2n + 1 + k)! for k up to 2, to the fourth term; then the derivatives of those of k = 1 and 2."""
+    if k < 3:
+        return np.asarray(sum((-q) ** n / math.factorial(2 * n + 1 + k) for n in range(4)))
+    terms = range(1, 5)
+    return np.asarray(sum(-n * (-q) ** (n - 1) / math.factorial(2 * n + k - 1) for n in terms))
+
+
+def _rotation_vectors(rotation: FloatArray) -> FloatArray:
+    """ρ (n, 3) [rad] of rotation matrices; beyond half a turn they would jump to the other side."""
+    from scipy.spatial.transform import Rotation
+
+    rho = np.asarray(Rotation.from_matrix(rotation).as_rotvec())
+    jumps = np.flatnonzero(~(np.linalg.norm(np.diff(rho, axis=0), axis=1) < math.pi - 1e-6))
+    if jumps.size:
+        k = int(jumps[0]) + 2
+        raise MotionError(f"pose {k} of the path is turned by half a turn or more from the first; expected less")
+    return rho
