@@ -63,11 +63,11 @@ def asset(room: str, name: str) -> str:
 
 def plotly() -> str:
     """plotly.js."""
-    return library("plotly", "package_data/plotly.min.js")
+    return (place_of("plotly") / "package_data/plotly.min.js").read_text(encoding="utf-8")
 
 
-def library(package: str, path: str) -> str:
-    """A text that a package carries; found without importing the package, which would take a second.
+def place_of(package: str) -> Path:
+    """The folder of a package; found without importing it, which would take a second.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def library(package: str, path: str) -> str:
     spec = find_spec(package)
     if spec is None or spec.submodule_search_locations is None:
         raise GoughStewartError(f"the package '{package}' is missing; install gough-stewart with what it depends on")
-    return Path(spec.submodule_search_locations[0], path).read_text(encoding="utf-8")
+    return Path(spec.submodule_search_locations[0])
 
 
 def packed(values: Array, kind: str = "f8") -> dict[str, str]:

@@ -1,7 +1,6 @@
 """One self-contained page that shows runs: 3-D animation, curves, tables; works without a network."""
 
 import html
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
@@ -11,8 +10,9 @@ import numpy as np
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.colours import COLOURS
-from gough_stewart.harness.output.pages import asset, document, library, plotly
+from gough_stewart.harness.output.pages import asset, document, plotly
 from gough_stewart.harness.output.tables import Sheet, to_html
+from gough_stewart.harness.output.three import three, three_licence
 from gough_stewart.harness.results.metrics import finite_part, metrics
 from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.harness.results.record import Record, machine_of, platform_of
@@ -28,7 +28,7 @@ MOST_RECORDS = min(len(COLOURS), len(DASHES))
 # Beyond this, nothing that could be looked at is left of a run [SI units].
 _LARGEST = 1e9
 _DRAWN = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force", "external_force")
-_SCRIPTS = ("data.js", "colours.js", "bodies.js", "scene.js", "charts.js", "player.js")
+_SCRIPTS = ("data.js", "colours.js", "bodies.js", "viewer.js", "scene.js", "charts.js", "player.js")
 
 
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
@@ -69,12 +69,11 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
         records=_heads(shown),
         tables=_tables(shown, more),
         footer=html.escape(_footer(shown, frames)),
-        licences=html.escape(_licences()),
+        licences=html.escape(three_licence()),
     )
-    viewer = library("meshcat", "viewer/dist/main.min.js")
     # the view first, so that it is there while plotly.js is still being read
     scripts = [
-        viewer,
+        three(),
         "\n".join([asset("output", "page.js"), *(asset("view", name) for name in _SCRIPTS)]),
         plotly(),
         "GoughStewart.charts();",
@@ -168,12 +167,5 @@ def _footer(shown: Sequence[_Shown], frames: int) -> str:
     return (
         f"The animation shows {said} and straight lines between them; curves keep the smallest and the largest value "
         f"of each of {points_of(len(shown)) // 2} stretches of time, so no peak is lost. "
-        "Tables are of all rows. Made by gough-stewart with three.js (MeshCat) and plotly.js inside."
+        "Tables are of all rows. Made by gough-stewart with three.js and plotly.js inside."
     )
-
-
-def _licences() -> str:
-    """What the licences of MeshCat and of what is built into it want to go along; plotly.js carries its own."""
-    built_in = json.loads(library("meshcat", "viewer/dist/main.min.js.THIRD_PARTY_LICENSES.json"))
-    texts = [f"{each['name']} {each['version']}\n\n{each['licenseText']}" for each in built_in]
-    return "\n\n".join(["MeshCat\n\n" + library("meshcat", "viewer/LICENSE"), *texts])

@@ -22,7 +22,7 @@ COMMAND = "gough-stewart"
 # Third-party modules that take long to import and start no threads, which a fork would lose (as Polars does).
 _HEAVY = (
     *("scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.spatial.transform"),
-    *("casadi", "control", "fmpy.fmi2", "fmpy.fmi3", "lxml.etree", "matplotlib.pyplot", "meshcat", "numpy"),
+    *("casadi", "control", "fmpy.fmi2", "fmpy.fmi3", "lxml.etree", "matplotlib.pyplot", "numpy"),
     *("PIL.Image", "plotly", "pydantic", "rich.progress", "tomlkit", "typer"),
     "gough_stewart.harness.experiment.schema",
 )

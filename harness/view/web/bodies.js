@@ -1,7 +1,6 @@
 "use strict";
 // The bodies of the 3-D view: base, legs of two parts, joints, platform, frames, paths, and the reference as a ghost.
 (() => {
-  const { THREE } = MeshCat;
   const GS = GoughStewart;
   const STEEL = 0x8793a1, DARK = 0x4d5967, GHOST = 0x2e7d32;
   const AXES = [0xc0392b, 0x2e8b57, 0x2563a8];

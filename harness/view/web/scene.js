@@ -1,7 +1,6 @@
 "use strict";
 // The 3-D view: machines in a room, put where a moment has them.
 (() => {
-  const { THREE } = MeshCat;
   const GS = GoughStewart;
   const { vector, frame, machine, unit, extent, SIZE, MIDDLE, room, UP } = GS.bodies;
   const quaternion = new THREE.Quaternion(), next = new THREE.Quaternion(), direction = new THREE.Vector3(), point = new THREE.Vector3();
@@ -15,12 +14,7 @@
   };
 
   GS.scene = (element) => {
-    const viewer = new MeshCat.Viewer(element, false);
-    viewer.set_property(["Background"], "top_color", [0.93, 0.95, 0.97]);
-    viewer.set_property(["Background"], "bottom_color", [1, 1, 1]);
-    for (const path of ["Grid", "Axes", "Lights"]) viewer.set_property([path], "visible", false);
-    viewer.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-
+    const viewer = GS.viewer(element);
     const scale = 1.1 / SIZE, root = new THREE.Group();
     root.scale.setScalar(scale);
     root.position.copy(vector(MIDDLE)).multiplyScalar(-scale);
@@ -47,7 +41,7 @@
     // in the units of the room
     Object.assign(sun.shadow.camera, { left: -2.6, right: 2.6, top: 2.6, bottom: -2.6, near: 0.1, far: 14 });
     root.add(sun, sun.target, sky);
-    viewer.set_object(["gough-stewart"], root);
+    viewer.room.add(root);
 
     // The camera lives in a frame whose y is up: (x, z, −y) of the room.
     const middle = scale * (0.5 * (ground + room.high) - MIDDLE[2]);
@@ -60,10 +54,7 @@
       viewer.controls.target.set(0, middle, 0);
       viewer.camera.position.set(away * x / size, middle + away * y / size, away * z / size);
       viewer.controls.update();
-      viewer.set_dirty();
     };
-    viewer.camera.fov = 36;
-    viewer.camera.near = 0.02;
 
     let shown = "force";
     const show = (time) => {
@@ -97,14 +88,8 @@
           }
         }
       }
-      viewer.set_dirty();
+      viewer.changed();
     };
-    const resize = () => viewer.set_3d_pane_size(element.clientWidth, element.clientHeight);
-    // the viewer would measure the window instead of its pane
-    window.onload = null;
-    viewer.set_3d_pane_size = ((own) => (w, h) => own.call(viewer, w || element.clientWidth, h || element.clientHeight))(viewer.set_3d_pane_size);
-    new ResizeObserver(resize).observe(element);
-    resize();
     look("corner");
     return {
       show, look,
@@ -112,15 +97,15 @@
       showGhosts: (on) => machines.forEach((m) => { if (m.ghost) m.ghost.visible = on; if (m.trails[1]) m.trails[1].visible = on && m.trails[0].visible; }),
       showTrails: (on) => machines.forEach((m) => m.trails.forEach((trail, k) => { trail.visible = on && (k === 0 || m.ghost.visible); })),
       showFrames: (on) => { world.visible = on; machines.forEach((m) => { m.frames.visible = on; }); },
-      showMachine: (k, on) => { machines[k].group.visible = on; viewer.set_dirty(); },
+      showMachine: (k, on) => { machines[k].group.visible = on; viewer.changed(); },
       simpler: () => {
         if (sun.castShadow) sun.castShadow = floor.visible = false;
         else if (viewer.renderer.getPixelRatio() > 0.6) {
           viewer.renderer.setPixelRatio(Math.max(0.6, 0.75 * viewer.renderer.getPixelRatio()));
         }
-        viewer.set_dirty();
+        viewer.changed();
       },
-      render: () => { if (viewer.needs_render) viewer.render(); },
+      render: viewer.render,
       // What is drawn, in metres: for tests, and for scripts that drive the page.
       drawn: () => machines.map((m) => {
         root.updateMatrixWorld(true);

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -171,16 +171,20 @@ def test_no_button_offers_to_send_the_data_away(still: Watched) -> None:
     assert sorted(title.lower() for title in titles) == ["download plot as a png", "pan", "reset axes", "zoom"]
 
 
-def test_dragging_turns_the_view(still: Watched) -> None:
-    """Expected: another picture of the same scene."""
+@pytest.mark.parametrize("by", ["left", "right", "wheel"])
+def test_dragging_and_the_wheel_change_the_view(still: Watched, by: Literal["left", "right", "wheel"]) -> None:
+    """Expected: another picture of the same scene, turned, moved, and nearer."""
     view = still.page.locator("#view")
     before, pose = view.screenshot(), drawn(still.page)
     box = view.bounding_box()
     assert box is not None
     still.page.mouse.move(box["x"] + 200, box["y"] + 150)
-    still.page.mouse.down()
-    still.page.mouse.move(box["x"] + 330, box["y"] + 170, steps=4)
-    still.page.mouse.up()
+    if by == "wheel":
+        still.page.mouse.wheel(0, -300)
+    else:
+        still.page.mouse.down(button=by)
+        still.page.mouse.move(box["x"] + 330, box["y"] + 170, steps=4)
+        still.page.mouse.up(button=by)
     assert drawn(still.page) == pose
     still.page.wait_for_timeout(100)
     assert view.screenshot() != before
