@@ -145,7 +145,7 @@ def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion:
     state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
     W = regressor(platform, state, acceleration)
     elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
-    rows = Rows(time, W @ linear_parameters(elements), W, 0.0)
+    rows = Rows(time, W @ linear_parameters(elements), W, 0.0, np.ones((len(time), 6)))
     D = (W @ (gradient(elements, names) * scales(rows, platform, names))).reshape(-1, len(names))
     sigma = np.linalg.svd(D / np.sqrt(len(time)), compute_uv=False)
     force = float(np.sqrt((rows.force**2).mean()))

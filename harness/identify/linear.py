@@ -38,9 +38,10 @@ def identify_linear(
 ) -> Estimate:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
 
-    Rows are weighted with the inverse covariance of their residuals over the legs; the covariance of the result is the
+    Rows of each leg are weighted with the inverse variance of its residuals; where there is Coulomb friction, rows in
+    which the leg turns round are left out: no law of friction is sure there. The covariance of the result is the
     sandwich A⁻¹ S A⁻¹ with A = Gᵀ Wᵀ Σ⁻¹ W G, G = ∂φ/∂θ, and S the long-run covariance of the scores, right for
-    residuals that remember.
+    residuals that remember, and that legs share.
 
     Parameters
     ----------
@@ -77,19 +78,19 @@ def identify_linear(
     W, F = rows.regressor[:fitted], rows.force[:fitted]
     _check_excitation(W, elements, names, scale)
 
-    whitening = np.eye(6) / max(float(np.abs(F).max()), 1e-300)
+    used = rows.sliding[:fitted] if _has_coulomb(platform, names) else np.ones((fitted, 6))
+    weights = used / max(float(np.abs(F).max()), 1e-300)
     for _ in range(_REWEIGHTINGS):
-        Ww = np.einsum("ij,tjk->tik", whitening, W)
-        R, z = _compressed(Ww, F @ whitening.T)
+        R, z = _compressed(weights[..., None] * W, weights * F)
         fit = _fitted(R, z, elements, names, scale)
         found = with_estimated(elements, names, fit.values)
         phi, G = linear_parameters(found), gradient(found, names)
         residual = rows.force - rows.regressor @ phi
-        whitening = whitening_of(residual[:fitted])
+        power = (used * residual[:fitted] ** 2).sum(axis=0) / np.maximum(used.sum(axis=0), 1.0)
+        weights = used / np.sqrt(power + 1e-24 * (F**2).mean(axis=0) + np.finfo(float).tiny)
     _check_explained(residual[:fitted], F)
-    Ww = np.einsum("ij,tjk->tik", whitening, W)
-    D = np.einsum("tik,kp->tip", Ww, G * scale)
-    sigma, directions, covariance = uncertainty(D, residual[:fitted] @ whitening.T)
+    D = weights[..., None] * (W @ (G * scale))
+    sigma, directions, covariance = uncertainty(D, weights * residual[:fitted])
     check_seen(sigma, directions, names)
     notes: tuple[str, ...] = (f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept aside",)
     if fit.at_bound:
@@ -151,6 +152,10 @@ def scales(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
         "leg_coulomb_friction": force,
     }
     return np.array([general.get(name.partition("[")[0]) or value_of(platform, name) or 1.0 for name in names])
+
+
+def _has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
+    return platform.leg_coulomb_friction > 0 or any(name.startswith("leg_coulomb_friction") for name in names)
 
 
 def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:

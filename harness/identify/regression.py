@@ -1,8 +1,10 @@
 """From a log to the rows of the linear regression: the same low-pass on forces and on what explains them."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, sample_time_of
 from gough_stewart.harness.identify.linear_parameters import SIZE, regressor
@@ -18,6 +20,8 @@ _WIDER = 2.0
 _ABOVE_MOTION = 16.0
 _BEYOND = 1e-3
 _LOWEST = 2.0  # [Hz]
+# A leg turns round below so many times the smoothing velocity of friction, or this share of its usual velocity.
+_REVERSAL, _SLOW = 10.0, 0.1
 # Rows of the motion in a period of the lengths' cut-off.
 _ROWS_A_PERIOD = 4
 
@@ -30,6 +34,7 @@ class Rows:
     force: FloatArray  # F (m, 6) [N]
     regressor: FloatArray  # W (m, 6, SIZE)
     cutoff: float  # of forces and regressor [Hz]
+    sliding: FloatArray  # 1 where a leg slides all the time that a row is made of, 0 where it turns round (m, 6)
 
 
 def rows_of(log: Log, platform: Platform, cutoff: float | None = None) -> Rows:
@@ -68,8 +73,12 @@ def rows_of(log: Log, platform: Platform, cutoff: float | None = None) -> Rows:
     # a held force is that of the middle of its sample
     delay = -h / 2 if log.holds_force else 0.0
     force = smoothed(force_of(log), h, cutoff, 1, 0, delay)[at - edge(h, cutoff)]
+    # the filter's main lobe
+    lobe = math.ceil(0.5 / (cutoff * h * every))
+    slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[(at - edge(h, wide)) // every]
+    fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
     assert log.time is not None  # as sample_time_of has found
-    return Rows(log.time[at], force, W.reshape(len(W), 6, SIZE), cutoff)
+    return Rows(log.time[at], force, W.reshape(len(W), 6, SIZE), cutoff, np.asarray(slowest > fast, dtype=float))
 
 
 def cutoff_of(leg_length: FloatArray, sample_time: float) -> float:
