@@ -12,7 +12,7 @@ MUTANTS ?=
 TESTS := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo view test coverage check bench evidence mutants format docs figures lower-bounds clean
+.PHONY: help demo view test coverage check bench evidence mutants format docs figures lower-bounds dist clean
 help:
 	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), close the loop (in $(HEAVE))"
 	@echo "make view      run a closed loop and show it in the browser, moving (the page stays in $(SEEN))"
@@ -25,6 +25,7 @@ help:
 	@echo "make format    format the code"
 	@echo "make docs      build the documentation as a site that needs no network, in $(SITE)"
 	@echo "make figures   draw the pictures of README and docs again"
+	@echo "make dist      sdist and wheel in dist/, after a test that installs them"
 	@echo "make lower-bounds  the tests under the oldest versions that pyproject.toml admits"
 
 demo: $(VENV)/run
@@ -90,6 +91,12 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_fastest.py
 	$(BIN)/python docs/figures/draw_shares.py
 
+dist: $(VENV)/dev
+	$(BIN)/python -m pytest -q tests/test_install.py
+	rm -rf build dist
+	$(BIN)/python -c 'from setuptools import build_meta; build_meta.build_sdist("dist"); build_meta.build_wheel("dist")'
+	rm -rf build
+
 lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest
 	$(VENV)-lowest/bin/python -m pip install --quiet uv
@@ -98,7 +105,7 @@ lower-bounds:
 	$(VENV)-lowest/bin/python -m pytest -q --numprocesses=auto --dist=loadfile -W default::DeprecationWarning
 
 clean:
-	rm -rf $(VENV) $(VENV)-lowest results build *.egg-info
+	rm -rf $(VENV) $(VENV)-lowest results build dist *.egg-info
 
 # Stamps: each extra is installed once per change of what it depends on.
 $(VENV)/bin/python:
