@@ -24,8 +24,8 @@ from gough_stewart.model.parameters import LIMITS
 from gough_stewart.model.vectors import FloatArray
 
 INTEGRATION_ERROR = "integration_error"
-# Members that run side by side: what they need stays in the processor's cache, and Python's share is small.
-SIZE = 256
+# Members that run side by side: Python's share is small, and two workers share a thousand evenly.
+SIZE = 512
 
 
 class Chunk(NamedTuple):

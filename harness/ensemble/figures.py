@@ -16,7 +16,7 @@ from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import finite
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.output.colours import COLOURS
-from gough_stewart.harness.output.plotting import entitle, pictures
+from gough_stewart.harness.output.plotting import entitle, png
 from gough_stewart.harness.results.bands import QUANTILES
 from gough_stewart.model.vectors import FloatArray
 
@@ -28,9 +28,9 @@ _MOST_BARS = 12
 
 
 def ensemble_figures(ensemble: Ensemble, by: str, found: Sensitivity | None = None) -> dict[str, bytes]:
-    """File name to PNG and SVG of `bands`, `histograms`, `dependence` on what varies, and `sensitivity`.
+    """File name to PNG of `bands`, `histograms`, `dependence` on what varies, and `sensitivity`.
 
-    The same bytes for the same ensemble.
+    The same bytes for the same ensemble. Not as SVG, which takes as long again: the page has it all to zoom.
 
     Parameters
     ----------
@@ -51,13 +51,13 @@ def ensemble_figures(ensemble: Ensemble, by: str, found: Sensitivity | None = No
         files.update(_grid("dependence", partial(_dependence, ensemble, by, inputs), len(inputs)))
     if found is not None:
         bars = min(len(found.inputs), _MOST_BARS)
-        files.update(pictures("sensitivity", partial(_sensitivity, found), _WIDTH * 0.8, 1.3 + 0.28 * bars))
+        files["sensitivity.png"] = png(partial(_sensitivity, found), _WIDTH * 0.8, 1.3 + 0.28 * bars)
     return files
 
 
 def _grid(name: str, draw: Callable[[Figure], None], panels: int) -> dict[str, bytes]:
     rows = -(-panels // _COLUMNS)
-    return pictures(name, draw, _WIDTH, 0.6 + _ROW * rows)
+    return {f"{name}.png": png(draw, _WIDTH, 0.6 + _ROW * rows)}
 
 
 def _panels(figure: Figure, title: str, number: int) -> list[Axes]:
