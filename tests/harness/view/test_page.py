@@ -4,7 +4,10 @@ import base64
 import json
 import re
 from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import lxml.html
 import numpy as np
@@ -14,11 +17,13 @@ from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.decimation import decimated
+from gough_stewart.harness.output.three import three
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.charts import POINTS, chart_of
 from gough_stewart.harness.view.page import MOST_RECORDS, names_of, view_page
 from gough_stewart.harness.view.scene import FRAMES, frame_rows, leg_parts, nearness_to_limits, scene_of
+from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion
@@ -186,6 +191,19 @@ def test_the_licences_of_the_libraries_go_along(page: bytes) -> None:
     text = page.decode()
     for holder in ("2010-2022 Three.js Authors", "Permission is hereby granted", "Plotly, Inc."):
         assert holder in text
+
+
+def test_a_trimesh_that_has_three_js_elsewhere_is_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Expected: the package, its version, and one that would do; also if the page in the archive has another script."""
+    monkeypatch.setattr("gough_stewart.harness.output.three.place_of", lambda _package: tmp_path)
+    (tmp_path / "resources/templates").mkdir(parents=True)
+    for _ in range(2):
+        with pytest.raises(GoughStewartError, match=rf"trimesh {version('trimesh')} has no three\.js.*5\.2\.0"):
+            three.__wrapped__()
+        with ZipFile(tmp_path / "resources/templates/viewer.zip", "w") as archive:
+            archive.writestr("viewer.html.template", "<script>\nlet x = 0;\n</script>")
 
 
 def test_text_of_the_user_stays_text(base: Platform) -> None:
