@@ -240,7 +240,7 @@ def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("words", "completed"),
     [
-        (["run", "hea"], ["heave_step"]),
+        (["run", "heave_s"], ["heave_step"]),
         (["margins", "circle_"], ["circle_computed_torque"]),
         (["experiments", "satur"], ["saturation"]),
         (["presets", "desk"], ["desktop_hexapod"]),
