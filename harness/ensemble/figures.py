@@ -25,6 +25,8 @@ _COLUMNS = 3
 _MOST_PANELS = 12
 _MOST_POINTS = 3000
 _MOST_BARS = 12
+# Less than this is rounding, or nothing that anybody could measure.
+_LEAST_SPAN = {"m": 1e-5, "mm": 1e-2, "rad": 1e-5, "mrad": 1e-2, "N": 1.0, "m/s": 1e-4, "rad/s": 1e-4}
 
 
 def ensemble_figures(ensemble: Ensemble, by: str, found: Sensitivity | None = None) -> dict[str, bytes]:
@@ -93,6 +95,7 @@ def _bands(ensemble: Ensemble, columns: list[str], figure: Figure) -> None:
         axes.plot(time, half, color=COLOURS[0], linewidth=1.4)
         _entitle(axes, shown)
         axes.margins(x=0)
+        _show_at_least(axes, _LEAST_SPAN.get(shown.unit, 0.0))
         if k + _COLUMNS >= len(columns):
             axes.set_xlabel("time [s]")
 
@@ -185,6 +188,14 @@ def _within(values: FloatArray) -> FloatArray:
     low, high = np.quantile(values, (0.005, 0.995))
     width = high - low
     return np.asarray(values[(values >= low - 2 * width) & (values <= high + 2 * width)]) if width > 0 else values
+
+
+def _show_at_least(axes: Axes, span: float) -> None:
+    """Widen the vertical axis to a span about its middle."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - span / 2, middle + span / 2)
 
 
 def _entitle(axes: Axes, shown: Shown) -> None:
