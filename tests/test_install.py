@@ -43,8 +43,7 @@ def requirements(found: Distribution) -> Iterator[Distribution]:
     """What a distribution asks for without extras, as far as it is here, and what that asks for."""
     for line in found.requires or ():
         need = Requirement(line)
-        # of extras that are asked for, all that is here may be linked
-        if need.marker is None or any(need.marker.evaluate({"extra": extra}) for extra in ("", *need.extras)):
+        if need.marker is None or need.marker.evaluate({"extra": ""}):
             yield distribution(need.name)
 
 
