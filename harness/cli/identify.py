@@ -10,6 +10,7 @@ from gough_stewart.harness.cli.options import (
     NoPythonOption,
     PlatformOption,
     PresetOption,
+    SetOption,
     chosen_experiment,
     chosen_platform,
     experiments,
@@ -61,6 +62,7 @@ def identify_command(
             autocompletion=experiments,
         ),
     ] = None,
+    settings: SetOption = None,
     no_python: NoPythonOption = False,
     out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
         "results/identify"
@@ -92,7 +94,7 @@ def identify_command(
             from gough_stewart.model.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
-        chosen = None if experiment is None else chosen_experiment(experiment, None, no_python)
+        chosen = None if experiment is None else chosen_experiment(experiment, settings, no_python)
         with progress_bar() as progress:
             task = progress.add_task("identifying", total=None)
             options = {} if pose_frame is None else {"pose_frame": pose_frame.value}
