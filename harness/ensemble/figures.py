@@ -201,3 +201,4 @@ def _show_at_least(axes: Axes, span: float) -> None:
 def _entitle(axes: Axes, shown: Shown) -> None:
     axes.set_title(f"{shown.text} [{shown.unit}]" if shown.unit else shown.text, fontsize=8.5, y=1.0)
     axes.tick_params(labelsize=7.5)
+    axes.yaxis.get_offset_text().set(x=-0.2, fontsize=7)  # beside the title, not over it
