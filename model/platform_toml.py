@@ -15,7 +15,7 @@ from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.parameters import TABLE, TEXTS
+from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.toml import toml_values
 
@@ -55,9 +55,11 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 
 
 def platform_to_toml(platform: Platform) -> str:
-    """TOML text of a platform, units and meanings in comments; reads back to an equal one."""
+    """TOML text of a platform, units and meanings in comments; reads back to an equal one. Factors of 1 are left out."""
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
+        if key in FACTOR_OF.values() and np.all(value == 1):
+            continue  # legs that are alike
         item = _item(value)
         if key in TABLE:
             item.comment(f"[{TABLE[key].unit}] {TABLE[key].description}")
