@@ -55,7 +55,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 
 
 def platform_to_toml(platform: Platform) -> str:
-    """TOML text of a platform, units and meanings in comments; reads back to an equal one. Factors of 1 are left out."""
+    """TOML text of a platform, units and meanings in comments; reads back to an equal one. Factors of 1 go without."""
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
         if key in FACTOR_OF.values() and np.all(value == 1):
