@@ -90,6 +90,7 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_recorded.py
 	$(BIN)/python docs/figures/draw_fastest.py
 	$(BIN)/python docs/figures/draw_shares.py
+	$(BIN)/python docs/figures/draw_ensemble.py
 
 dist: $(VENV)/dev
 	$(BIN)/python -m pytest -q tests/test_install.py

@@ -41,7 +41,8 @@ def ensemble_command(
     compare: Annotated[
         str | None,
         typer.Option(
-            help="Run this experiment over the same members, too, and show the differences, it less the first.",
+            help="Run this experiment over the same members, too, and show the differences, it less the first. "
+            "--set is of the first alone.",
             metavar="FILE.toml|NAME",
         ),
     ] = None,
@@ -121,7 +122,7 @@ def _compare(
             experiments,
             names,
             folder,
-            lambda name: progress.update(task, description=name),
+            lambda what: progress.update(task, description=what, completed=0, total=None),
             **options,
             progress=lambda done, total: progress.update(task, completed=done, total=total),
         )

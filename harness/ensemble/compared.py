@@ -45,6 +45,7 @@ def run_compared(
         say(name)
         both.append(ensemble(experiment, out=folder / name, **options))
     found = compare(both[0], both[1], names)
+    say("pictures and pages")
     for name, each in zip(names, both, strict=True):
         write_report(each, folder / name)
     gaps, by = difference(found), worst_by(both[0])
@@ -52,8 +53,8 @@ def run_compared(
         known = [sensitivity(gaps, by)]
     except RecordError:  # too few members, or the same in all of them
         known = []
-    write_files(folder, {PAGE: ensemble_page(gaps, by, {}, known, compare_sheets(found, usual=False))})
-    found.differences.write_parquet(folder / DIFFERENCES)
+    page = ensemble_page(gaps, by, {}, known, compare_sheets(found, usual=False))
+    write_files(folder, {DIFFERENCES: found.differences.write_parquet, PAGE: page})
     return found
 
 

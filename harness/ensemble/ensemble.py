@@ -192,7 +192,9 @@ def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:
 
 def _differences(here: Any, there: Any, at: str = "") -> str:
     """The first places where two trees of plain values differ."""
-    return "; ".join(list(_different(here, there, at))[:3])
+    found = list(_different(here, there, at))
+    # what the experiment has, too, need not stand there twice
+    return "; ".join([each for each in found if not any(other.endswith(f".{each}") for other in found)][:3])
 
 
 def _different(here: Any, there: Any, at: str) -> Iterator[str]:
@@ -205,6 +207,10 @@ def _different(here: Any, there: Any, at: str) -> Iterator[str]:
         yield f"{at} is {here!r} here and {there!r} there"
 
 
+def _finished(n: int) -> str:
+    return "1 finished chunk is" if n == 1 else f"{n} finished chunks are"
+
+
 @contextmanager
 def _kept(folder: Path, files: ChunkFiles) -> Iterator[None]:
     """Say of what goes wrong that finished chunks are kept, and how to go on."""
@@ -213,10 +219,10 @@ def _kept(folder: Path, files: ChunkFiles) -> Iterator[None]:
     except BaseException as error:
         n = files.count()
         if n:
-            error.add_note(f"{n} finished chunks are kept in {folder}; go on with --resume")
+            error.add_note(f"{_finished(n)} kept in {folder}; go on with --resume")
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise OutputError(
-                f"{error.filename or folder}: no space left on the disk; {n} finished chunks are kept in {folder}: "
+                f"{error.filename or folder}: no space left on the disk; {_finished(n)} kept in {folder}: "
                 "make room, then go on with --resume"
             ) from error
         raise

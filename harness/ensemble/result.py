@@ -32,13 +32,23 @@ _CIRCUMSTANCES = ("rows", "duration", "integration_error")
 SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ensemble:
-    """An ensemble that has run."""
+    """An ensemble that has run; shows itself as the quantiles of its figures of merit, and its failures."""
 
     members: polars.DataFrame
     bands: polars.DataFrame
     metadata: dict[str, Any]
+
+    def __repr__(self) -> str:
+        from gough_stewart.harness.ensemble.tables import ensemble_text
+
+        return ensemble_text(self)
+
+    def _repr_html_(self) -> str:
+        from gough_stewart.harness.ensemble.tables import ensemble_html
+
+        return ensemble_html(self)
 
     @property
     def metrics(self) -> tuple[str, ...]:

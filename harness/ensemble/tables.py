@@ -8,7 +8,7 @@ from gough_stewart.harness.ensemble.names import shown_input, shown_metric
 from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble, numbers
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, quantiles
-from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, text_of, to_html, to_terminal
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 
 # What is shown of a figure of merit in one line; the page shows all of them.
@@ -30,6 +30,17 @@ def ensemble_sheets(ensemble: Ensemble, usual: bool = True) -> list[Sheet]:
     if failures(ensemble.members):
         sheets.append(failure_sheet(ensemble))
     return sheets
+
+
+def ensemble_text(ensemble: Ensemble) -> str:
+    """Title and tables, as the terminal has them."""
+    tables = (text_of(to_terminal(sheet)) for sheet in ensemble_sheets(ensemble))
+    return "\n".join([f"Ensemble: {ensemble.title}", *tables])
+
+
+def ensemble_html(ensemble: Ensemble) -> str:
+    """The tables, for a notebook."""
+    return f"<div>{''.join(map(to_html, ensemble_sheets(ensemble)))}</div>"
 
 
 def usual_metrics(ensemble: Ensemble) -> list[str]:

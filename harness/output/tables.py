@@ -41,7 +41,8 @@ def to_terminal(sheet: Sheet) -> Table:
     """For rich; every text is only a text."""
     table = Table(title=Text(sheet.title), title_justify="left", title_style="bold")
     for k, head in enumerate(sheet.heads):
-        table.add_column(Text(head), justify="right" if head and k else "left", no_wrap=True)
+        # where it is too narrow, names go on in a second line: a number that is cut off would be another number
+        table.add_column(Text(head), justify="right" if head and k else "left", no_wrap=k > 0)
     for k, row in enumerate(sheet.rows):
         table.add_row(*map(_text, row), end_section=k in sheet.group_ends)
     return table

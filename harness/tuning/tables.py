@@ -1,7 +1,9 @@
 """What a search has found, as tables and one honest sentence."""
 
+from html import escape
+
 from gough_stewart.harness.ensemble.names import shown_metric
-from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, text_of, to_html, to_terminal
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.tune import Tuning
 
@@ -26,6 +28,17 @@ def tuning_sheets(found: Tuning) -> list[Sheet]:
         worth.add(_named(condition.metric), *(_cell(condition.metric, each, k) for each in evaluations))
     worth.add("members that failed", *("–" if each is None else str(each.failed) for each in evaluations))
     return [values, worth]
+
+
+def tuning_text(found: Tuning) -> str:
+    """The tables, as the terminal has them, and the statement."""
+    tables = (text_of(to_terminal(sheet)) for sheet in tuning_sheets(found))
+    return "\n".join([f"Tuning: {found.experiment.title}", *tables, statement(found)])
+
+
+def tuning_html(found: Tuning) -> str:
+    """The same for a notebook."""
+    return f"<div>{''.join(map(to_html, tuning_sheets(found)))}<p>{escape(statement(found))}</p></div>"
 
 
 def statement(found: Tuning) -> str:

@@ -20,9 +20,9 @@ GENERATIONS, POPULATION = 25, 16
 QUANTILE = 0.95
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tuning:
-    """What a search has found, from `tune`."""
+    """What a search has found, from `tune`; shows itself as tables and the statement on fresh members."""
 
     experiment: Experiment
     """The experiment with the values that were found."""
@@ -45,6 +45,16 @@ class Tuning:
     """Members that the experiment cannot have."""
     integration_error: float
     """The largest estimate of a plant step."""
+
+    def __repr__(self) -> str:
+        from gough_stewart.harness.tuning.tables import tuning_text
+
+        return tuning_text(self)
+
+    def _repr_html_(self) -> str:
+        from gough_stewart.harness.tuning.tables import tuning_html
+
+        return tuning_html(self)
 
     @property
     def is_interrupted(self) -> bool:

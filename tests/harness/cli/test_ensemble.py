@@ -1,6 +1,7 @@
 """The command `ensemble`, and `run --member`, as a user meets them."""
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -58,6 +59,32 @@ def test_run_repeats_a_member(done: tuple[Result, Path], tmp_path: Path) -> None
     assert result.exit_code == 0, result.output
     assert read_record(tmp_path).table.equals(read_record(kept).table)
     assert f"member {member}" in json.loads((tmp_path / "metadata.json").read_text())["title"]
+
+
+def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path) -> None:
+    """Expected: the mean of the differences of the members' rows; the mean times its confidence by Student's t of 8."""
+    text = re.sub(r'(?m)^(duration = )"2 s"', r'\1"0.3 s"', invoke("experiments", "heave_step").stdout)
+    for name, bandwidth in (("slow", 1), ("fast", 4)):
+        mine = re.sub(r"(?m)^(bandwidth = ).*", rf'\g<1>"{bandwidth} Hz"', text)
+        (tmp_path / f"{name}.toml").write_text(mine)
+    with (tmp_path / "slow.toml").open("a") as first:
+        first.write("[ensemble]\nmembers = 9\nworst = 1\nplatform_mass = { uniform = [1000, 3000] }\n")
+    out = tmp_path / "compared"
+    files = [str(tmp_path / f"{name}.toml") for name in ("slow", "fast")]
+    result = invoke("ensemble", files[0], "--compare", files[1], "--workers", "1", "--out", str(out), columns=80)
+    assert result.exit_code == 0, result.output
+    assert max(map(len, result.output.splitlines()[:-1])) <= 80
+    assert re.search(r"\d…", result.output) is None, "a number is cut off"
+    assert sorted(path.name for path in out.iterdir()) == ["compare.html", "differences.parquet", "fast", "slow"]
+    rms = "tracking.position.norm_rms"
+    slow, fast = (polars.read_parquet(out / name / "members.parquet") for name in ("slow", "fast"))
+    assert slow["varied.platform_mass"].equals(fast["varied.platform_mass"])
+    gaps = (fast[rms] - slow[rms]).to_numpy()
+    row = polars.read_parquet(out / "differences.parquet").row(by_predicate=polars.col("metric") == rms, named=True)
+    assert row["mean"] == pytest.approx(gaps.mean())
+    # 2.306 of a table of Student's t: 97.5 %, eight degrees of freedom
+    assert row["mean_high"] - row["mean"] == pytest.approx(2.306 * gaps.std(ddof=1) / 3, rel=1e-3)
+    assert f" {1e3 * gaps.mean():.3g} " in result.output
 
 
 WRONG: Mapping[str, tuple[tuple[str, ...], int, str]] = {

@@ -54,6 +54,16 @@ def test_standardised_coefficients_are_those_of_the_closed_form_and_their_confid
     assert "saltelli" in bent.remark
 
 
+def test_an_ensemble_shows_itself_in_a_few_lines() -> None:
+    """Expected: title, how many ended how, the failures, and no row beyond a hundred columns."""
+    found = failing()
+    text = repr(found)
+    assert text.startswith("Ensemble: closed forms\n60 members: 55 completed, 3 diverged, 1 impossible, 1 stopped")
+    assert "platform_mass is -3 kg" in text
+    assert max(map(len, text.splitlines())) <= 100
+    assert found._repr_html_().count("<table>") == 2
+
+
 def test_sobol_indices_are_those_of_the_closed_form() -> None:
     """Expected: y = a · x has aₖ² / |a|² alone and in total; of a product nothing alone, all in total."""
     design = Design("saltelli", 5, 6 * 1024, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))

@@ -156,7 +156,7 @@ def test_a_full_disk_keeps_what_is_finished(
             write(self, first, chunk)
 
         patch.setattr(ChunkFiles, "write", full)
-        with pytest.raises(OutputError, match=r"no space left on the disk; 1 finished chunks are kept in .*--resume"):
+        with pytest.raises(OutputError, match=r"no space left on the disk; 1 finished chunk is kept in .*--resume"):
             gs.ensemble(small(), out=tmp_path, workers=1)
     assert {path.stem for path in (tmp_path / FOLDER).iterdir()} == {"00000000"}
     gs.ensemble(small(), out=tmp_path, workers=1, resume=True)

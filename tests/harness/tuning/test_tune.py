@@ -76,6 +76,8 @@ def test_the_files_run_and_keep_the_comments(found: Tuning, tmp_path: Path) -> N
     assert len(files["candidates.csv"].splitlines()) == 1 + found.candidates.height
     assert "nothing is random" in statement(found)
     assert [sheet.title for sheet in tuning_sheets(found)] == ["Tuned", "Worth"]
+    assert repr(found).splitlines()[-1] == statement(found)
+    assert found._repr_html_().count("<table>") == 2
 
 
 def test_files_that_an_experiment_names_are_found_from_where_the_tuned_one_is(found: Tuning, tmp_path: Path) -> None:
