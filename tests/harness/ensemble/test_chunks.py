@@ -80,15 +80,17 @@ def test_bands_and_record_of_a_member_are_the_same_run(plan: Plan) -> None:
         assert (bands.values[:, bands.columns.index(name), 0] == record[name][rows]).all(), k
 
 
+@pytest.mark.usefixtures("units_in_process")
 def test_a_member_is_its_experiment_in_another_plant() -> None:
-    """Expected: the stepping model, another integrator, within 1e-8 m and rad."""
+    """Expected: the stepping model and the FMU, another integrator, within 1e-8 m and rad."""
     # which would round on two sides of a step sooner or later
     fixed = {"sensors.quantisation.leg_length": 0.0}
     experiment = gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "ensemble.members": 64, **fixed})
-    lanes, model = (gs.run(experiment, member=5, plant=plant) for plant in (None, "model"))
+    lanes, *others = (gs.run(experiment, member=5, plant=plant) for plant in (None, "model", "fmu3"))
     assert lanes.metadata["plant"] == "lanes"
     for name in ("position", "orientation"):
-        assert np.abs(lanes[name] - model[name]).max() < 1e-8
+        for other in others:
+            assert np.abs(lanes[name] - other[name]).max() < 1e-8
     assert (lanes["measured.leg_length"] != lanes["leg_length"]).any()
 
 
