@@ -3,13 +3,17 @@
 from dataclasses import dataclass, field
 from html import escape
 from io import StringIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+# A narrow terminal, and what it has to leave to names, so that they can still be read if they are broken.
+_NARROW, _NAMES = 80, 18
 
 
 @dataclass(frozen=True)
@@ -40,12 +44,21 @@ class Sheet:
 def to_terminal(sheet: Sheet) -> Table:
     """For rich; every text is only a text."""
     table = Table(title=Text(sheet.title), title_justify="left", title_style="bold")
+    # where a terminal is too narrow, names go on in a second line: a number that is cut off would be another number
+    names_fold = _names_fold(sheet)
     for k, head in enumerate(sheet.heads):
-        # where it is too narrow, names go on in a second line: a number that is cut off would be another number
-        table.add_column(Text(head), justify="right" if head and k else "left", no_wrap=k > 0)
+        justify: Literal["left", "right"] = "right" if head and k else "left"
+        table.add_column(Text(head), justify=justify, no_wrap=k > 0 or not names_fold)
     for k, row in enumerate(sheet.rows):
         table.add_row(*map(_text, row), end_section=k in sheet.group_ends)
     return table
+
+
+def _names_fold(sheet: Sheet) -> bool:
+    """Whether numbers, with three characters around each column, leave names their place."""
+    columns = zip(sheet.heads[1:], *(row[1:] for row in sheet.rows), strict=False)
+    numbers = sum(max(len(_text(cell)) for cell in column) + 3 for column in columns)
+    return numbers + _NAMES + 4 <= _NARROW
 
 
 def to_html(sheet: Sheet) -> str:
