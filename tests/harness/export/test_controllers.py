@@ -161,9 +161,18 @@ def test_a_discrete_system_gives_the_forces_of_the_harness(name: str) -> None:
 
 
 DURATIONS = {"impulse": 0.6, "too_slow": 1.6}
+# What no case above has: references along a path, of a file, of many sines; a slow loop, and a late disturbance.
+OFTEN = ("excitation", "fastest_path", "impulse", "recorded_ride", "too_slow")
 
 
-@pytest.mark.parametrize("name", [each for each in experiment_names() if each != "paper_open_loop"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(each, marks=() if each in OFTEN else pytest.mark.evidence)
+        for each in experiment_names()
+        if each != "paper_open_loop"
+    ],
+)
 def test_controllers_of_shipped_experiments_give_the_forces_of_the_harness(name: str) -> None:
     # the plant's changes come later, and what is injected is not the controller's
     whole = load_experiment(name).model_copy(update={"change": [], "injection": None})
