@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -139,7 +140,8 @@ def write_sources(sources: ControllerSources, folder: Path) -> None:
 
 def compiled(command: Sequence[str], folder: Path) -> None:
     """Run a compiler; fails with what it says."""
-    with compiling():
+    # only zig has a cache, whose objects take time to look through
+    with compiling() if tuple(command[: len(ZIG)]) == ZIG else nullcontext():
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, check=False, env=compiler_environment()
         )

@@ -41,18 +41,14 @@ class Cluster:
         )
         wait_for(said.exists)
         self.file = said
+        options = ("--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", folder)
         for _ in range(2):
-            self.add_worker()
+            self.workers.append(self._start("worker", "--scheduler-file", said, *options))
 
     @property
     def address(self) -> str:
         """Of the scheduler."""
         return str(json.loads(self.file.read_text())["address"])
-
-    def add_worker(self) -> None:
-        """One more."""
-        options = ("--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", self._folder)
-        self.workers.append(self._start("worker", "--scheduler-file", self.file, *options))
 
     def kill_worker(self) -> None:
         """The oldest."""
@@ -101,24 +97,6 @@ def files_in(folder: Path) -> Mapping[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_a_worker_killed_in_mid_run_changes_no_byte(
-    cluster: Cluster, undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: the other worker computes its chunks, and the files are those of a run without a cluster."""
-    monkeypatch.setattr(runner, "SIZE", SIZE)
-    done = list[int]()
-
-    def progress(members: int, _total: int) -> None:
-        if not done:
-            cluster.kill_worker()
-        done.append(members)
-
-    gs.ensemble(small(members=MEMBERS), out=tmp_path, scheduler=cluster.address, progress=progress)
-    assert done[-1] == MEMBERS
-    assert files_in(tmp_path) == undisturbed
-    cluster.add_worker()
-
-
 def test_a_client_killed_in_mid_run_goes_on_with_resume(
     cluster: Cluster, undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -162,6 +140,26 @@ def test_a_worker_with_other_versions_is_refused(
         EnsembleError, match=r"tcp://.* differs from this side: numpy 1\.0 here and .* there; install the same"
     ):
         gs.ensemble(small(), out=tmp_path, scheduler=cluster.address)
+
+
+def test_a_worker_killed_in_mid_run_changes_no_byte(
+    cluster: Cluster, undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the other worker computes its chunks, and the files are those of a run without a cluster.
+
+    The last that uses the cluster, which has one worker afterwards.
+    """
+    monkeypatch.setattr(runner, "SIZE", SIZE)
+    done = list[int]()
+
+    def progress(members: int, _total: int) -> None:
+        if not done:
+            cluster.kill_worker()
+        done.append(members)
+
+    gs.ensemble(small(members=MEMBERS), out=tmp_path, scheduler=cluster.address, progress=progress)
+    assert done[-1] == MEMBERS
+    assert files_in(tmp_path) == undisturbed
 
 
 def test_a_scheduler_that_is_not_there_is_said_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
