@@ -12,7 +12,7 @@ from gough_stewart.harness.experiment.file import load_experiment
 
 PEAK = "tracking.position.norm_rms"
 SHORT = {"loop.duration": 0.3, "loop.sample_time": "2 ms"}
-VARIES = {**SHORT, "ensemble": {"members": 9, "seed": 3, "platform_mass": {"uniform": [1000, 3000]}}}
+VARIES = {**SHORT, "ensemble": {"members": 9, "seed": 3, "worst": 1, "platform_mass": {"uniform": [1000, 3000]}}}
 
 
 def test_both_have_the_same_machines_and_the_difference_is_member_by_member(tmp_path: Path) -> None:
@@ -30,6 +30,7 @@ def test_both_have_the_same_machines_and_the_difference_is_member_by_member(tmp_
     assert row["mean_low"] < row["mean"] < row["mean_high"] < 0
     assert b"default-src" in (tmp_path / "compare.html").read_bytes()
     assert (tmp_path / "differences.parquet").is_file()
+    assert all(len(list((tmp_path / name).glob("worst/*/report.html"))) == 1 for name in ("slow", "fast"))
 
 
 def test_an_experiment_without_an_ensemble_cannot_be_compared(tmp_path: Path) -> None:
