@@ -95,7 +95,7 @@ def test_polynomials_are_what_is_exported() -> None:
 
 def test_a_fastest_path_is_followed_without_reaching_a_limit() -> None:
     """Expected: forces of inverse dynamics keep the margin of 10 %; the rest is the controller's."""
-    record = run("fastest_path", {"loop.duration": 2.6})
+    record = run("fastest_path", {"loop.duration": 2.6, "loop.sample_time": "2 ms"})
     platform = load_preset("motion_base")
     assert record.metadata["outcome"]["status"] == "completed"
     assert not record["flag.force_limited"].any()
