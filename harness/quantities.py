@@ -31,7 +31,7 @@ UNITS: dict[str, dict[str, float]] = {
     "N.m": {"N.m": 1, "N m": 1, "Nm": 1, "kN.m": 1e3},
     "N/m": {"N/m": 1, "kN/m": 1e3, "N/mm": 1e3},
     "N.s/m": {"N.s/m": 1, "N s/m": 1, "kN.s/m": 1e3},
-    "1": {"%": 1e-2},
+    "1": {"1": 1, "%": 1e-2},
     "N/(m.s)": {"N/(m.s)": 1, "N/(m s)": 1, "kN/(m.s)": 1e3},
     "kg": {"kg": 1, "g": 1e-3, "t": 1e3},
     "kg.m2": {"kg.m2": 1, "kg m2": 1, "kg m²": 1},
