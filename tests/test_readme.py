@@ -85,6 +85,7 @@ def test_the_pages_mention_every_equation_of_the_paper() -> None:
     assert [name for name in names if f"def {name}(" not in code] == []
 
 
+@pytest.mark.evidence
 @pytest.mark.parametrize("name", ["platform", "loop", "heave", "architecture", "paper", "workspace", "recorded"])
 def test_a_picture_is_what_its_script_draws(name: str, tmp_path: Path, interpreter: Interpreter) -> None:
     """Expected: the committed bytes' shapes; matplotlib versions may differ in digits, so elements are counted."""

@@ -14,6 +14,8 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.direct_transcription import least_time
 
+pytestmark = pytest.mark.evidence
+
 PLATFORMS = {
     "motion_base": load_preset("motion_base"),
     "desktop_hexapod": load_preset("desktop_hexapod"),

@@ -29,7 +29,9 @@ def files_in(root: Path, folders: Iterable[str], pattern: str = "*") -> list[Pat
     for folder in folders:
         if not (root / folder).is_dir():
             raise LookupError(f"no folder {folder}; expected one of the repository, such as model or fmu_build/c")
-        found |= {path.relative_to(root) for path in (root / folder).rglob(pattern) if path.suffix in _CHANGES}
+        inside = (path.relative_to(root) for path in (root / folder).rglob(pattern) if path.suffix in _CHANGES)
+        # .venv is not ours
+        found |= {path for path in inside if not any(part.startswith(".") for part in path.parts)}
     return sorted(found)
 
 
