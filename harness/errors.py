@@ -37,6 +37,10 @@ class IdentificationError(GoughStewartError, ValueError):
         self.names = tuple(names)
 
 
+class TableError(GoughStewartError, ValueError):
+    """A file that is no table of numbers; names column and row."""
+
+
 class MotionError(GoughStewartError, ValueError):
     """A reference motion that cannot be: impossible numbers, a table with holes, a time outside of it."""
 

@@ -80,6 +80,26 @@ def _of_this_world(size: float) -> float:
     return size
 
 
+def positive_or_word(value: object, unit: str, *words: str) -> float | str:
+    """A quantity > 0 in SI units, or one of some words.
+
+    Raises
+    ------
+    ValueError
+        Neither.
+    """
+    if value in words:
+        return str(value)
+    others = "".join(f", or '{word}'" for word in words)
+    try:
+        size = number(value, unit)
+    except ValueError as error:
+        raise ValueError(f"{error}{others.replace(',', ';', 1)}") from None
+    if not size > 0:
+        raise ValueError(f"expected > 0 {unit}{others}")
+    return size
+
+
 def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
     """A list or array of so many quantities, as numbers in SI units.
 

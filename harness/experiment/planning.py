@@ -56,7 +56,8 @@ class Planning:
         choice, where, folder = experiment.reference, experiment.where, experiment.folder
         if choice is None:
             raise ExperimentError(where, "reference", "is missing; there is no motion")
-        platform, timing = self.believed(experiment), self.timing(experiment)
+        # a path that is to be as fast as can be has no more force than the actuators
+        platform, timing = self.limited(experiment), self.timing(experiment)
 
         def make() -> WantedMotion:
             reference = choice.about(platform, folder)

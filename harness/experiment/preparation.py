@@ -53,6 +53,7 @@ class Prepared:
     controller: Controller | None  # None for feedforward alone
     jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
     warnings: tuple[str, ...] = ()  # limits that the reference passes, and may
+    reference: Reference | None = None  # the motion at any time
 
     def law(self, wanted: FloatArray, measured: FloatArray) -> Law:
         """The controller made ready for a run that begins with these references and signals (24,)."""
@@ -211,7 +212,8 @@ class Preparation(Planning):
         motion, legs = (None, None) if planned is None else (planned.motion, planned.legs)
         jacobians = _NO_JACOBIANS if planned is None else planned.jacobians
         warnings = [] if planned is None else self.warnings(experiment, self.wanted(experiment))
-        return Prepared(platform, machine, start, loop, motion, legs, made, jacobians, tuple(warnings))
+        reference = None if planned is None else planned.reference
+        return Prepared(platform, machine, start, loop, motion, legs, made, jacobians, tuple(warnings), reference)
 
     def _injection(
         self, experiment: Experiment, injection: Injection | None, planned: _Planned | None

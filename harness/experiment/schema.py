@@ -28,6 +28,7 @@ from gough_stewart.harness.quantities import (
     Unit,
     Velocity,
     number,
+    positive_or_word,
 )
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, Section
@@ -120,15 +121,7 @@ class SensorChoice(Section):
 
 
 def _force_limit(value: Any) -> float | str:
-    if value in ("platform", "none"):
-        return str(value)
-    try:
-        limit = number(value, "N")
-    except ValueError as error:
-        raise ValueError(f"{error}; or 'platform', or 'none'") from None
-    if not limit > 0:
-        raise ValueError("expected > 0 N, or 'platform', or 'none'")
-    return limit
+    return positive_or_word(value, "N", "platform", "none")
 
 
 class ActuatorChoice(Section):

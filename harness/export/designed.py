@@ -157,9 +157,6 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
             "expected a controller with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
         )
     loop = prepared.loop
-    motion = None
-    if reference == "inside" and experiment.reference is not None:
-        motion = experiment.reference.about(prepared.platform, experiment.folder)
     actuators, wanted = loop.actuators, loop.wanted
     if wanted is None:
         raise ExportError("a controller without a reference; expected the signals that it is to follow")
@@ -172,7 +169,7 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
         law=law,
         feedforward=chosen.feedforward,
         constant_force=np.asarray(constant),
-        reference=motion,
+        reference=prepared.reference if reference == "inside" else None,
         reference_inputs=reference == "inputs",
         force_limit=math.inf if actuators.force_limit is None else actuators.force_limit,
         rate_limit=math.inf if actuators.rate_limit is None else actuators.rate_limit,

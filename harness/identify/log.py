@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.errors import LogError, TableError
 from gough_stewart.harness.quantities import UNITS
 from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.model.vectors import FloatArray
 
 # A name, perhaps with an index, and perhaps a unit in brackets: "leg_length[1]", "leg_length_1 (mm)", "time [ms]".
@@ -133,14 +134,9 @@ def _table(path: Path) -> polars.DataFrame:
     if not path.is_file():
         raise LogError(f"{path}: no such file; expected a log as CSV or Parquet")
     try:
-        if path.suffix == ".parquet":
-            return polars.read_parquet(path, glob=False)
-        # as texts, so that what is no number can be named
-        return polars.read_csv(path, infer_schema=False, glob=False)
-    except OSError as error:
-        raise LogError(f"{path}: cannot read this log: {error.strerror or error}") from error
-    except polars.exceptions.PolarsError as error:
-        raise LogError(f"{path}: cannot be read as a table ({str(error).splitlines()[0]}); {_FORM}") from error
+        return read_table(path, "log")
+    except TableError as error:
+        raise LogError(f"{path}: {error}") from error
 
 
 def _columns(heads: list[str], path: str) -> dict[str, list[tuple[str, float]]]:
@@ -174,22 +170,11 @@ def _with_factor(head: str, unit: str | None, expected: str, path: str) -> tuple
 
 
 def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: str) -> FloatArray:
-    parts = []
-    for head, factor in columns:
-        column = table[head]
-        if column.dtype == polars.String:
-            column = column.str.strip_chars()
-        numbers = column.cast(polars.Float64, strict=False).to_numpy().astype(float)
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        if bad.size:
-            k = int(bad[0])
-            more = f", and {bad.size - 1} more in this column" if bad.size > 1 else ""
-            raise LogError(
-                f"{path}: {head} in row {k + 1} is {table[head][k]!r}{more}; expected a finite number: cut the log "
-                "there, or fill the gap where it was recorded"
-            )
-        parts.append(numbers * factor)
-    return np.stack(parts, axis=1)
+    remedy = ": cut the log there, or fill the gap where it was recorded"
+    try:
+        return np.stack([factor * numbers_of(table, head, remedy) for head, factor in columns], axis=1)
+    except TableError as error:
+        raise LogError(f"{path}: {error}") from error
 
 
 def _metadata(path: Path) -> Mapping[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.path import GeometricPath, PathPoint
+from gough_stewart.harness.motion.shares import moving_limits
 from gough_stewart.harness.motion.time_law import Averaged, Stepwise, Stretched, TimeLaw
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
@@ -78,7 +79,7 @@ def fastest(platform: Platform, path: GeometricPath, margin: float = 0.0, ramp: 
     """
     limits = _limits(platform, margin)
     sharp = _optimal(platform, path, limits)
-    return _within(platform, path, Averaged(sharp, ramp) if ramp > 0 else sharp, limits)
+    return _within(platform, path, Averaged(sharp, ramp) if ramp > 0 else sharp, margin)
 
 
 def _limits(platform: Platform, margin: float) -> _Limits:
@@ -221,27 +222,23 @@ def _solved(s: FloatArray, rows: _Rows, bound: FloatArray) -> FloatArray | None:
     return np.asarray(rate**2)
 
 
-def _within(platform: Platform, path: GeometricPath, law: TimeLaw, limits: _Limits) -> TimeLaw:
+def _within(platform: Platform, path: GeometricPath, law: TimeLaw, margin: float) -> TimeLaw:
     """The law in a little more time, where limits are exceeded between the points of the grid, or by averaging."""
     factor = 1.0
     for _ in range(_MOST_SOLUTIONS):
         stretched = Stretched(law, factor)
-        largest = _largest_share(platform, path, stretched, limits)
+        largest = _largest_share(platform, path, stretched) / (1 - margin)
         if largest <= 1:
             break
         factor *= largest
     return stretched
 
 
-def _largest_share(platform: Platform, path: GeometricPath, law: TimeLaw, limits: _Limits) -> float:
+def _largest_share(platform: Platform, path: GeometricPath, law: TimeLaw) -> float:
     """Of any limit at any time between the law's knots."""
     knots = law.knots
     time = (knots[:-1, None] + np.diff(knots)[:, None] * _WITHIN_PIECES).reshape(-1)
     at = law(time)
     motion = path(at.value).motion(at.rate, at.acceleration)
     legs = leg_geometry(platform, motion.position, motion.orientation)
-    velocity = np.abs(rates_of_legs(legs, State(*motion[:4])).length_rate)
-    force = np.abs(inverse_dynamics(platform, State(*motion[:4]), Acceleration(*motion[4:])))
-    acceleration = np.abs(leg_accelerations(legs, State(*motion[:4]), *motion[4:]))
-    used = (velocity, acceleration, force, force * velocity)
-    return max(float(each.max()) / limit for each, limit in zip(used, limits, strict=True))
+    return max(float(limited.share.max()) for limited in moving_limits(platform, motion, legs))

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.errors import MotionError, TableError
 from gough_stewart.harness.motion.columns import Column, columns_of
 from gough_stewart.harness.motion.table import FromTable, check_increasing
-from gough_stewart.harness.motion.table_file import numbers_of, read_table, times_of
 from gough_stewart.harness.motion.turning import continuous, of_quaternions, of_rotation_vectors
+from gough_stewart.harness.table_file import numbers_of, read_table, times_of
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -64,14 +64,14 @@ def read_recording(
         increase, a gap before it, or a quaternion whose length is not 1; names file, column and row.
     """
     try:
-        table = read_table(path)
+        table = read_table(path, "reference")
         chosen = columns_of(table.columns, columns)
         first, since = times_of(table, chosen["time"].name)
         first, since = chosen["time"].factor * first, chosen["time"].factor * since
         check_increasing(since, first)
         _check_gaps(since, first, largest_gap)
         return Recording(FromTable(since, *_poses(table, chosen)), first)
-    except MotionError as error:
+    except (MotionError, TableError) as error:
         raise MotionError(f"{path}: {error}") from error
 
 
@@ -84,9 +84,9 @@ def read_poses(path: Path | Traversable, columns: Mapping[str, str] | str = "") 
         As `read_recording`.
     """
     try:
-        table = read_table(path)
+        table = read_table(path, "reference")
         return _poses(table, columns_of(table.columns, columns, timed=False))
-    except MotionError as error:
+    except (MotionError, TableError) as error:
         raise MotionError(f"{path}: {error}") from error
 
 

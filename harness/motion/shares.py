@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
 from gough_stewart.model.kinematics import (
+    LegGeometry,
     condition_number_bound,
     conditioning_of_legs,
     joint_angles,
@@ -190,13 +191,27 @@ def _limited(platform: Platform, motion: Motion, largest_condition_number: float
         for where, values in zip(("base", "platform"), angles, strict=True):
             quantity = f"the angle of the {where} joint"
             found.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
+    return found + moving_limits(platform, motion, legs, condition_number < LARGEST_CONDITION_NUMBER)
+
+
+def moving_limits(
+    platform: Platform, motion: Motion, legs: LegGeometry, regular: NDArray[np.bool_] | None = None
+) -> list[Limited]:
+    """Of leg velocity, leg acceleration, force and power, as far as the platform states them.
+
+    Parameters
+    ----------
+    regular
+        Rows (n,) in which the legs can hold the pose; all by default.
+    """
+    found = []
     state, rates = State(*motion[:4]), motion[4:]
     velocity = np.asarray(rates_of_legs(legs, state).length_rate)
     moving = {"leg_velocity_max": ("the velocity", "m/s", velocity)}
     if platform.leg_acceleration_max is not None:
         moving["leg_acceleration_max"] = ("the acceleration", "m/s²", leg_accelerations(legs, state, *rates))
     if platform.actuator_force_max is not None or platform.actuator_power_max is not None:
-        force = _forces_of(platform, motion, condition_number < LARGEST_CONDITION_NUMBER)
+        force = _forces_of(platform, motion, np.ones(len(velocity), dtype=bool) if regular is None else regular)
         moving["actuator_force_max"] = ("the force", "N", force)
         moving["actuator_power_max"] = ("the power", "W", force * velocity)
     for limit, (quantity, unit, values) in moving.items():

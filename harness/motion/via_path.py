@@ -15,7 +15,7 @@ from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.motion.shares import shares_along
 from gough_stewart.harness.motion.time_law import Quintic, Stretched, TimeLaw
 from gough_stewart.harness.motion.timed_path import TimedPath
-from gough_stewart.harness.quantities import Share, Time, number, vector
+from gough_stewart.harness.quantities import Share, Time, positive_or_word, vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
@@ -39,15 +39,7 @@ def _poses(value: Any) -> list[tuple[float, ...]]:
 
 
 def _timing(value: Any) -> float | str:
-    if value == "fastest":
-        return "fastest"
-    try:
-        duration = number(value, "s")
-    except ValueError as error:
-        raise ValueError(f"{error}; or 'fastest'") from None
-    if not duration > 0:
-        raise ValueError("expected > 0 s, or 'fastest'")
-    return duration
+    return positive_or_word(value, "s", "fastest")
 
 
 class ViaPath(ReferenceChoice):

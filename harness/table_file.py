@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.errors import TableError
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -17,12 +17,17 @@ if TYPE_CHECKING:
 _SEPARATORS = {b";": "semicolons", b"\t": "tabulators"}
 
 
-def read_table(path: Path | Traversable) -> "polars.DataFrame":
+def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
     """The table of a file: of CSV as texts, of Parquet with its own types.
+
+    Parameters
+    ----------
+    what
+        It should be, for messages: "reference", "log".
 
     Raises
     ------
-    MotionError
+    TableError
         The file cannot be read, or is neither.
     """
     import polars  # the schema of experiments, which knows of tables, does without
@@ -30,18 +35,18 @@ def read_table(path: Path | Traversable) -> "polars.DataFrame":
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise MotionError(f"cannot read this reference: {error.strerror or error}") from error
+        raise TableError(f"cannot read this {what}: {error.strerror or error}") from error
     if content.startswith(b"PAR1"):
         try:
             return polars.read_parquet(BytesIO(content))
         except (polars.exceptions.PolarsError, OSError) as error:
-            raise MotionError(f"is not Parquet: {str(error).splitlines()[0]}") from error
+            raise TableError(f"is not Parquet: {str(error).splitlines()[0]}") from error
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise MotionError("is UTF-16, as some spreadsheets write it; expected CSV in UTF-8")
+        raise TableError("is UTF-16, as some spreadsheets write it; expected CSV in UTF-8")
     header = content.partition(b"\n")[0]
     other = next((name for mark, name in _SEPARATORS.items() if mark in header), None)
     if other is not None and b"," not in header:
-        raise MotionError(
+        raise TableError(
             f"its columns are separated by {other}, as some spreadsheets write them; expected commas between "
             "them, and points in numbers"
         )
@@ -49,30 +54,31 @@ def read_table(path: Path | Traversable) -> "polars.DataFrame":
         # as texts, so that true is no number
         return polars.read_csv(content, infer_schema=False).with_columns(polars.all().str.strip_chars())
     except polars.exceptions.PolarsError as error:
-        raise MotionError(f"is not CSV: {str(error).splitlines()[0]}") from error
+        raise TableError(f"is not CSV: {str(error).splitlines()[0]}") from error
 
 
-def numbers_of(table: "polars.DataFrame", name: str) -> FloatArray:
-    """A column as numbers (n,).
+def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatArray:
+    """A column as numbers (n,); `remedy` ends the message of one that holds something else.
 
     Raises
     ------
-    MotionError
+    TableError
         The column is there twice, or holds something else than finite numbers; names the first row, counted from 1.
     """
     import polars
 
     if f"{name}_duplicated_0" in table.columns:
-        raise MotionError(f"has the column {name} twice; expected every column once")
+        raise TableError(f"has the column {name} twice; expected every column once")
     column = table[name]
     if not (column.dtype.is_numeric() or column.dtype == polars.String):
-        raise MotionError(f"{name} has values of the type {column.dtype}; expected numbers")
+        raise TableError(f"{name} has values of the type {column.dtype}; expected numbers")
     numbers = column.cast(polars.Float64, strict=False)
     bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
     if bad:
         found = column[bad[0]]
-        remedy = ", with a point, not a comma" if isinstance(found, str) and "," in found else ""
-        raise MotionError(f"{name} in row {bad[0] + 1} is {found!r}; expected a finite number{remedy}")
+        remedy = ", with a point, not a comma" if isinstance(found, str) and "," in found else remedy
+        more = f", and {len(bad) - 1} more in this column" if len(bad) > 1 else ""
+        raise TableError(f"{name} in row {bad[0] + 1} is {found!r}{more}; expected a finite number{remedy}")
     return np.array(numbers.to_numpy(), dtype=float)
 
 
@@ -83,7 +89,7 @@ def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
 
     Raises
     ------
-    MotionError
+    TableError
         As `numbers_of`.
     """
     import polars
