@@ -10,7 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart.harness.errors import ExperimentError, MotionError
-from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.file import experiment_from, load_experiment
+from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.motion.fastest import fastest
 from gough_stewart.harness.motion.motion import coordinates_of
@@ -19,8 +20,10 @@ from gough_stewart.harness.motion.polynomials import polynomials_of
 from gough_stewart.harness.motion.time_law import Quintic, TimeLaw
 from gough_stewart.harness.motion.timed_path import TimedPath
 from gough_stewart.harness.motion.via_path import ViaPath
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.state import State
 from tests.support.uneven import UNEVEN
 
 POSES: Any = [
@@ -102,6 +105,15 @@ def test_a_fastest_path_is_followed_without_reaching_a_limit() -> None:
     used = np.abs(record["actuator_force"]).max() / platform.actuator_force_max
     assert 0.85 < used < 0.95
     assert np.abs(record["error.position"]).max() < 1e-5
+
+
+def test_a_fastest_path_is_planned_for_the_forces_that_the_actuators_have() -> None:
+    """Expected: the experiment's own limit less the margin, not the platform's, by inverse dynamics of the motion."""
+    prepared = prepare(load_experiment("fastest_path", {"actuators.force_limit": "9 kN"}))
+    motion = prepared.motion
+    assert motion is not None
+    forces = inverse_dynamics(prepared.platform, State(*motion[:4]), Acceleration(*motion[4:]))
+    assert np.abs(forces).max() == pytest.approx(8100, rel=0.02)
 
 
 @pytest.mark.parametrize(
