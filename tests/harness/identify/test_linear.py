@@ -52,7 +52,9 @@ def test_gradient_of_the_linear_parameters_is_that_of_differences() -> None:
         np.testing.assert_allclose(found[:, k], (after - before) / (2 * h), rtol=1e-6, atol=1e-6)
 
 
-def test_payload_com_and_friction_of_a_foreign_machine_are_found_within_the_issue_s_figures() -> None:
+def test_payload_com_and_friction_of_a_foreign_machine_are_found_to_half_a_percent_a_millimetre_and_three_percent() -> (
+    None
+):
     """Expected: the machine's own: mass to 0.5 %, centre of mass to 1 mm, friction to 3 %; joints 50 µm off."""
     rng = np.random.default_rng(7)
     machine = replace(

@@ -153,3 +153,16 @@ def test_an_experiment_says_where_its_path_is_wrong() -> None:
     }
     with pytest.raises(ExperimentError, match=r"reference\.poses.*pose 1 is \[0, 0\]"):
         experiment_from(values)
+
+
+def test_a_path_takes_longer_and_is_smaller_where_its_scales_say_so() -> None:
+    """Expected: the first pose and a times the deviations from it, s times later, from time 0 on."""
+    path = ViaPath(poses=POSES, timing=1.2, at=0.3)
+    scaled = path.model_copy(update={"time_scale": 1.7, "amplitude_scale": 0.6}).about(UNEVEN)
+    time = np.linspace(0.0, 1.6, 33)
+    pose, rate, acceleration = coordinates_of(path.about(UNEVEN)(time))
+    found = coordinates_of(scaled(1.7 * time))
+    first = np.array(POSES[0])
+    assert_allclose(found[0], first + 0.6 * (pose - first), atol=1e-8)
+    assert_allclose(found[1], 0.6 / 1.7 * rate, atol=1e-6)
+    assert_allclose(found[2], 0.6 / 1.7**2 * acceleration, atol=1e-3)
