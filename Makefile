@@ -59,6 +59,7 @@ bench: $(VENV)/bench
 	$(BIN)/python benchmarks/coupled.py
 	$(BIN)/python benchmarks/loop.py
 	$(BIN)/python benchmarks/lanes.py
+	$(BIN)/python benchmarks/ensemble.py
 	$(BIN)/python benchmarks/workspace.py
 	$(BIN)/python benchmarks/view.py
 	PYTHONPATH=. $(BIN)/python benchmarks/identify.py

@@ -1,0 +1,129 @@
+"""Ensembles: closed loop, whole command, scaling and memory, `make bench`.
+
+The closed loop of `heave_step` (1 kHz, PD in leg space, delay, quantisation, figures of merit kept), members against
+the single run through the FMU, alternately; with one substep, and with as many as the tolerance of 1e-8 takes. The
+command with all that it writes. Chunks by one worker and by two, each worker warm. The largest process of short runs.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
+from gough_stewart.harness.ensemble.local import Worker, chunks_here
+from gough_stewart.harness.experiment.batch import batch_of, prepared_members
+from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.plan import Plan, plan_of
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.run import simulate
+from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.results.streamed import Merit
+
+ROUNDS, MEMBERS = 3, 1000
+VARIED = "ensemble.platform_mass={factor={uniform=[0.8,1.3]}}"
+SHORT = ["loop.duration=0.5", "reference.at=0.1", VARIED]
+MEMORY = (10_000, 100_000)
+ENSEMBLE = """
+import resource, sys, tempfile
+import gough_stewart as gs
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        gs.ensemble("heave_tolerances", {"loop.duration": 0.02}, members=int(sys.argv[1]), out=folder)
+    usages = (resource.getrusage(each).ru_maxrss for each in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    print(max(usages) // 1024)
+"""
+
+
+def simulated_seconds(plan: Plan) -> tuple[float, float]:
+    """Simulated seconds a second: of members on one core, and of a single run through the FMU."""
+    part = prepared_members(plan.prepared, 0, SIZE)
+    prepared = [part.prepared[k] for k in range(SIZE)]
+    duration = prepared[0].loop.timing.duration
+    # longer, so that its start counts for nothing
+    single = prepare(shipped_experiment("heave_step", ["loop.duration=4"]))
+    rounds = []
+    for _ in range(ROUNDS):
+        batch = batch_of(prepared, plan.substeps)
+        merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
+        start = time.perf_counter()
+        with batch.plant:
+            observe(batch.plant, batch.law_from, batch.loop, merit)
+        many = time.perf_counter() - start
+        with FmuPlant(cached_build("3.0"), single.machine, single.start) as plant:
+            start = time.perf_counter()
+            simulate(plant, single.law, single.loop)
+            alone = time.perf_counter() - start
+            rounds.append((SIZE * duration / many, single.loop.timing.duration / alone))
+    return max(each[0] for each in rounds), max(each[1] for each in rounds)
+
+
+def command() -> float:
+    """Seconds that the whole command takes."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["ensemble", "heave_step", "--set", VARIED, "--members", str(MEMBERS), "--out", folder]
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "gough_stewart", *words], check=True, stdout=subprocess.DEVNULL)
+        return time.perf_counter() - start
+
+
+def scaling(plan: Plan) -> float:
+    """How many times faster two workers get further chunks done than one: without their start."""
+
+    def seconds(workers: int, chunks: int) -> float:
+        ranges = [(k * SIZE, (k + 1) * SIZE) for k in range(chunks)]
+        start = time.perf_counter()
+        for _ in chunks_here(plan, ranges, workers):
+            pass
+        return time.perf_counter() - start
+
+    Worker(plan.text).chunk(0, 8)  # what is imported once
+    one = seconds(1, 6) - seconds(1, 2)
+    two = seconds(2, 6) - seconds(2, 2)
+    return one / two
+
+
+def megabytes(members: int) -> int:
+    """Of the largest process of an ensemble."""
+    with tempfile.TemporaryDirectory() as folder:
+        script = Path(folder, "ensemble.py")
+        script.write_text(ENSEMBLE)
+        done = subprocess.run([sys.executable, script, str(members)], check=True, capture_output=True, text=True)
+    return int(done.stdout)
+
+
+def main() -> int:
+    """Measure and print; 1 if a target is missed."""
+    plan = plan_of(shipped_experiment("heave_step", [*SHORT, f"ensemble.members={6 * SIZE}"]))
+    once, single = simulated_seconds(replace(plan, substeps=1))
+    needed, _ = simulated_seconds(plan)
+    whole = command()
+    faster = scaling(plan) if (os.cpu_count() or 1) > 1 else float("nan")
+    memory = [megabytes(members) for members in MEMORY]
+    table = Table("what", "measured", "target", "", title="ensembles")
+    missed = 0
+    for what, measured, target, holds in (
+        ("simulated s a second and core, 1 substep", f"{once:.0f}", ">= 1500", once >= 1500),
+        (f"the same, {plan.substeps} substeps", f"{needed:.0f}", "", True),
+        ("against the single run through the FMU", f"{once / single:.0f} ×", ">= 30 ×", once >= 30 * single),
+        (f"{MEMBERS} members of heave_step, the command", f"{whole:.1f} s", "<= 10 s", whole <= 10),
+        ("two workers against one", f"{faster:.2f} ×", ">= 1.8 ×", faster >= 1.8),
+        (f"memory at {MEMORY[0]} members", f"{memory[0]} MB", "", True),
+        (f"memory at {MEMORY[1]} members", f"{memory[1]} MB", "<= 1500 MB", memory[1] <= 1500),
+    ):
+        missed += not holds
+        table.add_row(what, measured, target, "ok" if holds else "missed")
+    Console().print(table)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
