@@ -1,9 +1,26 @@
 "use strict";
-// What the scripts of all pages share: the data, how numbers were packed, how they are written, what plots offer.
+// What the scripts of all pages share: the data, how numbers were packed, how they are written, the theme, charts.
 const GoughStewart = (() => {
   const KINDS = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i1: Int8Array };
   const minus = (text) => (Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−"));
   const significant = (x) => (Math.abs(x) >= 9999.5 ? x.toFixed(0) : x.toPrecision(4));
+
+  // Dark where the system is; paper is always light. A browser announces printing before it applies the rules for print.
+  const root = document.documentElement, scheme = matchMedia("screen and (prefers-color-scheme: dark)"), listeners = [];
+  const theme = () => {
+    const style = getComputedStyle(root), colour = (name) => style.getPropertyValue(`--${name}`).trim();
+    return {
+      dark: scheme.matches && !root.classList.contains("printing"),
+      ink: colour("ink"), quiet: colour("quiet"), line: colour("line"), paper: colour("paper"), card: colour("card"),
+      accent: colour("blue"), grid: colour("line"),
+    };
+  };
+  const changed = () => { for (const listener of listeners) listener(theme()); };
+  scheme.addEventListener("change", changed);
+  for (const [event, isPrinting] of [["beforeprint", true], ["afterprint", false]]) {
+    addEventListener(event, () => { root.classList.toggle("printing", isPrinting); changed(); });
+  }
+
   return {
     page: JSON.parse(document.getElementById("data").textContent),
     numbers: (packed) => new KINDS[packed.dtype](Uint8Array.from(atob(packed.bdata), (c) => c.charCodeAt(0)).buffer),
@@ -15,5 +32,21 @@ const GoughStewart = (() => {
     short: (x) => (Number.isFinite(x) ? minus(String(Number(significant(x)))) : x > 0 ? "∞" : "–"),
     // only buttons that serve here; others would offer to send the data somewhere
     quiet: { displaylogo: false, responsive: true, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]] },
+    // colours of the present theme: light while the page is printed
+    theme,
+    // calls back on a change of the colour scheme, and before and after printing
+    onTheme: (callback) => { listeners.push(callback); },
+    // what a plotly layout takes of the theme; a colour that the layout itself states has precedence
+    plotTheme: () => {
+      const { ink, quiet, card, grid } = theme();
+      const axis = { gridcolor: grid, zerolinecolor: grid, linecolor: grid, tickcolor: grid };
+      const side = { ...axis, showbackground: false };
+      return { template: { layout: {
+        paper_bgcolor: card, plot_bgcolor: card, font: { family: 'system-ui, "Segoe UI", sans-serif', size: 12, color: ink },
+        xaxis: axis, yaxis: axis, scene: { xaxis: side, yaxis: side, zaxis: side },
+        hoverlabel: { align: "left", bgcolor: card, bordercolor: quiet, font: { color: ink } },
+        modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: ink },
+      } } };
+    },
   };
 })();
