@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
-from gough_stewart.harness.identify.linear import scales
+from gough_stewart.harness.identify.linear import scales_of
 from gough_stewart.harness.identify.linear_parameters import (
     FRICTION,
     elements_of,
@@ -146,7 +146,7 @@ def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion:
     W = regressor(platform, state, acceleration)
     elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
     rows = Rows(time, W @ linear_parameters(elements), W, 0.0, np.ones((len(time), 6)))
-    D = (W @ (gradient(elements, names) * scales(rows, platform, names))).reshape(-1, len(names))
+    D = (W @ (gradient(elements, names) * scales_of(rows, platform, names))).reshape(-1, len(names))
     sigma = np.linalg.svd(D / np.sqrt(len(time)), compute_uv=False)
     force = float(np.sqrt((rows.force**2).mean()))
     with np.errstate(divide="ignore"):

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.linalg import qr
 
 from gough_stewart.harness.errors import IdentificationError, LogError
-from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values
+from gough_stewart.harness.identify.estimate import Estimate, nominal_values
+from gough_stewart.harness.identify.fit_of_log import VALIDATION, Channels, estimate_of, rms, scales
 from gough_stewart.harness.identify.linear_parameters import (
     FRICTION,
     SIZE,
@@ -16,17 +17,13 @@ from gough_stewart.harness.identify.linear_parameters import (
     with_estimated,
 )
 from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.names import expanded, value_of
+from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regression import Rows, rows_of
-from gough_stewart.harness.identify.statistics import uncertainty, whiteness
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Of the rows, the last ones, that check the fit.
-VALIDATION = 0.2
-# A combination with a larger standard error, as a share of its scale, is not seen; nor one below rounding.
-_UNSEEN = 1.0
+# Of the largest pivot: smaller ones are rounding.
 _ROUNDING = 1e-9
 # Of the forces' changes, in the median of the legs: beyond it the log is of another machine.
 _UNEXPLAINED = 0.5
@@ -74,7 +71,7 @@ def identify_linear(
     fitted = len(rows.time) - int(validation * len(rows.time))
     if 6 * fitted < 3 * len(names):
         raise LogError(f"{log.where}: only {fitted} rows after the filter of {rows.cutoff:.3g} Hz; record longer")
-    scale = scales(rows, platform, names)
+    scale = scales_of(rows, platform, names)
     W, F = rows.regressor[:fitted], rows.force[:fitted]
     _check_excitation(W, elements, names, scale)
 
@@ -90,38 +87,11 @@ def identify_linear(
         weights = used / np.sqrt(power + 1e-24 * (F**2).mean(axis=0) + np.finfo(float).tiny)
     _check_explained(residual[:fitted], F)
     D = weights[..., None] * (W @ (G * scale))
-    sigma, directions, covariance = uncertainty(D, weights * residual[:fitted])
-    check_seen(sigma, directions, names)
-    notes: tuple[str, ...] = (f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept aside",)
-    if fit.at_bound:
-        notes += (f"at the bound of what is physical: {', '.join(fit.at_bound)}",)
-    return Estimate(
-        method="linear",
-        names=names,
-        values=fit.values,
-        nominal=nominal,
-        covariance=covariance * np.outer(scale, scale),
-        singular_values=sigma,
-        directions=directions,
-        scale=scale,
-        rank=len(sigma),
-        residuals=Residuals(
-            "force of leg",
-            "N",
-            rms(residual[:fitted]),
-            rms(residual[fitted:]) if fitted < len(residual) else None,
-            np.std(F, axis=0),
-            whiteness(residual[:fitted]),
-        ),
-        notes=notes,
-        details={
-            "time": rows.time,
-            "measured": rows.force,
-            "fitted": rows.regressor @ phi,
-            "before": rows.regressor @ linear_parameters(elements),
-            "validation_from": float(rows.time[fitted]) if fitted < len(rows.time) else None,
-        },
+    notes = [f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept aside"]
+    channels = Channels(
+        "force of leg", "N", rows.time, rows.force, residual, rows.regressor @ linear_parameters(elements), fitted
     )
+    return estimate_of("linear", names, nominal, scale, fit, (D, weights * residual[:fitted]), channels, notes)
 
 
 def _fitted(
@@ -139,19 +109,11 @@ def _fitted(
     return best_fit(residual, jacobian, elements, names, scale, start)
 
 
-def scales(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
-    """What a change of each element is large against (p,): sizes of this platform, or of the log's own forces."""
-    mass, rho = platform.platform_mass, platform.characteristic_length
-    velocity = np.sqrt((rows.regressor[:, :, 15:21] ** 2).sum(axis=2).mean())
+def scales_of(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
+    """Sizes (p,) that changes of these elements are measured against."""
+    velocity = float(np.sqrt((rows.regressor[:, :, 15:21] ** 2).sum(axis=2).mean()))
     force = max(float(np.std(rows.force, axis=0).mean()), 1e-9 * float(np.abs(rows.force).max()))
-    general = {
-        "platform_com": rho,
-        "platform_inertia": mass * rho**2,
-        "leg_armature": mass / 6 + platform.leg_upper_mass,
-        "leg_viscous_friction": force / max(float(velocity), 1e-12),
-        "leg_coulomb_friction": force,
-    }
-    return np.array([general.get(name.partition("[")[0]) or value_of(platform, name) or 1.0 for name in names])
+    return scales(platform, names, force, velocity)
 
 
 def _has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
@@ -194,22 +156,6 @@ def _check_explained(residual: FloatArray, force: FloatArray) -> None:
         )
 
 
-def check_seen(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:
-    """Refuse combinations whose standard error is as large as they are."""
-    unseen = [k for k in range(len(sigma)) if not sigma[k] * _UNSEEN > 1]
-    if not unseen:
-        return
-    involved = [name for j, name in enumerate(names) if any(abs(directions[k][j]) > 0.3 for k in unseen)]
-    texts = "; ".join(
-        f"{combination_text(directions[k], names)} (± {100 / sigma[k]:.0f} % of its size)" for k in unseen
-    )
-    raise IdentificationError(
-        f"too little excitation for {', '.join(involved)}: this log does not tell {texts}; estimate fewer parameters, "
-        "or record a motion made for it (gough-stewart excite)",
-        involved,
-    )
-
-
 def _compressed(W: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
     """R and z with |F − W φ|² = |z − R φ|² + constant."""
     R = np.asarray(np.linalg.qr(np.column_stack([W.reshape(-1, SIZE), F.reshape(-1)]), mode="r"))
@@ -221,7 +167,3 @@ def whitening_of(residual: FloatArray) -> FloatArray:
     covariance = residual.T @ residual / len(residual)
     covariance += 1e-12 * np.trace(covariance) / 6 * np.eye(6) + np.finfo(float).tiny * np.eye(6)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
-
-
-def rms(residual: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt((residual**2).mean(axis=0)))

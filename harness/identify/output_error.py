@@ -7,8 +7,9 @@ import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, sample_time_of
-from gough_stewart.harness.identify.estimate import Estimate, Residuals, nominal_values
-from gough_stewart.harness.identify.linear import VALIDATION, check_seen, rms, whitening_of
+from gough_stewart.harness.identify.estimate import Estimate, nominal_values
+from gough_stewart.harness.identify.fit_of_log import VALIDATION, Channels, estimate_of, scales
+from gough_stewart.harness.identify.linear import whitening_of
 from gough_stewart.harness.identify.linear_parameters import elements_of
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.movement import motion_of_lengths
@@ -17,7 +18,6 @@ from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regression import cutoff_of
 from gough_stewart.harness.identify.simulation import Course, Innovations, kernel_parameters, simulated
 from gough_stewart.harness.identify.smoothing import edge, smoothed
-from gough_stewart.harness.identify.statistics import uncertainty, whiteness
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
@@ -77,7 +77,9 @@ def identify_output_error(
     n = len(course.length) - int(validation * len(course.length))
     nominal = nominal_values(names, platform)
     p, directions = kernel_parameters(platform, names)
-    scale = np.array([_scale(platform, course, name, value) for name, value in zip(names, nominal, strict=True)])
+    force = float(np.std(course.force, axis=0).mean())
+    velocity = float(np.std(np.diff(course.length, axis=0)).mean()) / course.step
+    scale = scales(platform, names, force, velocity)
     elements = {**elements_of(platform), **dict(zip(names, nominal.tolist(), strict=True))}
 
     def run(theta: FloatArray, to: int) -> Innovations:
@@ -116,40 +118,16 @@ def identify_output_error(
     fitted = n - _SETTLING
     whitening = whitening_of(whole.values[:fitted])
     D = np.einsum("ij,tjp->tip", whitening, whole.sensitivity[:fitted]) * scale
-    sigma, combinations, covariance = uncertainty(D, whole.values[:fitted] @ whitening.T)
-    check_seen(sigma, combinations, names)
-    notes = [f"{fitted} steps of {1e3 * course.step:.3g} ms fitted, {len(course.length) - n} kept aside"]
-    notes.append(f"{agree} of {starts} starts lead to the same place")
-    if best.at_bound:
-        notes.append(f"at the bound of what is physical: {', '.join(best.at_bound)}")
+    notes = [
+        f"{fitted} steps of {1e3 * course.step:.3g} ms fitted, {len(course.length) - n} kept aside",
+        f"{agree} of {starts} starts lead to the same place",
+    ]
     kept = slice(_SETTLING, None)
-    return Estimate(
-        method="output_error",
-        names=names,
-        values=best.values,
-        nominal=nominal,
-        covariance=covariance * np.outer(scale, scale),
-        singular_values=sigma,
-        directions=combinations,
-        scale=scale,
-        rank=len(sigma),
-        residuals=Residuals(
-            "foreseen length of leg",
-            "m",
-            rms(whole.values[:fitted]),
-            rms(whole.values[fitted:]) if len(whole.values) > fitted else None,
-            np.std(course.length[kept][:fitted], axis=0),
-            whiteness(whole.values[:fitted]),
-        ),
-        notes=tuple(notes),
-        details={
-            "time": time[kept],
-            "measured": course.length[kept],
-            "fitted": course.length[kept] - whole.values,
-            "before": course.length[kept] - simulated(course, p, directions[:, :0]).values[_SETTLING:],
-            "validation_from": float(time[n]) if n < len(time) else None,
-        },
-    )
+    measured = course.length[kept]
+    before = measured - simulated(course, p, directions[:, :0]).values[kept]
+    channels = Channels("foreseen length of leg", "m", time[kept], measured, whole.values, before, fitted)
+    regression = (D, whole.values[:fitted] @ whitening.T)
+    return estimate_of("output_error", names, nominal, scale, best, regression, channels, notes)
 
 
 def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tuple[Course, FloatArray]:
@@ -206,21 +184,3 @@ def _starts(nominal: FloatArray, scale: FloatArray, number: int, rng: np.random.
         z = _SPREAD * rng.standard_normal(len(nominal))
         found.append(np.where(nominal > 0, nominal * np.exp(z), nominal + 0.1 * z * scale))
     return found
-
-
-def _scale(platform: Platform, course: Course, name: str, value: float) -> float:
-    """What a change of an element is large against."""
-    mass, rho = platform.platform_mass, platform.characteristic_length
-    force = float(np.std(course.force, axis=0).mean())
-    velocity = float(np.std(np.diff(course.length, axis=0)).mean()) / course.step
-    general = {
-        "platform_com": rho,
-        "platform_inertia": mass * rho**2,
-        "leg_armature": mass / 6 + platform.leg_upper_mass,
-        "leg_viscous_friction": force / max(velocity, 1e-12),
-        "leg_coulomb_friction": force,
-        "base_points": rho,
-        "platform_points": rho,
-        "gravity": float(np.linalg.norm(platform.gravity)) or 1.0,
-    }
-    return general.get(name.partition("[")[0]) or abs(value) or 1.0

@@ -1,0 +1,135 @@
+"""From a fit to the estimate of it, alike for all methods that fit the samples of a log."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text
+from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.physical import BestFit
+from gough_stewart.harness.identify.statistics import uncertainty, whiteness
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# Share of the samples, taken from the end, that validates the fit.
+VALIDATION = 0.2
+# A combination whose standard error exceeds this share of its scale is not identifiable.
+_UNSEEN = 1.0
+
+
+class Channels(NamedTuple):
+    """Signals that a fit explains (n, 6); the first `fitted` samples are fitted, the others validate the fit."""
+
+    quantity: str
+    unit: str
+    time: FloatArray  # (n,) [s]
+    measured: FloatArray
+    residual: FloatArray  # measured − fitted
+    before: FloatArray  # what the nominal parameters predict
+    fitted: int
+
+
+def estimate_of(
+    method: str,
+    names: tuple[str, ...],
+    nominal: FloatArray,
+    scale: FloatArray,
+    fit: BestFit,
+    regression: tuple[FloatArray, FloatArray],
+    channels: Channels,
+    notes: Sequence[str],
+) -> Estimate:
+    """The estimate of a fit, with its covariance and its residuals.
+
+    Parameters
+    ----------
+    nominal, scale
+        Values before the fit (p,), and sizes (p,) that their changes are measured against [SI].
+    regression
+        Whitened regressor (m, 6, p) in units of `scale`, and whitened residuals (m, 6), of the fitted samples.
+    notes
+        Remarks on the fit; one on active bounds is added.
+
+    Raises
+    ------
+    IdentificationError
+        The log does not determine all parameters; names those.
+    """
+    sigma, directions, covariance = uncertainty(*regression)
+    _check_identifiable(sigma, directions, names)
+    if fit.at_bound:
+        notes = [*notes, f"at the bound of what is physical: {', '.join(fit.at_bound)}"]
+    n = channels.fitted
+    fitted, validating = channels.residual[:n], channels.residual[n:]
+    return Estimate(
+        method=method,
+        names=names,
+        values=fit.values,
+        nominal=nominal,
+        covariance=covariance * np.outer(scale, scale),
+        singular_values=sigma,
+        directions=directions,
+        scale=scale,
+        rank=len(sigma),
+        residuals=Residuals(
+            channels.quantity,
+            channels.unit,
+            rms(fitted),
+            rms(validating) if len(validating) else None,
+            np.std(channels.measured[:n], axis=0),
+            whiteness(fitted),
+        ),
+        notes=tuple(notes),
+        details={
+            "time": channels.time,
+            "measured": channels.measured,
+            "fitted": channels.measured - channels.residual,
+            "before": channels.before,
+            "validation_from": float(channels.time[n]) if len(validating) else None,
+        },
+    )
+
+
+def scales(platform: Platform, names: Sequence[str], force: float, velocity: float) -> FloatArray:
+    """Sizes (p,) [SI] that changes of these elements are measured against.
+
+    Parameters
+    ----------
+    force, velocity
+        Typical changes of the actuator forces [N] and typical leg velocities [m/s] of the log.
+    """
+    mass, rho = platform.platform_mass, platform.characteristic_length
+    sizes = {
+        "platform_com": rho,
+        "platform_inertia": mass * rho**2,
+        "leg_armature": mass / 6 + platform.leg_upper_mass,
+        "leg_viscous_friction": force / max(velocity, 1e-12),
+        "leg_coulomb_friction": force,
+        "base_points": rho,
+        "platform_points": rho,
+        "gravity": float(np.linalg.norm(platform.gravity)) or 1.0,
+    }
+    return np.array([sizes.get(name.partition("[")[0]) or abs(value_of(platform, name)) or 1.0 for name in names])
+
+
+def rms(residual: FloatArray) -> FloatArray:
+    """Root mean square of each channel of residuals (n, k)."""
+    return np.asarray(np.sqrt((residual**2).mean(axis=0)))
+
+
+def _check_identifiable(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:
+    """Refuse combinations whose standard error is as large as their scale."""
+    unseen = [k for k in range(len(sigma)) if not sigma[k] * _UNSEEN > 1]
+    if not unseen:
+        return
+    involved = [name for j, name in enumerate(names) if any(abs(directions[k][j]) > 0.3 for k in unseen)]
+    texts = "; ".join(
+        f"{combination_text(directions[k], names)} (± {100 / sigma[k]:.0f} % of its size)" for k in unseen
+    )
+    raise IdentificationError(
+        f"too little excitation for {', '.join(involved)}: this log does not determine {texts}; estimate fewer "
+        "parameters, or record a motion designed for them (gough-stewart excite)",
+        involved,
+    )
