@@ -78,7 +78,7 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
         plotly(),
         "GoughStewart.charts();",
     ]
-    return document(title, body, asset("view", "view.css"), data, scripts)
+    return document(title, body, asset("view", "view.css") + asset("view", "stage.css"), data, scripts)
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
