@@ -1,219 +1,167 @@
-"""The interactive curves of a page, as a figure of plotly.js: one column of panels over a common time axis."""
+"""The data of a page's charts: lines of every signal of its records, and of the differences between records."""
 
-import html
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.pages import packed
+from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.results.record import Record
-from gough_stewart.model.kinematics import conditioning
+from gough_stewart.harness.view.signals import SHOWN, Signal, signals_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 # Of a line, if there is one record; several share them.
 POINTS = 800
-# of the records, by plotly.js' name or lengths [px]
-DASHES = ("solid", "6px,4px", "2px,3px", "10px,4px", "8px,3px,2px,3px", "4px,2px")
-_REFERENCE = {"color": "#222222", "width": 1, "dash": "dot"}
-_LIMIT = {"color": "#D55E00", "width": 1, "dash": "dot"}
-_HEIGHT, _GAP, _TOP, _BOTTOM = 190, 62, 40, 44  # [px]
-_GRID = "#e6e9ed"
-_LAYOUT: dict[str, Any] = {
-    "margin": {"l": 64, "r": 16, "t": _TOP, "b": _BOTTOM},
-    "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#222"},
-    "paper_bgcolor": "rgba(0,0,0,0)",
-    "plot_bgcolor": "#ffffff",
-    "hovermode": "x unified",
-    "hoverlabel": {"font": {"size": 11}, "bgcolor": "rgba(255,255,255,0.92)"},
-    "dragmode": "zoom",
-    "modebar": {"bgcolor": "rgba(255,255,255,0.85)", "color": "#8a96a3", "activecolor": COLOURS[0]},
-}
-_VALUES: dict[str, Any] = {"gridcolor": _GRID, "zeroline": False, "exponentformat": "power", "minexponent": 5}
-# Title and legend of a panel stand above it, at its left.
-_ABOVE: dict[str, Any] = {"x": 0, "xanchor": "left", "yanchor": "bottom"}
-_TITLE: dict[str, Any] = {**_ABOVE, "xref": "paper", "yref": "paper", "yshift": 20, "showarrow": False}
-_LEGEND: dict[str, Any] = {**_ABOVE, "orientation": "h", "font": {"size": 11}, "bgcolor": "rgba(0,0,0,0)"}
-# Less than this, in a panel's unit, is no motion to look at.
-_LEAST = 1e-5
-_AXES = ("x", "y", "z")
-_ANGLES = ("roll", "pitch", "yaw")
-_LEGS = tuple(str(i) for i in range(1, 7))
+_FEWEST_POINTS = 100
+# Half of what flags differ by.
+_FLAG = 0.5
+# Rows that are compared first: most components that differ do so here.
+_GLANCE = 16
+
+_Columns = Sequence[FloatArray | None]
 
 
-class _Curves(NamedTuple):
-    """Columns (n, size) that share a panel: actual values, and perhaps wanted ones."""
+def chart_of(records: Sequence[Record], platforms: Sequence[Platform]) -> dict[str, Any]:
+    """What `charts.js` draws: `signals` by name, the names `shown` at first, and the `range` of time.
 
-    values: FloatArray
-    wanted: FloatArray | None = None
-
-
-@dataclass(frozen=True)
-class _Panel:
-    title: str
-    names: tuple[str, ...]
-    curves: tuple[_Curves | None, ...]  # by record
-    bounds: tuple[float, ...] = ()
-
-
-def chart_of(records: Sequence[Record], platforms: Sequence[Platform], names: Sequence[str]) -> dict[str, Any]:
-    """Data and layout for `Plotly.newPlot`.
-
-    Lines are `decimated`: no peak is lost. Colours tell axes and legs, dashes tell records, dotted black is wanted.
+    A signal has a title, a unit, its components' words and lines by record. Components closer than `least_span` to each
+    other at all times of all records share a line: `groups` are of their indices. Lines are `decimated`: no peak is
+    lost. A line that a record shares with an earlier one is that record's index. `differences` of records j < k, by
+    "j,k", are of k minus j, see `difference`.
     """
-    panels = [panel for panel in _panels(records, platforms) if any(panel.curves)]
-    inner = len(panels) * _HEIGHT + (len(panels) - 1) * _GAP
-    ends = [float(record["time"][k]) for record in records for k in (0, -1)]
-    time = {"gridcolor": _GRID, "zeroline": False, "range": [min(ends), max(ends)]}
-    data: list[dict[str, Any]] = []
-    layout: dict[str, Any] = {**_LAYOUT, "height": _TOP + inner + _BOTTOM, "annotations": [], "shapes": []}
-    for k, panel in enumerate(panels):
-        number = "" if k == 0 else str(k + 1)
-        top = 1 - k * (_HEIGHT + _GAP) / inner
-        axes = {"xaxis": f"x{number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
-        data += _lines(panel, records, names, axes)
-        domain = [max(0.0, top - _HEIGHT / inner), top]
-        layout[f"yaxis{number}"] = {**_VALUES, "domain": domain, **_range_of_what_rests(panel)}
-        layout[f"xaxis{number}"] = time | {"anchor": f"y{number}"} | ({"matches": "x"} if k else {})
-        layout[f"legend{number}"] = {**_LEGEND, "y": top}
-        layout["annotations"].append({**_TITLE, "text": f"<b>{panel.title}</b>", "y": top})
-        layout["shapes"] += [
-            {"type": "line", "xref": f"x{number} domain", "yref": f"y{number}", "x0": 0, "x1": 1, "y0": y, "y1": y}
-            | {"line": _LIMIT}
-            for y in _near(panel)
-        ]
-        if k == len(panels) - 1:
-            layout[f"xaxis{number}"]["title"] = {"text": "time [s]", "standoff": 6}
-    return {"data": data, "layout": layout}
-
-
-def points_of(records: int) -> int:
-    """How many points a line has, if so many records share them."""
-    return max(POINTS // records, 100)
-
-
-def _panels(records: Sequence[Record], platforms: Sequence[Platform]) -> list[_Panel]:
-    def each(name: str, scale: float, wanted: str | None = None, home: str | None = None) -> tuple[_Curves | None, ...]:
-        found: list[_Curves | None] = []
-        for record, platform in zip(records, platforms, strict=True):
-            if name not in record:
-                found.append(None)
-                continue
-            zero = getattr(platform, home) if home else 0.0
-            other = scale * (record[wanted] - zero) if wanted and wanted in record else None
-            found.append(_Curves(scale * (record[name] - zero), other))
-        return tuple(found)
-
-    degree = 180 / np.pi
-    low, high = (_common(getattr(p, name) for p in platforms) for name in ("leg_length_min", "leg_length_max"))
-    stroke = tuple(x for x in (low, high) if x is not None)
-    force = _both_ways(_common(record.metadata.get("force_limit") for record in records))
-    velocity = _both_ways(_common(p.leg_velocity_max for p in platforms))
-    power = _both_ways(_common(p.actuator_power_max for p in platforms))
-    powers = tuple(_Curves(r["actuator_force"] * r["leg_velocity"]) for r in records)
-    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
-        condition = tuple(
-            _Curves(conditioning(p, r["position"], r["orientation"]).condition_number[:, None])
-            for r, p in zip(records, platforms, strict=True)
-        )
-    return [
-        _Panel("position from home [mm]", _AXES, each("position", 1e3, "reference.position", "home_position")),
-        _Panel(
-            "orientation from home [deg]",
-            _ANGLES,
-            each("orientation", degree, "reference.orientation", "home_orientation"),
-        ),
-        _Panel("position error [mm]", _AXES, each("error.position", 1e3)),
-        _Panel("orientation error [mrad]", _ANGLES, each("error.orientation", 1e3)),
-        _Panel("actuator force of legs [N]", _LEGS, each("actuator_force", 1.0), force),
-        _Panel("length of legs [m]", _LEGS, each("leg_length", 1.0, "reference.leg_length"), stroke),
-        _Panel("sliding velocity of legs [m/s]", _LEGS, each("leg_velocity", 1.0), velocity),
-        _Panel("actuator power of legs [W]", _LEGS, powers, power),
-        _Panel("condition number of the leg Jacobian", ("condition number",), condition),
-    ]
-
-
-def _common(limits: Iterable[float | None]) -> float | None:
-    """What all agree in, if they do."""
-    different = set(limits)
-    return different.pop() if len(different) == 1 else None
-
-
-def _both_ways(limit: float | None) -> tuple[float, ...]:
-    return () if limit is None else (float(limit), -float(limit))
-
-
-def _lines(
-    panel: _Panel, records: Sequence[Record], names: Sequence[str], axes: dict[str, str]
-) -> list[dict[str, Any]]:
-    lines: list[dict[str, Any]] = []
-    points = points_of(len(records))
-    wanted: list[tuple[FloatArray, list[int]]] = []  # with the records that share them
-    for k, (record, curves) in enumerate(zip(records, panel.curves, strict=True)):
-        if curves is None:
-            continue
-        which = "" if len(records) == 1 else f" · {_without_markup(names[k])}"
-        is_first = not lines
-        for i, name in enumerate(panel.names):
-            said = f"leg {name}" if panel.names is _LEGS else name
-            style = {"color": COLOURS[i], "width": 1.6, "dash": DASHES[k]}
-            group = {"legendgroup": f"{panel.title} {name}"} if len(panel.names) > 1 else {}
-            lines.append(
-                _line(record, curves.values[:, i], points, name, style)
-                | axes
-                | group
-                | {"hovertemplate": f"{said}{which}: %{{y:.5g}}<extra></extra>", "meta": [k]}
-                | {"showlegend": bool(group) and is_first}
-            )
-        if curves.wanted is None:
-            continue
-        shared = next((sharing for other, sharing in wanted if np.array_equal(curves.wanted, other)), None)
-        if shared is not None:
-            shared.append(k)
-            continue
-        wanted.append((curves.wanted, [k]))
-        for i in range(len(panel.names)):
-            lines.append(
-                _line(record, curves.wanted[:, i], points, "wanted", _REFERENCE)
-                | axes
-                | {"legendgroup": f"{panel.title} wanted", "showlegend": i == 0 and len(wanted) == 1}
-                | {"hoverinfo": "skip", "meta": wanted[-1][1]}
-            )
-    return lines
-
-
-def _line(record: Record, values: FloatArray, points: int, name: str, style: dict[str, Any]) -> dict[str, Any]:
-    time, shown = decimated(record["time"], values, points)
+    times = [record["time"] for record in records]
+    signals = signals_of(records, platforms)
+    ends = [float(time[k]) for time in times for k in (0, -1)]
     return {
-        "type": "scatter",
-        "mode": "lines" if len(time) > 1 else "markers",
-        "x": packed(time, "f4"),
-        "y": packed(shown, "f4"),
-        "name": name,
-        "line": style,
+        "signals": {signal.name: _packed_signal(signal, times) for signal in signals},
+        "shown": [signal.name for signal in signals if signal.name in SHOWN],
+        "range": [min(ends), max(ends)],
     }
 
 
-def _without_markup(name: str) -> str:
-    """A name that plotly.js, which knows some HTML and templates, shows as it is."""
-    return html.escape(name, quote=False).replace("%{", "%&#123;")
+def points_of(lines: int) -> int:
+    """How many points a line has, if so many share them."""
+    return max(POINTS // lines, _FEWEST_POINTS)
 
 
-def _range_of_what_rests(panel: _Panel) -> dict[str, Any]:
-    """A range for a panel in which nothing moves; plotly.js would blow rounding up to its height."""
-    shown = np.concatenate([part for c in panel.curves if c is not None for part in c if part is not None])
-    low, high = float(shown.min()), float(shown.max())
-    rests = high - low < _LEAST * max(1.0, abs(high))
-    return {"range": [(low + high) / 2 + sign * max(1.0, abs(high)) / 100 for sign in (-1, 1)]} if rests else {}
+def coinciding(values: _Columns, least: float) -> list[list[int]]:
+    """Indices of columns (n, size) that are closer than `least` to the first of their group in all rows of all arrays.
+
+    NaN coincides with NaN.
+    """
+    arrays = [array for array in values if array is not None]
+    groups: list[list[int]] = []
+    for column in range(arrays[0].shape[1] if arrays else 0):
+        for group in groups:
+            if all(_close(array[:, group[0]], array[:, column], least) for array in arrays):
+                group.append(column)
+                break
+        else:
+            groups.append([column])
+    return groups
 
 
-def _near(panel: _Panel) -> list[float]:
-    """The bounds that do not press the lines flat."""
-    shown = np.concatenate([c.values.ravel() for c in panel.curves if c is not None])
-    low, high = float(shown.min()), float(shown.max())
-    air = max(high - low, 0.02 * max(abs(low), abs(high), 1e-9))
-    return [bound for bound in panel.bounds if low - air <= bound <= high + air]
+def difference(
+    time: tuple[FloatArray, FloatArray], values: tuple[FloatArray, FloatArray], holds: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """The second of two arrays (n, size) and (m, size) minus the first, on the times of both that both of them span.
+
+    Between rows, values are on straight lines, or hold where `holds`. Without a common span there are no times.
+    """
+    if np.array_equal(*time):
+        return time[0], values[1] - values[0]
+    common = np.union1d(*time)
+    start, end = (pick(float(each[at]) for each in time) for pick, at in ((max, 0), (min, -1)))
+    common = common[(common >= start) & (common <= end)]
+    first, second = (_at(common, each, held, holds) for each, held in zip(time, values, strict=True))
+    return common, second - first
+
+
+def _at(common: FloatArray, time: FloatArray, values: FloatArray, holds: bool) -> FloatArray:
+    if holds:
+        held: FloatArray = values[np.searchsorted(time, common, side="right") - 1]
+        return held
+    return np.stack([np.interp(common, time, column) for column in values.T], axis=1)
+
+
+def _close(one: FloatArray, other: FloatArray, least: float) -> bool:
+    stride = max(1, len(one) // _GLANCE)
+    for a, b in ((one[::stride], other[::stride]), (one, other)):
+        gap = np.abs(a - b)
+        if not np.all((gap < least) | (np.isnan(a) & np.isnan(b))):
+            return False
+    return True
+
+
+def _packed_signal(signal: Signal, times: Sequence[FloatArray]) -> dict[str, Any]:
+    values = [None if each is None else np.where(np.isfinite(each), each, np.nan) for each in signal.values]
+    pairs = {
+        f"{j},{k}": difference((times[j], times[k]), (one, other), signal.is_flag)
+        for (j, one), (k, other) in combinations(enumerate(values), 2)
+        if one is not None and other is not None
+    }
+    changes = [difference for _, difference in pairs.values()]
+    least, least_change = _least(signal, values), _least(signal, changes)
+    groups, groups_of_changes = coinciding(values, least), coinciding(changes, least_change)
+    points = points_of(len(times))
+    return {
+        "title": signal.title,
+        "unit": signal.unit,
+        "group": signal.group,
+        "kind": signal.kind,
+        "components": signal.components,
+        "reference": signal.reference,
+        "limits": signal.limits,
+        "holds": signal.is_flag,
+        "curves": {"groups": groups, "least": least, "lines": _lines_by_record(values, times, groups, points)},
+        "differences": {
+            "groups": groups_of_changes,
+            "least": least_change,
+            "lines": {
+                pair: _lines(time, each, groups_of_changes, points_of(len(pairs)))
+                for pair, (time, each) in pairs.items()
+            },
+        },
+    }
+
+
+def _least(signal: Signal, values: _Columns) -> float:
+    """What is worth looking at, of values or of differences between values as large as these."""
+    if signal.is_flag:
+        return _FLAG
+    sizes = [np.nanmax(np.abs(each)) for each in (*values, *signal.values) if each is not None and each.size]
+    return least_span(signal.unit, max(filter(np.isfinite, sizes), default=0.0))
+
+
+def _lines_by_record(
+    values: _Columns, times: Sequence[FloatArray], groups: Sequence[Sequence[int]], points: int
+) -> list[Any]:
+    found: list[Any] = []
+    for k, (time, each) in enumerate(zip(times, values, strict=True)):
+        if each is None:
+            found.append(None)
+            continue
+        same = (
+            j
+            for j, other in enumerate(values[:k])
+            if other is not None and np.array_equal(times[j], time) and np.array_equal(other, each, equal_nan=True)
+        )
+        earlier = next(same, None)
+        found.append(_lines(time, each, groups, points) if earlier is None else earlier)
+    return found
+
+
+def _lines(time: FloatArray, values: FloatArray, groups: Sequence[Sequence[int]], points: int) -> list[dict[str, Any]]:
+    """One for each group, that of its first component."""
+    return [_line(time, values[:, group[0]], points) for group in groups]
+
+
+def _line(time: FloatArray, values: FloatArray, points: int) -> dict[str, Any]:
+    if len(values) > 2 and np.all(values == values[0]):
+        time, values = time[[0, -1]], values[[0, -1]]
+    kept, shown = decimated(time, values, points)
+    return {"x": packed(kept, "f4"), "y": packed(shown, "f4")}

@@ -17,18 +17,18 @@ from gough_stewart.harness.results.metrics import finite_part, metrics
 from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.harness.results.record import Record, machine_of, platform_of
 from gough_stewart.harness.results.tables import metrics_sheets
-from gough_stewart.harness.view.charts import DASHES, chart_of, points_of
+from gough_stewart.harness.view.charts import chart_of, points_of
 from gough_stewart.harness.view.scene import FRAMES, frame_rows, scene_of
 from gough_stewart.harness.view.tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 
 PAGE = "report.html"
-MOST_RECORDS = min(len(COLOURS), len(DASHES))
+MOST_RECORDS = len(COLOURS)
 # Beyond this, nothing that could be looked at is left of a run [SI units].
 _LARGEST = 1e9
 _DRAWN = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force", "external_force")
-_SCRIPTS = ("data.js", "colours.js", "bodies.js", "viewer.js", "scene.js", "charts.js", "player.js")
+_SCRIPTS = ("data.js", "colours.js", "bodies.js", "viewer.js", "scene.js", "lines.js", "charts.js", "player.js")
 
 
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
@@ -58,8 +58,8 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     frames = max(FRAMES // len(records), 101)
     data = {
         "scenes": [scene_of(each.finite, each.platform, each.name, frames) for each in shown],
-        "chart": chart_of([each.finite for each in shown], [each.platform for each in shown], names),
-        "colours": COLOURS[: len(records)],
+        "chart": chart_of([each.finite for each in shown], [each.platform for each in shown]),
+        "colours": COLOURS,
     }
     one = len(records) == 1
     title = str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)
@@ -131,10 +131,7 @@ def _heads(shown: Sequence[_Shown]) -> str:
         if len(shown) > 1:
             box = f'<input type="checkbox" data-record="{k}" checked> '
             swatch = f'<span class="swatch" style="background:{COLOURS[k]}"></span>'
-            dashes = "none" if DASHES[k] == "solid" else DASHES[k].replace("px", "")
-            path = f'<path d="M0 4H44" stroke="#555" stroke-width="2" stroke-dasharray="{dashes}"/>'
-            line = f'<svg width="44" height="8">{path}</svg>'
-            heads.append(f'<label class="record">{box}{swatch}{line}{html.escape(each.name)}{ended}</label>')
+            heads.append(f'<label class="record">{box}{swatch}{html.escape(each.name)}{ended}</label>')
         elif ended:
             heads.append(f'<p class="record">{ended}</p>')
     return "".join(heads)

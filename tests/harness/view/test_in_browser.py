@@ -115,20 +115,6 @@ def test_the_clock_and_the_table_tell_the_moment(still: Watched, record: Record)
         assert number in said
 
 
-def test_the_cursor_follows_and_a_click_on_a_curve_goes_to_its_time(still: Watched) -> None:
-    """Expected: the cursor lies at the time's share of the panel's width; a click at 70 % of 0.5 s is 0.35 s."""
-    page = still.page
-    panel = page.locator(".draglayer .nsewdrag").first
-    box = panel.bounding_box()
-    assert box is not None
-    for time in (0.0, 0.2, 0.5):
-        scrub(page, time)
-        cursor = page.locator("#cursor").evaluate("e => e.getBoundingClientRect().left")
-        assert cursor == pytest.approx(box["x"] + time / 0.5 * box["width"], abs=1.5)
-    page.mouse.click(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"])
-    until(page, "Math.abs(GoughStewart.player.time - 0.35) < 0.004")
-
-
 def test_arrows_go_frame_by_frame_and_space_plays(still: Watched, record: Record) -> None:
     page = still.page
     scrub(page, record["time"][300])
@@ -165,12 +151,6 @@ def test_flags_have_a_key(still: Watched) -> None:
     assert still.page.inner_text("#flag-key") == "force limited"
 
 
-def test_no_button_offers_to_send_the_data_away(still: Watched) -> None:
-    titles = still.page.eval_on_selector_all(".modebar-btn", "buttons => buttons.map(b => b.dataset.title)")
-    # releases of plotly.js differ in the case of letters
-    assert sorted(title.lower() for title in titles) == ["download plot as a png", "pan", "reset axes", "zoom"]
-
-
 @pytest.mark.parametrize("by", ["left", "right", "wheel"])
 def test_dragging_and_the_wheel_change_the_view(still: Watched, by: Literal["left", "right", "wheel"]) -> None:
     """Expected: another picture of the same scene, turned, moved, and nearer."""
@@ -191,10 +171,9 @@ def test_dragging_and_the_wheel_change_the_view(still: Watched, by: Literal["lef
 
 
 def test_records_lie_over_each_other_and_can_be_hidden(browser: Browser, record: Record, tmp_path: Path) -> None:
-    """Expected: each at its own pose of the moment, also where one has ended; of 39 curves and 12 wanted ones each.
+    """Expected: each at its own pose of the moment, also where one has ended.
 
-    Arrows go to the next row of either, and a hidden record leaves the scene, and its curves and wanted ones; legends
-    name the axes and legs all the same.
+    Arrows go to the next row of either, and a hidden record leaves the scene.
     """
     other = waving_record(load_preset("motion_base"), rows=251, size=0.02, step=1.7e-3)
     path = tmp_path / "both.html"
@@ -209,17 +188,8 @@ def test_records_lie_over_each_other_and_can_be_hidden(browser: Browser, record:
         assert page.evaluate("GoughStewart.player.time") == time
     view = page.locator("#view")
     both = view.screenshot()
-    traces = "document.querySelectorAll('#chart .scatterlayer .trace').length"
-    entries = "[...document.querySelectorAll('#chart .legendtext')].map(e => e.textContent)"
-    all_of_them, names = page.evaluate(traces), page.evaluate(entries)
-    assert all_of_them == 2 * (4 * 3 + 4 * 6 + 1) + 2 * (2 * 3 + 6)
     page.uncheck("input[data-record='0']")
-    until(page, f"{traces} === {all_of_them // 2}")
-    assert page.evaluate(entries) == names
     assert view.screenshot() != both
-    page.check("input[data-record='0']")
-    page.uncheck("input[data-record='1']")
-    until(page, f"{traces} === {all_of_them // 2}")
     assert found.errors == []
     page.close()
 

@@ -16,11 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.three import three
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.charts import POINTS, chart_of
 from gough_stewart.harness.view.page import MOST_RECORDS, names_of, view_page
 from gough_stewart.harness.view.scene import FRAMES, frame_rows, leg_parts, nearness_to_limits, scene_of
 from gough_stewart.model.errors import GoughStewartError
@@ -138,20 +136,6 @@ def test_nearness_is_one_at_each_limit(base: Platform) -> None:
     assert nearness_to_limits(Record(table, {}), load_preset("liu2000")) == {}
 
 
-def test_curves_are_those_of_the_record(record: Record, base: Platform) -> None:
-    """Expected: the thinned columns in the panel's unit, to the seven digits of their storage."""
-    drawn = chart_of([record], [base], ["waves"])["data"]
-    lines = {line["legendgroup"]: line for line in drawn if "hovertemplate" in line and "legendgroup" in line}
-    for group, column, scale, zero in (
-        ("position from home [mm] z", "position[3]", 1e3, base.home_position[2]),
-        ("orientation error [mrad] pitch", "error.orientation[2]", 1e3, 0.0),
-        ("actuator force of legs [N] 6", "actuator_force[6]", 1.0, 0.0),
-    ):
-        time, values = decimated(record["time"], scale * (record[column] - zero), POINTS)
-        assert numbers(lines[group]["x"]) == pytest.approx(time, rel=1e-6)
-        assert numbers(lines[group]["y"]) == pytest.approx(values, rel=1e-6, abs=1e-6 * np.abs(values).max())
-
-
 def test_the_page_is_one_element_tree_with_everything_inside(page: bytes) -> None:
     """Expected: no element that would load something, a policy that forbids it, tables with the metrics' numbers."""
     assert elements(page, "//script[@src] | //link[not(starts-with(@href, 'data:'))] | //img | //iframe") == []
@@ -258,9 +242,10 @@ def test_records_are_called_by_their_folders_if_those_differ(tmp_path: Any) -> N
     assert names_of([one, one / "record.csv"]) == [str(one), str(one / "record.csv")]
 
 
-def test_lines_and_heads_tell_records_apart(record: Record) -> None:
-    """Expected: as many dashes as records, in the curves and in the head of the page."""
+def test_the_head_tells_records_apart_by_colour(record: Record) -> None:
+    """Expected: a box and a swatch for each, in the colours of the page's data, as curves and bodies are."""
     page = view_page([record, record], ["a", "b"])
-    dashes = {line["line"]["dash"] for line in data_of(page)["chart"]["data"] if "hovertemplate" in line}
-    assert len(dashes) == 2
     assert len(re.findall(rb'<input type="checkbox" data-record="\d"', page)) == 2
+    swatches = elements(page, "//header//*[@class='swatch']/@style")
+    assert swatches == [f"background:{colour}" for colour in data_of(page)["colours"][:2]]
+    assert len(set(swatches)) == 2
