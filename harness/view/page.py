@@ -18,7 +18,7 @@ from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.harness.results.record import Record, machine_of, platform_of
 from gough_stewart.harness.results.tables import metrics_sheets
 from gough_stewart.harness.view.charts import chart_of, points_of
-from gough_stewart.harness.view.scene import FRAMES, frame_rows, scene_of
+from gough_stewart.harness.view.scene import FRAMES, NEARNESS, frame_rows, scene_of
 from gough_stewart.harness.view.tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
@@ -28,7 +28,10 @@ MOST_RECORDS = len(COLOURS)
 # Beyond this, nothing that could be looked at is left of a run [SI units].
 _LARGEST = 1e9
 _DRAWN = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force", "external_force")
-_SCRIPTS = ("data.js", "colours.js", "bodies.js", "viewer.js", "scene.js", "lines.js", "charts.js", "player.js")
+_SCRIPTS = (
+    *("data.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js", "viewer.js", "scene.js", "drawn.js"),
+    *("picture.js", "video.js", "moment.js", "lines.js", "charts.js", "player.js"),
+)
 
 
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
@@ -60,6 +63,7 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
         "scenes": [scene_of(each.finite, each.platform, each.name, frames) for each in shown],
         "chart": chart_of([each.finite for each in shown], [each.platform for each in shown]),
         "colours": COLOURS,
+        "nearness": NEARNESS,
     }
     one = len(records) == 1
     title = str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)

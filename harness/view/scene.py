@@ -18,6 +18,13 @@ from gough_stewart.model.vectors import FloatArray
 # What a page shows of all its records together; at 1 kHz, 10 s come to 200 frames a second.
 FRAMES = 2001
 FLAGS = ("force_limited", "rate_limited", "stroke_exceeded")
+# Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and of what is beyond it. Lightness and the
+# contrast of blue and yellow tell them apart without red and green (simulated as by Machado et al., IEEE Trans. Vis.
+# Comput. Graph. 15 (2009), 1291-1298).
+NEARNESS = {
+    "stops": [[0.0, "#6baed6"], [0.5, "#b8d0dc"], [0.8, "#f5b722"], [1.0, "#a50f15"]],
+    "beyond": "#5c1a7e",
+}
 # By how much the two parts of a leg overlap when it is longest, and reach beyond each other's joint, as shares.
 _OVERLAP, _SHORTEST = 0.06, 0.97
 
@@ -44,10 +51,13 @@ def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES
         "platform": platform.platform_points.tolist(),
         "lower": lower,
         "upper": upper,
+        "home": _poses(platform.home_position, platform.home_orientation).tolist(),
         "rows": record.table.height,
         "time": packed(few["time"]),
-        "pose": packed(_pose(few, "")),
-        "reference": packed(_pose(few, "reference.")) if "reference.position" in few else None,
+        "pose": packed(_poses(few["position"], few["orientation"])),
+        "reference": packed(_poses(few["reference.position"], few["reference.orientation"]))
+        if "reference.position" in few
+        else None,
         "orientation": packed(few["orientation"]),
         "length": packed(few["leg_length"]),
         "force": packed(few["actuator_force"]),
@@ -60,7 +70,7 @@ def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES
 def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
     """Lengths at which lower and upper part are drawn [m]: they overlap at any leg length that occurs, or may.
 
-    What the parts look like is nobody's parameter; their centres of mass are.
+    No parameter says what the parts look like; their centres of mass are parameters.
     """
     low = min(float(length.min()), platform.leg_length_min or math.inf)
     high = max(float(length.max()), platform.leg_length_max or 0.0)
@@ -98,12 +108,12 @@ def _nearness(record: Record, platform: Platform) -> dict[str, Any] | None:
     return {"of": list(each), "values": packed(np.max(list(each.values()), axis=0))} if each else None
 
 
-def _pose(record: Record, prefix: str) -> FloatArray:
-    """Position and quaternion (x, y, z, w) of the platform (n, 7)."""
-    rotation = matrix_from_orientation(record[f"{prefix}orientation"])
+def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
+    """Position and quaternion (x, y, z, w) of platforms (…, 7)."""
     from scipy.spatial.transform import Rotation  # only pages need it; its import takes a fifth of a second
 
-    return np.concatenate([record[f"{prefix}position"], Rotation.from_matrix(rotation).as_quat()], axis=1)
+    rotation = matrix_from_orientation(orientation)
+    return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=-1)
 
 
 def _any_until_next(record: Record, rows: NDArray[np.int64], name: str) -> str:

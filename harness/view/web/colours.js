@@ -2,41 +2,40 @@
 // What the colour of a leg means.
 (() => {
   const GS = GoughStewart;
-  const PUSH = [0.84, 0.37, 0.0], PULL = [0.0, 0.45, 0.7], REST = [0.80, 0.83, 0.86];
+  const PUSH = [0.84, 0.37, 0.0], PULL = [0.0, 0.45, 0.7], REST = [0.80, 0.83, 0.86], PLAIN = [0.62, 0.67, 0.72];
   const mix = (a, b, share) => a.map((x, k) => x + share * (b[k] - x));
+  const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
   const byForce = (force, largest) => {
     const share = Math.min(Math.abs(force) / largest, 1);
     return mix(REST, force < 0 ? PULL : PUSH, Math.sqrt(share));
   };
-  // green to half of a limit, amber at 80 %, red from there on
+  const stops = GS.page.nearness.stops.map(([share, hex]) => [share, rgb(hex)]), beyond = rgb(GS.page.nearness.beyond);
   const byNearness = (near) => {
-    const stops = [[0, [0.18, 0.55, 0.34]], [0.5, [0.45, 0.68, 0.28]], [0.8, [0.93, 0.68, 0.13]], [1, [0.78, 0.10, 0.10]]];
-    if (near >= 1) return [0.55, 0.0, 0.25];
-    const k = stops.findIndex((stop) => near <= stop[0]);
+    if (near > 1 + 1e-9) return beyond;
+    const k = stops.findIndex(([share]) => near <= share);
     if (k <= 0) return stops[0][1];
     const [[a, from], [b, to]] = [stops[k - 1], stops[k]];
     return mix(from, to, (near - a) / (b - a));
   };
   const LARGEST = GS.records.reduce((most, r) => r.force.reduce((m, f) => Math.max(m, Math.abs(f)), most), 1e-12);
-  const css = (rgb) => `rgb(${rgb.map((x) => Math.round(255 * x)).join(",")})`;
+  GS.runColours = GS.page.colours.map(rgb);
   GS.legColour = (kind, record, at, leg) => {
+    if (kind === "run") return GS.runColours[record.index];
     if (kind === "force") return byForce(record.force[6 * at.frame + leg], LARGEST);
     if (kind === "nearness" && record.nearness) return byNearness(record.nearness.values[6 * at.frame + leg]);
-    return [0.62, 0.67, 0.72];
+    return PLAIN;
   };
-  GS.css = css;
+  GS.css = (colour) => `rgb(${colour.map((x) => Math.round(255 * x)).join(",")})`;
   GS.mixed = mix;
   const evenly = (n) => Array.from({ length: n }, (_, k) => k / (n - 1));
-  GS.legend = (kind) => {
-    const bar = (colours) => `<i style="background:linear-gradient(90deg,${colours.map(css).join(",")})"></i>`;
+  // Title of the scale, colours from its low to its high end, and what its ends are; none where there is nothing to say.
+  GS.scale = (kind) => {
     if (kind === "force") {
-      const steps = evenly(17).map((share) => byForce((2 * share - 1) * LARGEST, LARGEST));
-      return `actuator force${bar(steps)}pulls ${GS.text(-LARGEST)} N <span>pushes ${GS.text(LARGEST)} N</span>`;
+      const colours = evenly(17).map((share) => byForce((2 * share - 1) * LARGEST, LARGEST));
+      return { title: "actuator force", colours, low: `pulls ${GS.text(-LARGEST)} N`, high: `pushes ${GS.text(LARGEST)} N` };
     }
     const limits = [...new Set(GS.records.flatMap((r) => (r.nearness ? r.nearness.of : [])))].join(", ");
-    if (kind === "nearness" && limits) {
-      return `nearest of ${limits}${bar(evenly(21).map((share) => byNearness(0.999 * share)))}middle <span>limit</span>`;
-    }
-    return "";
+    if (kind !== "nearness" || !limits) return null;
+    return { title: `nearest of ${limits}`, colours: evenly(21).map(byNearness), low: "middle", high: "limit" };
   };
 })();

@@ -2,8 +2,8 @@
 // The records of the page, and poses between their frames.
 (() => {
   const { numbers, page } = GoughStewart;
-  const read = (scene) => {
-    const record = { ...scene };
+  const read = (scene, index) => {
+    const record = { ...scene, index };
     for (const name of ["time", "pose", "reference", "orientation", "length", "force", "external_force"]) {
       record[name] = scene[name] && numbers(scene[name]);
     }

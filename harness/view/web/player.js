@@ -4,7 +4,6 @@
   const GS = GoughStewart;
   const $ = (id) => document.getElementById(id);
   GS.ready = { picture: false, curves: false };
-  const { fixed } = GS;
 
   let view = null;
   try {
@@ -18,39 +17,25 @@
   const digits = Math.max(2, Math.min(6, Math.ceil(-Math.log10((GS.end - GS.start) / Math.max(longest - 1, 1) || 1) + 0.3)));
   const player = { time: GS.start, playing: false, speed: 1 };
   GS.player = player;
-  let before = 0, colour = "force";
+  let before = 0, colour = "force", film = null;
+  const write = GS.moment($("now"));
 
-  // A table of the moment: pose, and leg by leg length and force.
-  const now = GS.records.map((record) => {
-    const table = document.createElement("table");
-    const heads = ["", ...[1, 2, 3, 4, 5, 6].map((k) => `leg ${k}`)];
-    const rows = ["force N", "length m", ...(record.nearness ? ["of limit %"] : [])];
-    table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => `<th>${h}</th>`).join("")}</tr></thead><tbody>${
-      rows.map((r) => `<tr><th scope="row">${r}</th>${"<td></td>".repeat(6)}</tr>`).join("")}</tbody>`;
-    $("now").append(table);
-    const title = GS.records.length > 1 ? `${record.name}: ` : "";
-    return { record, caption: table.caption, title, cells: [...table.querySelectorAll("td")] };
-  });
-  const write = () => {
-    for (const { record, caption, title, cells } of now) {
-      const at = GS.frameAt(record, player.time);
-      const [x, y, z] = GS.between(record.pose, 7, at).slice(0, 3).map((v) => fixed(v, 4));
-      const turned = GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, 2)}°`);
-      caption.textContent = `${title}x ${x}  y ${y}  z ${z} m   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}`;
-      for (let k = 0; k < 6; k++) {
-        const dot = `<i style="background:${GS.css(GS.legColour(colour, record, at, k))}"></i>`;
-        cells[k].innerHTML = dot + GS.text(record.force[6 * at.frame + k]);
-        cells[6 + k].textContent = GS.between(record.length, 6, at)[k].toFixed(4);
-        if (record.nearness) cells[12 + k].textContent = (100 * record.nearness.values[6 * at.frame + k]).toFixed(0);
-      }
-    }
+  // The clock changes with every frame; what is read aloud does so at rest only, or with the seconds.
+  let spoken = "", resting = 0;
+  const speak = (text) => {
+    $("time").setAttribute("aria-valuetext", text);
+    clearTimeout(resting);
+    if (!player.playing) resting = setTimeout(() => { $("moment").textContent = text; }, 400);
   };
-
   const show = () => {
+    const text = `${player.time.toFixed(digits)} of ${GS.end.toFixed(digits)} s`;
     $("time").value = player.time;
-    $("clock").textContent = `${player.time.toFixed(digits)} of ${GS.end.toFixed(digits)} s`;
+    $("clock").textContent = text;
+    const key = player.playing ? Math.floor(player.time) : text;
+    if (key !== spoken) speak(text);
+    spoken = key;
     GS.moveCursor(player.time);
-    write();
+    write(player.time, colour);
     if (view) view.show(player.time);
   };
   player.seek = (time) => {
@@ -61,6 +46,7 @@
     player.playing = false;
     $("play").textContent = "▶";
     $("play").setAttribute("aria-label", "play");
+    speak($("clock").textContent);
   };
   player.play = () => {
     if (player.time >= GS.end) player.seek(GS.start);
@@ -97,10 +83,11 @@
       before = stamp;
       const time = player.time + passed * player.speed;
       if (time < GS.end) player.seek(time);
-      else if ($("repeat").checked) player.seek(GS.start);
+      else if ($("repeat").checked && !film) player.seek(GS.start);
       else { player.seek(GS.end); player.pause(); }
     }
     if (view) view.render();
+    if (film) film();
     if (!GS.ready.picture) {
       GS.ready.picture = true;
       performance.mark("first-picture");
@@ -126,10 +113,33 @@
   const colourBy = (kind) => {
     colour = kind;
     if (view) view.colourBy(kind);
-    const text = view ? GS.legend(kind) : "";
-    $("legend").hidden = !text;
-    $("legend").innerHTML = text;
+    const scale = view && GS.scale(kind);
+    $("legend").hidden = !scale;
+    if (scale) {
+      $("legend").innerHTML = `<b></b><i style="background:linear-gradient(90deg,${scale.colours.map(GS.css).join(",")})"></i><span></span><span></span>`;
+      [...$("legend").querySelectorAll("b, span")].forEach((part, k) => { part.textContent = [scale.title, scale.low, scale.high][k]; });
+    }
     show();
+  };
+  const enlarge = (factor) => {
+    $("enlarged").hidden = factor === 1;
+    $("enlarged").textContent = `motion drawn ${factor} times larger`;
+    if (view) view.enlarge(factor);
+    show();
+  };
+  const showParts = () => {
+    const [reference, path, frames] = ["ghost", "trail", "frames"].map((id) => $(id).checked);
+    if (view) view.showParts({ reference, path, frames });
+  };
+  const record = () => {
+    if (film) return player.pause();
+    $("record").textContent = "stop recording";
+    $("saved").textContent = "recording the animation once, from start to end";
+    film = GS.video(view, player, () => {
+      film = null;
+      $("record").textContent = "record a video";
+    });
+    return undefined;
   };
   $("time").min = GS.start;
   $("time").max = GS.end;
@@ -138,11 +148,18 @@
   $("speed").addEventListener("change", () => { player.speed = Number($("speed").value); });
   $("colour").addEventListener("change", () => colourBy($("colour").value));
   $("from").addEventListener("change", () => view && view.look($("from").value));
-  $("ghost").addEventListener("change", () => { if (view) view.showGhosts($("ghost").checked); show(); });
-  $("trail").addEventListener("change", () => { if (view) view.showTrails($("trail").checked); show(); });
-  $("frames").addEventListener("change", () => { if (view) view.showFrames($("frames").checked); show(); });
+  $("motion").addEventListener("change", () => enlarge(Number($("motion").value)));
+  for (const id of ["ghost", "trail", "frames"]) $(id).addEventListener("change", showParts);
   $("ghost").parentElement.hidden = !GS.records.some((r) => r.reference);
+  $("picture").addEventListener("click", () => GS.savePicture(view));
+  $("record").addEventListener("click", record);
+  $("picture").disabled = !view;
+  $("record").disabled = !view || !GS.videoKind();
+  if (view && !GS.videoKind()) $("saved").textContent = "This browser cannot record video.";
+  // paper shows the picture of the moment
+  if (view) GS.onTheme(() => GS.compose(view, $("printed"), 1400));
   document.querySelector("#colour option[value=nearness]").disabled = !GS.records.some((r) => r.nearness);
+  document.querySelector("#colour option[value=run]").hidden = GS.records.length === 1;
   document.querySelectorAll("input[data-record]").forEach((box) => box.addEventListener("change", () => {
     if (view) view.showMachine(Number(box.dataset.record), box.checked);
     GS.showCurves();
@@ -151,14 +168,16 @@
     if (event.target.closest("select, input[type=checkbox], summary") || event.ctrlKey || event.metaKey || event.altKey) return;
     const act = { " ": toggle, ArrowLeft: () => step(false), ArrowRight: () => step(true) }[event.key];
     if (!act) return;
-    if (event.key === " " && event.target.id === "play") return;  // a button does it by itself
+    if (event.key === " " && event.target.closest("button")) return;  // a button does it by itself
     event.preventDefault();
     act();
   });
   window.addEventListener("resize", strips);
   player.drawn = () => (view ? view.drawn() : null);
+  player.stage = () => (view ? view.stage() : null);
 
-  colourBy("force");
+  $("colour").value = GS.records.length > 1 ? "run" : "force";
+  colourBy($("colour").value);
   strips();
   // report.html#t=1.5 stands still there
   const asked = /[#&]t=([0-9.eE+-]+)/.exec(window.location.hash);

@@ -2,16 +2,13 @@
 // The 3-D view: machines in a room, put where a moment has them.
 (() => {
   const GS = GoughStewart;
-  const { vector, frame, machine, unit, extent, SIZE, MIDDLE, room, UP } = GS.bodies;
-  const quaternion = new THREE.Quaternion(), next = new THREE.Quaternion(), direction = new THREE.Vector3(), point = new THREE.Vector3();
-  const place = (object, values, at) => {
-    const from = 7 * at.frame;
-    object.position.fromArray(GS.between(values, 7, at));
-    quaternion.fromArray(values, from + 3);
-    if (at.share > 0) quaternion.slerp(next.fromArray(values, from + 10), at.share);
-    object.quaternion.copy(quaternion);
-    object.updateMatrix();
-  };
+  const { stand, machine, joint, steel, unit, extent, SIZE, MIDDLE, roomOf } = GS.bodies;
+  const { UP, vector, frame } = GS.shapes;
+  // from the sun to the middle of the base, in sizes
+  const SUN = [-2.2, 1.6, -5];
+  const direction = new THREE.Vector3(), point = new THREE.Vector3(), foot = new THREE.Vector3();
+  const turned = new THREE.Quaternion(), along = new THREE.Matrix4(), ONE = new THREE.Vector3(1, 1, 1), stretched = new THREE.Vector3();
+  const paint = new THREE.Color(), GREY = [0.35, 0.38, 0.42];
 
   GS.scene = (element) => {
     const viewer = GS.viewer(element);
@@ -19,111 +16,160 @@
     root.scale.setScalar(scale);
     root.position.copy(vector(MIDDLE)).multiplyScalar(-scale);
     const machines = GS.records.map(machine);
-    root.add(...machines.map((m) => m.group));
+    const firsts = GS.records.filter((r, k) => GS.records.findIndex((other) => String(other.base) === String(r.base)) === k);
+    const stands = firsts.map(stand);
+    root.add(...stands, ...machines.map((m) => m.group));
+
     // a hanging platform has some air below it
-    const hangs = GS.records.some((r) => r.pose[2] < MIDDLE[2]);
+    const room = roomOf(1), hangs = GS.records.some((r) => r.pose[2] < MIDDLE[2]);
     const ground = room.low - (hangs ? 0.4 * SIZE : 2.8 * unit);
-    const floor = new THREE.Mesh(new THREE.CircleGeometry(3.2 * SIZE, 64), new THREE.ShadowMaterial({ opacity: 0.16 }));
+    // no larger than shadows fall: each of its pixels is looked up in their map
+    const shade = Math.min(extent + room.aside + 0.6 * (room.high - ground), 3 * SIZE);
+    const floor = new THREE.Mesh(new THREE.CircleGeometry(shade, 40), new THREE.ShadowMaterial());
     floor.position.set(MIDDLE[0], MIDDLE[1], ground);
     floor.receiveShadow = true;
-    const cell = 10 ** Math.round(Math.log10(SIZE / 4)), cells = 2 * Math.ceil(2.2 * SIZE / cell / 2);
-    const grid = new THREE.GridHelper(cells * cell, cells, 0xc3cbd4, 0xdde3e9);
-    grid.rotateX(Math.PI / 2);
-    grid.position.copy(floor.position);
-    const world = frame(0.42 * SIZE, ["X", "Y", "Z"]);
-    root.add(floor, grid, world);
-    const sun = new THREE.DirectionalLight(0xffffff, 0.75), sky = new THREE.HemisphereLight(0xffffff, 0xc8ccd2, 0.62);
-    sun.position.set(2.2 * SIZE, -1.6 * SIZE, 5 * SIZE).add(vector(MIDDLE));
+    const world = frame(0.42 * SIZE, ["X", "Y", "Z"], unit);
+    root.add(floor, world);
+    const sun = new THREE.DirectionalLight(0xffffff, 0.7), sky = new THREE.HemisphereLight(0xffffff, 0xc8ccd2, 0.55);
+    sun.position.copy(vector(MIDDLE)).addScaledVector(vector(SUN), -SIZE);
     sun.target.position.copy(vector(MIDDLE));
     sun.castShadow = true;
     sun.shadow.mapSize.set(1024, 1024);
-    sun.shadow.radius = 3;
-    // in the units of the room
-    Object.assign(sun.shadow.camera, { left: -2.6, right: 2.6, top: 2.6, bottom: -2.6, near: 0.1, far: 14 });
+    // in the units of the root's parent
+    const wide = scale * shade;
+    Object.assign(sun.shadow.camera, { left: -wide, right: wide, top: wide, bottom: -wide, near: 0.1, far: 14 });
     root.add(sun, sun.target, sky);
     viewer.room.add(root);
 
-    // The camera lives in a frame whose y is up: (x, z, −y) of the room.
-    const middle = scale * (0.5 * (ground + room.high) - MIDDLE[2]);
-    const radius = scale * Math.hypot(Math.max(extent, 0.6 * extent + room.aside), 0.6 * (room.high - ground));
-    const places = { corner: [0.62, 0.36, 0.70], front: [0, 0.12, 1], side: [1, 0.12, 0], top: [0, 1, 0.001] };
-    const look = (from) => {
-      const [x, y, z] = places[from], size = Math.hypot(x, y, z);
-      const narrow = Math.min(element.clientWidth / element.clientHeight, 1) || 1;
-      const away = 0.97 * radius / Math.sin(viewer.camera.fov * Math.PI / 360) / narrow;
-      viewer.controls.target.set(0, middle, 0);
-      viewer.camera.position.set(away * x / size, middle + away * y / size, away * z / size);
-      viewer.controls.update();
+    const cell = 10 ** Math.round(Math.log10(SIZE / 4)), cells = 2 * Math.ceil(2.2 * SIZE / cell / 2);
+    let grid = null;
+    const dress = ({ dark }) => {
+      if (grid) { root.remove(grid); grid.geometry.dispose(); }
+      grid = new THREE.GridHelper(cells * cell, cells, ...(dark ? [0x52606e, 0x303b47] : [0xc3cbd4, 0xdde3e9]));
+      grid.rotateX(Math.PI / 2);
+      grid.position.copy(floor.position);
+      root.add(grid);
+      floor.material.opacity = dark ? 0.5 : 0.18;
+      joint.color.set(dark ? 0x7d8b9a : 0x4d5967);
+      steel.color.set(dark ? 0x76828f : 0xb9c2cc);
+      for (const each of [world, ...machines.map((m) => m.frames)]) each.paint(dark);
+      for (const label of stands.flatMap((each) => each.labels)) label.paint(dark ? "#d5dde5" : "#37424e");
+      viewer.moved();
     };
+    dress(GS.theme());
+    GS.onTheme(dress);
+
+    // The camera lives in a frame whose y is up: (x, z, −y) of the room.
+    let factor = 1;
+    const places = { corner: [0.62, 0.36, 0.70], front: [0, 0.12, 1], side: [1, 0.12, 0], top: [0, 1, 0.001] };
+    const away = new THREE.Vector3(), { camera, controls } = viewer;
+    controls.lowest = scale * (ground + unit - MIDDLE[2]);
+    // as far in this direction that the whole motion is in sight
+    const fit = () => {
+      const { high, aside } = roomOf(factor), middle = scale * (0.5 * (ground + high) - MIDDLE[2]);
+      const radius = scale * Math.hypot(Math.max(extent, 0.6 * extent + aside), 0.6 * (high - ground));
+      const narrow = Math.min(element.clientWidth / element.clientHeight, 1) || 1;
+      controls.target.set(0, middle, 0);
+      away.setLength(0.97 * radius / Math.sin(camera.fov * Math.PI / 360) / narrow);
+      camera.position.copy(controls.target).add(away);
+      controls.update();
+    };
+    let place = "corner";
+    const look = (from) => {
+      place = from;
+      away.fromArray(places[from]);
+      fit();
+    };
+    controls.home = () => look(place);
 
     let shown = "force";
-    const show = (time) => {
-      for (const m of machines) {
-        const at = GS.frameAt(m.record, time);
-        place(m.platform, m.record.pose, at);
-        if (m.ghost) place(m.ghost, m.record.reference, at);
-        m.legs.forEach((leg, k) => {
-          point.fromArray(m.record.platform[k]).applyMatrix4(m.platform.matrix);
-          direction.copy(point).sub(leg.lower.position);
-          leg.core.scale.z = direction.length();
-          direction.normalize();
-          leg.lower.quaternion.setFromUnitVectors(UP, direction);
-          leg.core.position.copy(leg.lower.position);
-          leg.core.quaternion.copy(leg.lower.quaternion);
-          leg.upper.position.copy(point);
-          leg.upper.quaternion.setFromUnitVectors(UP, direction.negate());
-          const colour = GS.legColour(shown, m.record, at, k);
-          leg.rod.material.color.setRGB(...colour);
-          leg.sleeve.material.color.setRGB(...GS.mixed(colour, [0.35, 0.38, 0.42], 0.25));
-        });
-        if (m.strongest) {
-          const force = vector(m.record.external_force.subarray(3 * at.frame, 3 * at.frame + 3)), size = force.length();
-          m.push.visible = size > 0;
-          if (size > 0) {
-            const length = (0.2 + 0.6 * size / m.strongest) * SIZE, [shaft] = m.push.children;
-            m.push.quaternion.setFromUnitVectors(UP, force.divideScalar(size));
-            m.push.position.copy(m.platform.position);
-            shaft.scale.z = length;
-            shaft.position.z = -length - 2 * unit;
-          }
-        }
-      }
-      viewer.changed();
+    const set = (mesh, k, at, quaternion, size = ONE) => {
+      mesh.setMatrixAt(k, along.compose(at, quaternion, size));
+      mesh.instanceMatrix.needsUpdate = true;
     };
+    const tint = (mesh, k, rgb) => {
+      mesh.setColorAt(k, paint.setRGB(...rgb));
+      mesh.instanceColor.needsUpdate = true;
+    };
+    const showLegs = ({ record, platform, parts }, index, at) => {
+      let apart = false;
+      for (let k = 0; k < 6; k++) {
+        point.fromArray(record.platform[k]).applyMatrix4(platform.matrix);
+        foot.fromArray(record.base[k]);
+        direction.copy(point).sub(foot);
+        const length = direction.length();
+        turned.setFromUnitVectors(UP, direction.normalize());
+        set(parts.sleeve, k, foot, turned);
+        set(parts.lower, k, foot, turned);
+        set(parts.core, k, foot, turned, stretched.set(1, 1, length));
+        turned.setFromUnitVectors(UP, direction.negate());
+        set(parts.rod, k, point, turned);
+        set(parts.upper, k, point, turned);
+        apart ||= length > record.lower + record.upper;
+        const colour = GS.legColour(shown, record, at, k, index);
+        tint(parts.rod, k, colour);
+        tint(parts.sleeve, k, GS.mixed(colour, GREY, 0.25));
+      }
+      parts.core.visible = apart;
+    };
+    const showForce = ({ record, platform, push, strongest }, at) => {
+      if (!strongest) return;
+      const force = vector(record.external_force.subarray(3 * at.frame, 3 * at.frame + 3)), size = force.length();
+      push.visible = size > 0;
+      if (!push.visible) return;
+      const length = (0.2 + 0.6 * size / strongest) * SIZE, [shaft] = push.children;
+      push.quaternion.setFromUnitVectors(UP, force.divideScalar(size));
+      push.position.copy(platform.position);
+      shaft.scale.z = length;
+      shaft.position.z = -length - 2 * unit;
+    };
+    const show = (time) => {
+      machines.forEach((m, index) => {
+        const at = GS.frameAt(m.record, time);
+        GS.place(m.platform, m.record.pose, m.record, at, factor);
+        if (m.ghost) GS.place(m.ghost, m.record.reference, m.record, at, factor);
+        showLegs(m, index, at);
+        showForce(m, at);
+      });
+      viewer.moved();
+    };
+    const showTrails = (path, reference) => machines.forEach(({ trails }) => trails.forEach((trail, k) => {
+      trail.visible = path && (k === 0 || reference);
+    }));
     look("corner");
     return {
       show, look,
+      canvas: viewer.canvas,
+      draw: viewer.draw,
+      render: viewer.render,
       colourBy: (kind) => { shown = kind; },
-      showGhosts: (on) => machines.forEach((m) => { if (m.ghost) m.ghost.visible = on; if (m.trails[1]) m.trails[1].visible = on && m.trails[0].visible; }),
-      showTrails: (on) => machines.forEach((m) => m.trails.forEach((trail, k) => { trail.visible = on && (k === 0 || m.ghost.visible); })),
-      showFrames: (on) => { world.visible = on; machines.forEach((m) => { m.frames.visible = on; }); },
-      showMachine: (k, on) => { machines[k].group.visible = on; viewer.changed(); },
-      simpler: () => {
-        if (sun.castShadow) sun.castShadow = floor.visible = false;
-        else if (viewer.renderer.getPixelRatio() > 0.6) {
-          viewer.renderer.setPixelRatio(Math.max(0.6, 0.75 * viewer.renderer.getPixelRatio()));
+      enlarge: (times) => {
+        factor = times;
+        // p₀ + f (p − p₀) for all points of a path
+        machines.forEach(({ trails, record }) => trails.forEach((trail) => {
+          trail.scale.setScalar(factor);
+          trail.position.copy(vector(record.home)).multiplyScalar(1 - factor);
+        }));
+        away.copy(camera.position).sub(controls.target);
+        fit();
+      },
+      showParts: ({ reference, path, frames }) => {
+        world.visible = frames;
+        for (const m of machines) {
+          m.frames.visible = frames;
+          if (m.ghost) m.ghost.visible = reference;
         }
+        showTrails(path, reference);
         viewer.changed();
       },
-      render: viewer.render,
-      // What is drawn, in metres: for tests, and for scripts that drive the page.
-      drawn: () => machines.map((m) => {
-        root.updateMatrixWorld(true);
-        const inRoom = new THREE.Matrix4().copy(root.matrixWorld).invert();
-        const of = (object) => new THREE.Matrix4().multiplyMatrices(inRoom, object.matrixWorld);
-        const matrix = of(m.platform).elements;
-        const tip = (object, z) => new THREE.Vector3(0, 0, z).applyMatrix4(of(object)).toArray();
-        return {
-          position: matrix.slice(12, 15),
-          rotation: [0, 1, 2].map((i) => [0, 1, 2].map((j) => matrix[i + 4 * j])),
-          reference: m.ghost ? of(m.ghost).elements.slice(12, 15) : null,
-          legs: m.legs.map((leg) => ({
-            foot: tip(leg.lower, 0), sleeveEnd: tip(leg.lower, m.record.lower),
-            head: tip(leg.upper, 0), rodEnd: tip(leg.upper, m.record.upper),
-            colour: leg.rod.material.color.toArray(),
-          })),
-        };
-      }),
+      showMachine: (k, on) => { machines[k].group.visible = on; viewer.moved(); },
+      // the first to go are pixels, the next are shadows
+      simpler: () => {
+        if (!viewer.coarser()) sun.castShadow = floor.visible = false;
+        viewer.changed();
+      },
+      drawn: () => GS.drawn(root, machines),
+      stage: () => GS.stage(root, viewer, floor, SUN),
     };
   };
 })();

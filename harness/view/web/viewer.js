@@ -1,71 +1,61 @@
 "use strict";
-// The canvas of the 3-D view: renderer, room, camera, and the hand that turns it. The camera's own y is up, the room's z.
+// The canvas of the 3-D view: renderer, room and camera.
 (() => {
   const GS = GoughStewart;
-  const NEAREST = 0.1, FARTHEST = 50, FOV = 36;
+  const FOV = 36, REST = 300;
 
-  // A camera about a target: drag turns it, right drag moves both, the wheel or two fingers change its distance.
-  const orbit = (element, camera, changed) => {
-    const target = new THREE.Vector3(), offset = new THREE.Vector3(), axis = new THREE.Vector3(), ball = new THREE.Spherical();
-    const update = (change = () => {}) => {
-      ball.setFromVector3(offset.copy(camera.position).sub(target));
-      change();
-      ball.makeSafe();
-      ball.radius = Math.min(Math.max(ball.radius, NEAREST), FARTHEST);
-      camera.position.copy(target).add(offset.setFromSpherical(ball));
-      camera.lookAt(target);
-      changed();
-    };
-    const turn = (dx, dy) => update(() => {
-      ball.theta -= 2 * Math.PI * dx / element.clientHeight;
-      ball.phi -= 2 * Math.PI * dy / element.clientHeight;
-    });
-    const zoom = (factor) => update(() => { ball.radius *= factor; });
-    const move = (dx, dy) => {
-      const metres = 2 * camera.position.distanceTo(target) * Math.tan(camera.fov * Math.PI / 360) / element.clientHeight;
-      [[0, -dx], [1, dy]].forEach(([column, pixels]) => {
-        axis.setFromMatrixColumn(camera.matrix, column).multiplyScalar(pixels * metres);
-        target.add(axis);
-        camera.position.add(axis);
-      });
-      update();
-    };
-
-    // where each finger, or the mouse, was last
-    const fingers = new Map();
-    const middle = () => [0, 1].map((k) => [...fingers.values()].reduce((sum, at) => sum + at[k], 0) / fingers.size);
-    const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
-    element.addEventListener("pointerdown", (event) => {
-      fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      element.setPointerCapture(event.pointerId);
-    });
-    element.addEventListener("pointermove", (event) => {
-      if (!fingers.has(event.pointerId)) return;
-      const before = middle(), gap = fingers.size === 2 ? apart() : 0;
-      fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      const after = middle(), moves = fingers.size > 1 || event.buttons & 2 || event.ctrlKey || event.metaKey || event.shiftKey;
-      (moves ? move : turn)(after[0] - before[0], after[1] - before[1]);
-      if (gap > 0 && apart() > 0) zoom(gap / apart());
-    });
-    for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, (event) => fingers.delete(event.pointerId));
-    element.addEventListener("contextmenu", (event) => event.preventDefault());
-    element.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      zoom(event.deltaY > 0 ? 1 / 0.95 : 0.95);
-    }, { passive: false });
-    return { target, update };
+  // Whether the processor draws: known by the name of what does.
+  const software = () => {
+    const gl = document.createElement("canvas").getContext("webgl"), more = gl && gl.getExtension("WEBGL_debug_renderer_info");
+    const name = more ? gl.getParameter(more.UNMASKED_RENDERER_WEBGL) : "";
+    if (gl) gl.getExtension("WEBGL_lose_context")?.loseContext();
+    return /SwiftShader|llvmpipe|softpipe|Basic Render|software/i.test(name);
   };
 
   GS.viewer = (element) => {
-    const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    const soft = software();
+    // without a graphics card, smooth edges cost as much as all else: they wait until nothing moves
+    const renderer = new THREE.WebGLRenderer({ antialias: !soft, alpha: true });
     renderer.shadowMap.enabled = true;
-    renderer.shadowMap.type = THREE.PCFSoftShadowMap;
-    renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-    element.appendChild(renderer.domElement);
+    renderer.shadowMap.type = THREE.PCFShadowMap;
+    // shadows are drawn anew where something has moved, not where the camera has
+    renderer.shadowMap.autoUpdate = false;
+    const canvas = renderer.domElement;
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "application");
+    canvas.setAttribute("aria-label", "3-D view of the platform");
+    canvas.setAttribute("aria-describedby", "view-keys");
+    element.appendChild(canvas);
     const room = new THREE.Scene(), camera = new THREE.PerspectiveCamera(FOV, 1, 0.02, 100);
     room.rotateX(-Math.PI / 2);
-    let stale = true;
-    const changed = () => { stale = true; };
+    const sharpest = Math.min(window.devicePixelRatio, 2) * (soft ? 2 : 1);
+    const ratios = { moving: soft ? Math.min(window.devicePixelRatio, 1) : sharpest, still: sharpest };
+    let stale = true, changedAt = 0;
+    const changed = () => {
+      stale = true;
+      changedAt = performance.now();
+    };
+    const moved = () => {
+      renderer.shadowMap.needsUpdate = true;
+      changed();
+    };
+    const draw = (sharp) => {
+      const ratio = ratios[sharp ? "still" : "moving"];
+      if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
+      renderer.render(room, camera);
+      stale = false;
+    };
+    // Draws what has changed, and sharply what has come to rest.
+    const render = () => {
+      const rests = performance.now() - changedAt > REST && renderer.getPixelRatio() < ratios.still;
+      if (stale || rests) draw(!stale);
+    };
+    // Fewer pixels where something moves; false where there are few already.
+    const coarser = () => {
+      const { moving } = ratios;
+      ratios.moving = Math.max(0.6, 0.75 * moving);
+      return ratios.moving < moving;
+    };
     const resize = () => {
       const width = element.clientWidth, height = element.clientHeight;
       if (!width || !height) return;
@@ -76,13 +66,6 @@
     };
     new ResizeObserver(resize).observe(element);
     resize();
-    return {
-      renderer, room, camera, changed,
-      controls: orbit(renderer.domElement, camera, changed),
-      render: () => {
-        if (stale) renderer.render(room, camera);
-        stale = false;
-      },
-    };
+    return { renderer, canvas, room, camera, changed, moved, draw, render, coarser, controls: GS.orbit(canvas, camera, changed) };
   };
 })();

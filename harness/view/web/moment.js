@@ -1,0 +1,38 @@
+"use strict";
+// The numbers of the moment: a table for each run, of its pose, and of length and force leg by leg.
+(() => {
+  const GS = GoughStewart;
+  const { fixed } = GS;
+
+  const tableOf = (record, host) => {
+    const table = document.createElement("table");
+    const heads = ["", ...[1, 2, 3, 4, 5, 6].map((k) => `leg ${k}`)];
+    const rows = ["force N", "length m", ...(record.nearness ? ["of limit %"] : [])];
+    table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => `<th>${h}</th>`).join("")}</tr></thead><tbody>${
+      rows.map((r, k) => `<tr><th scope="row">${r}</th>${`<td>${k ? "" : "<i></i>"}<span></span></td>`.repeat(6)}</tr>`).join("")}</tbody>`;
+    host.append(table);
+    return {
+      record, caption: table.caption, dots: [...table.querySelectorAll("i")], cells: [...table.querySelectorAll("td span")],
+      title: GS.records.length > 1 ? `${record.name}: ` : "",
+    };
+  };
+
+  // Makes the tables in an element; what it returns writes a moment into them.
+  GS.moment = (host) => {
+    const tables = GS.records.map((record) => tableOf(record, host));
+    return (time, colour) => {
+      for (const { record, caption, dots, cells, title } of tables) {
+        const at = GS.frameAt(record, time), length = GS.between(record.length, 6, at);
+        const [x, y, z] = GS.between(record.pose, 7, at).slice(0, 3).map((v) => fixed(v, 4));
+        const turned = GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, 2)}°`);
+        caption.textContent = `${title}x ${x}  y ${y}  z ${z} m   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}`;
+        for (let k = 0; k < 6; k++) {
+          dots[k].style.background = GS.css(GS.legColour(colour, record, at, k));
+          cells[k].textContent = GS.text(record.force[6 * at.frame + k]);
+          cells[6 + k].textContent = length[k].toFixed(4);
+          if (record.nearness) cells[12 + k].textContent = (100 * record.nearness.values[6 * at.frame + k]).toFixed(0);
+        }
+      }
+    };
+  };
+})();

@@ -1,0 +1,82 @@
+"use strict";
+// A camera about a target, turned by mouse, fingers or keys. The camera's own y is up, the room's z.
+(() => {
+  const NEAREST = 0.1, FARTHEST = 50, STEP = Math.PI / 36;
+
+  // Turns, moves and zooms; never takes the camera, or what it looks at, below the height `lowest`.
+  GoughStewart.orbit = (element, camera, changed) => {
+    const target = new THREE.Vector3(), offset = new THREE.Vector3(), axis = new THREE.Vector3(), ball = new THREE.Spherical();
+    const controls = { target, lowest: -Infinity, home: () => {} };
+    const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
+    const update = (change = () => {}) => {
+      ball.setFromVector3(offset.copy(camera.position).sub(target));
+      change();
+      ball.makeSafe();
+      ball.radius = clamp(ball.radius, NEAREST, FARTHEST);
+      target.y = Math.max(target.y, controls.lowest);
+      // the height of the camera is that of the target and r cos φ
+      const steepest = Math.acos(clamp((controls.lowest - target.y) / ball.radius, -1, 1));
+      ball.phi = Math.min(ball.phi, steepest);
+      camera.position.copy(target).add(offset.setFromSpherical(ball));
+      camera.lookAt(target);
+      changed();
+    };
+    const turn = (theta, phi) => update(() => {
+      ball.theta -= theta;
+      ball.phi -= phi;
+    });
+    const zoom = (factor) => update(() => { ball.radius *= factor; });
+    const move = (dx, dy) => {
+      const metres = 2 * camera.position.distanceTo(target) * Math.tan(camera.fov * Math.PI / 360) / element.clientHeight;
+      camera.updateMatrix();
+      [[0, -dx], [1, dy]].forEach(([column, pixels]) => {
+        axis.setFromMatrixColumn(camera.matrix, column).multiplyScalar(pixels * metres);
+        target.add(axis);
+        camera.position.add(axis);
+      });
+      update();
+    };
+
+    // where each finger, or the mouse, was last
+    const fingers = new Map();
+    const middle = () => [0, 1].map((k) => [...fingers.values()].reduce((sum, at) => sum + at[k], 0) / fingers.size);
+    const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
+    element.addEventListener("pointerdown", (event) => {
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      element.setPointerCapture(event.pointerId);
+    });
+    element.addEventListener("pointermove", (event) => {
+      if (!fingers.has(event.pointerId)) return;
+      const before = middle(), gap = fingers.size === 2 ? apart() : 0;
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      const after = middle(), dx = after[0] - before[0], dy = after[1] - before[1];
+      const moves = fingers.size > 1 || event.buttons & 2 || event.ctrlKey || event.metaKey || event.shiftKey;
+      if (moves) move(dx, dy);
+      else turn(2 * Math.PI * dx / element.clientHeight, 2 * Math.PI * dy / element.clientHeight);
+      if (gap > 0 && apart() > 0) zoom(gap / apart());
+    });
+    for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, (event) => fingers.delete(event.pointerId));
+    element.addEventListener("contextmenu", (event) => event.preventDefault());
+    element.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      zoom(event.deltaY > 0 ? 1 / 0.95 : 0.95);
+    }, { passive: false });
+
+    // The camera goes where the arrow points. Elsewhere on the page the arrows go from frame to frame.
+    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    element.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      const [x, y] = arrows[event.key] || [0, 0];
+      if (arrows[event.key]) {
+        if (event.shiftKey) move(-x * element.clientHeight / 24, y * element.clientHeight / 24);
+        else turn(-x * STEP, y * STEP);
+      } else if (event.key === "+" || event.key === "=") zoom(0.9);
+      else if (event.key === "-" || event.key === "_") zoom(1 / 0.9);
+      else if (event.key === "Home") controls.home();
+      else return;
+      event.preventDefault();
+      event.stopPropagation();
+    });
+    return Object.assign(controls, { update });
+  };
+})();

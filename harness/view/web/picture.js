@@ -1,0 +1,71 @@
+"use strict";
+// The picture of a moment: what the stage shows, on one canvas, to be saved, filmed, or printed.
+(() => {
+  const GS = GoughStewart;
+  const $ = (id) => document.getElementById(id);
+  const FONT = 'system-ui, "Segoe UI", sans-serif';
+
+  // Lines of text with a swatch before those that have a colour; x grows from the left, y from the top.
+  const write = (pen, lines, x, y, ink) => lines.forEach(([text, colour], k) => {
+    if (colour) {
+      pen.fillStyle = colour;
+      pen.fillRect(x, y + 18 * k - 9, 10, 10);
+    }
+    pen.fillStyle = ink;
+    pen.fillText(text, x + (colour ? 16 : 0), y + 18 * k);
+  });
+
+  // The present frame, so many pixels wide; sharp, or as the animation draws it.
+  GS.compose = (view, canvas, wide, sharp = true) => {
+    const { canvas: source } = view, theme = GS.theme(), across = source.clientWidth || 600, down = source.clientHeight || 400;
+    // encoders of video want even numbers
+    const [width, height] = [wide, wide * down / across].map((size) => 2 * Math.round(size / 2));
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    const pen = canvas.getContext("2d"), pixel = width / across;
+    const sky = pen.createLinearGradient(0, 0, 0, height);
+    sky.addColorStop(0, theme.paper);
+    sky.addColorStop(1, theme.card);
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.fillStyle = sky;
+    pen.fillRect(0, 0, width, height);
+    // a canvas of WebGL keeps its picture to the end of the task only
+    view.draw(sharp);
+    pen.drawImage(source, 0, 0, width, height);
+    pen.setTransform(pixel, 0, 0, pixel, 0, 0);
+    pen.font = `13px ${FONT}`;
+    const boxes = [...document.querySelectorAll("input[data-record]")];
+    const runs = GS.records.length > 1 ? GS.records.filter((_, k) => !boxes[k] || boxes[k].checked) : [];
+    const note = $("enlarged").hidden ? [] : [[$("enlarged").textContent]];
+    write(pen, [...note, ...runs.map((r) => [r.name, GS.page.colours[r.index]])], 12, 22, theme.ink);
+    pen.textAlign = "right";
+    write(pen, [[$("clock").textContent]], across - 12, 22, theme.ink);
+    pen.textAlign = "left";
+    const scale = GS.scale($("colour").value);
+    if (!scale) return;
+    const bar = pen.createLinearGradient(12, 0, 232, 0);
+    scale.colours.forEach((colour, k) => bar.addColorStop(k / (scale.colours.length - 1), GS.css(colour)));
+    pen.fillStyle = bar;
+    pen.fillRect(12, down - 34, 220, 8);
+    write(pen, [[scale.title], [""], [scale.low]], 12, down - 42, theme.ink);
+    pen.textAlign = "right";
+    write(pen, [[scale.high]], 232, down - 6, theme.ink);
+    pen.textAlign = "left";
+  };
+
+  const named = (ending) => `${document.title.replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "run"}${ending}`;
+  // Hands a file to the browser, as a download.
+  GS.save = (blob, ending) => {
+    const link = document.createElement("a"), name = named(ending);
+    link.href = URL.createObjectURL(blob);
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    $("saved").textContent = `saved ${name}`;
+  };
+
+  GS.savePicture = (view) => {
+    const canvas = document.createElement("canvas");
+    GS.compose(view, canvas, 2 * view.canvas.clientWidth);
+    canvas.toBlob((blob) => GS.save(blob, `-${GS.player.time.toFixed(3)}s.png`), "image/png");
+  };
+})();

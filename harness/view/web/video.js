@@ -1,0 +1,37 @@
+"use strict";
+// A video of the animation, from start to end once, by the browser's own recorder.
+(() => {
+  const GS = GoughStewart;
+  const KINDS = ["video/webm;codecs=vp8", "video/webm", "video/mp4"], WIDEST = 1280, RATE = 30;
+
+  // The kind of video that this browser records; none if it records none.
+  GS.videoKind = () => {
+    const able = window.MediaRecorder && HTMLCanvasElement.prototype.captureStream;
+    return able ? KINDS.find((kind) => MediaRecorder.isTypeSupported(kind)) : undefined;
+  };
+
+  // Plays and records until the player stops, at the end or by hand; `tick` is to be called at each frame.
+  GS.video = (view, player, ended) => {
+    const kind = GS.videoKind(), canvas = document.createElement("canvas"), parts = [];
+    const wide = Math.min(WIDEST, view.canvas.clientWidth * Math.min(window.devicePixelRatio, 2));
+    player.pause();
+    player.seek(GS.start);
+    GS.compose(view, canvas, wide, false);
+    const recorder = new MediaRecorder(canvas.captureStream(RATE), { mimeType: kind, videoBitsPerSecond: 8e6 });
+    recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+    recorder.addEventListener("stop", () => {
+      GS.save(new Blob(parts, { type: kind }), kind.includes("mp4") ? ".mp4" : ".webm");
+      ended();
+    });
+    recorder.start();
+    player.play();
+    let last = false;
+    return () => {
+      if (last) return;
+      GS.compose(view, canvas, wide, false);
+      last = !player.playing;
+      // the last picture is shown for a moment
+      if (last) setTimeout(() => recorder.stop(), 250);
+    };
+  };
+})();
