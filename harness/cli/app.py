@@ -3,6 +3,7 @@
 import gc
 import io
 import sys
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -14,6 +15,7 @@ from gough_stewart.harness.cli.excite import excite_command
 from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
 from gough_stewart.harness.cli.frf import frf_command
+from gough_stewart.harness.cli.help import PlainCommand, PlainGroup
 from gough_stewart.harness.cli.identify import identify_command
 from gough_stewart.harness.cli.margins import margins_command
 from gough_stewart.harness.cli.presets import presets_command
@@ -26,6 +28,7 @@ from gough_stewart.harness.cli.workspace import workspace_command
 app = typer.Typer(
     name="gough-stewart",
     help="Dynamics of the Gough–Stewart platform (Liu, Li & Li 2000): a plant for simulation and control.",
+    cls=PlainGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
@@ -50,21 +53,28 @@ def _global(
     pass
 
 
-app.command("reproduce")(reproduce_command)
-app.command("build")(build_command)
-app.command("presets")(presets_command)
-app.command("run")(run_command)
-app.command("experiments")(experiments_command)
-app.command("check")(check_command)
-app.command("margins")(margins_command)
-app.command("frf")(frf_command)
-app.command("excite")(excite_command)
-app.command("identify")(identify_command)
-app.command("ensemble")(ensemble_command)
-app.command("tune")(tune_command)
-app.command("export")(export_command)
-app.command("view")(view_command)
-app.command("workspace")(workspace_command)
+# By panel of the help, in its order.
+_COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
+    "Platforms and experiments": {
+        "presets": presets_command,
+        "experiments": experiments_command,
+        "workspace": workspace_command,
+    },
+    "Runs": {"run": run_command, "view": view_command},
+    "Design": {
+        "check": check_command,
+        "margins": margins_command,
+        "frf": frf_command,
+        "ensemble": ensemble_command,
+        "tune": tune_command,
+    },
+    "Parameters from logs": {"excite": excite_command, "identify": identify_command},
+    "For other tools": {"build": build_command, "export": export_command},
+    "The paper": {"reproduce": reproduce_command},
+}
+for _panel, _commands in _COMMANDS.items():
+    for _name, _function in _commands.items():
+        app.command(_name, cls=PlainCommand, rich_help_panel=_panel)(_function)
 
 
 def main() -> None:

@@ -1,19 +1,17 @@
 """The command `build`: the platform as FMU."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
     FmiOption,
+    FolderOption,
     PlatformOption,
     PresetOption,
     TargetOption,
     chosen_platform,
-    path,
 )
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar
+from gough_stewart.harness.cli.terminal import preparing, progress_bar
 
 
 def build_command(
@@ -21,9 +19,7 @@ def build_command(
     target: TargetOption = None,
     preset: PresetOption = None,
     platform: PlatformOption = None,
-    out: Annotated[
-        Path, typer.Option(help="Folder for the FMUs; made if needed.", metavar="DIR", parser=path)
-    ] = Path(),
+    out: FolderOption = Path(),
 ) -> None:
     """Build the platform as FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
@@ -39,7 +35,7 @@ def build_command(
 
     - `gough-stewart build --fmi 3.0 --target all --preset motion_base --out fmus`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.build import build
             from gough_stewart.fmu_build.builder import VERSIONS, number_of_steps
@@ -50,10 +46,12 @@ def build_command(
         with progress_bar() as progress:
             task = progress.add_task("building", total=number_of_steps(versions, targets))
 
-            def told(what: str) -> None:
-                progress.update(task, advance=1, description=what)
-
-            files = build(out, fmi=versions, targets=targets, platform=chosen, progress=told)
-        written.append(out)
-        for file in files:
-            Terminal().say(f"{file}  {file.stat().st_size / 1024:.0f} KiB")
+            files = build(
+                out,
+                fmi=versions,
+                targets=targets,
+                platform=chosen,
+                progress=lambda what: progress.update(task, advance=1, description=what),
+            )
+        command.written.append(out)
+        command.close([file.relative_to(out) for file in files], out)

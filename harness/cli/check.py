@@ -1,18 +1,21 @@
 """The command `check`: whether a platform can follow the motion of an experiment."""
 
+import shlex
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     OutOption,
     SetOption,
+    choices,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written
+from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.checking import MotionCheck
@@ -36,11 +39,12 @@ def check_command(
         Fit | None,
         typer.Option(
             help="Write NAME-fitted.toml beside the experiment, with the motion as slow (time) or as small (amplitude) "
-            "as it has to be, and check that."
+            "as it has to be, and check it.",
+            metavar=choices(Fit),
         ),
     ] = None,
 ) -> None:
-    """Whether the platform can follow the motion of an experiment, without running it.
+    """Check whether the platform can follow the motion of an experiment, without running it.
 
     Along the whole motion: stroke, joint angles, nearness to singular poses, leg velocity, leg acceleration, and force
     and power by inverse dynamics without load. Prints leg by leg the largest share of every limit and when; beyond
@@ -56,7 +60,7 @@ def check_command(
 
     - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         folder = out or results_folder(experiment, "-check")
         with progress_bar() as bar:
             bar.add_task("shares of all limits", total=None)
@@ -68,28 +72,26 @@ def check_command(
             found = check(experiment, settings or [])
             files = check_files(found)
         write_files(folder, files)
-        written.append(folder)
+        command.written.append(folder)
         _show(found)
-        say_written(files, folder)
+        command.close(files, folder)
         if fit is not None and not found.within:
             with progress_bar() as bar:
                 bar.add_task("fitting", total=None)
                 path = _write_fitted(experiment, settings or [], found, fit.value)
-                written.append(path.parent)
+                command.written.append(path.parent)
                 found = check(str(path))
-            Terminal().say(f"\n{path.name}: ")
+            Terminal().say(f"\n{path.name}:")
             _show(found)
-            say_written([path.name], path.parent)
+            command.close([path.name], path.parent, done=None, then=f"gough-stewart run {shlex.quote(str(path))}")
         if not found.within:
             raise typer.Exit(EXIT_BEYOND)
 
 
 def _show(found: "MotionCheck") -> None:
     from gough_stewart.harness.experiment.check_display import check_sheets, verdict
-    from gough_stewart.harness.output.tables import to_terminal
 
-    for sheet in check_sheets(found):
-        Terminal().print(to_terminal(sheet))
+    show(*check_sheets(found))
     Terminal().print(verdict(found))
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gough_stewart.harness.cli.command import Command, clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
@@ -13,7 +14,7 @@ from gough_stewart.harness.cli.options import (
     chosen_experiment,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, members_bar, say_written
+from gough_stewart.harness.cli.terminal import members_bar, show
 from gough_stewart.harness.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,27 +23,31 @@ if TYPE_CHECKING:
 
 def ensemble_command(
     experiment: ExperimentArgument,
-    members: Annotated[int | None, typer.Option(help="How many, instead of what the experiment says.", min=1)] = None,
-    seed: Annotated[int | None, typer.Option(help="Of draws and noise, instead of the experiment's.", min=0)] = None,
+    members: Annotated[
+        int | None, typer.Option(help="Number of members. Default: that of the experiment.", metavar="N", min=1)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of draws and noise. Default: that of the experiment.", metavar="N", min=0)
+    ] = None,
     out: OutOption = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the finished chunks of an interrupted run in the folder.")
+        bool, typer.Option("--resume", help="Continue an interrupted run in the folder, from its finished chunks.")
     ] = False,
     workers: Annotated[
-        int | None, typer.Option(help="Processes on this machine; by default one a core.", min=1)
+        int | None, typer.Option(help="Processes on this machine. Default: one for each core.", metavar="N", min=1)
     ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(
-            help="Compute on the workers of this scheduler of dask.distributed instead: tcp://HOST:8786.",
+            help="Compute on the workers of this dask.distributed scheduler instead, such as tcp://HOST:8786.",
             metavar="ADDRESS",
         ),
     ] = None,
     compare: Annotated[
         str | None,
         typer.Option(
-            help="Run this experiment over the same members, too, and show the differences, it less the first. "
-            "--set is of the first alone.",
+            help="Also run this experiment over the same members, and show the differences: this one minus the first. "
+            "--set changes the first only.",
             metavar="FILE.toml|NAME",
         ),
     ] = None,
@@ -67,7 +72,7 @@ def ensemble_command(
 
     - `gough-stewart ensemble mine.toml --members 100000 --scheduler tcp://10.0.0.1:8786`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         if workers is not None and scheduler is not None:
             raise UsageError("--workers and --scheduler exclude each other: a scheduler has workers of its own")
         chosen = chosen_experiment(experiment, settings, no_python)
@@ -76,7 +81,7 @@ def ensemble_command(
             other = chosen_experiment(compare, None, no_python)
             folder = out or results_folder(experiment, "_compared")
             options = {"members": members, "seed": seed, "resume": resume, "workers": workers, "scheduler": scheduler}
-            _compare((chosen, other), (experiment, compare), folder, options)
+            _compare(command, (chosen, other), (experiment, compare), folder, options)
             return
         with members_bar() as progress:
             task = progress.add_task("preparing", total=None)
@@ -95,27 +100,27 @@ def ensemble_command(
                 ),
                 status=lambda what: progress.update(task, description=what),
             )
-            written.append(folder)
+            command.written.append(folder)
             progress.update(task, total=None, description="pictures and page")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
             from gough_stewart.harness.ensemble.files import write_report
-            from gough_stewart.harness.output.tables import to_terminal
 
             files, sheets = write_report(found, folder)
-        terminal = Terminal()
-        for sheet in sheets:
-            terminal.print(to_terminal(sheet))
-        say_written([MEMBERS, BANDS, METADATA, *files], folder)
+        show(*sheets)
+        command.close([MEMBERS, BANDS, METADATA, *files], folder)
 
 
 def _compare(
-    experiments: "tuple[Experiment, Experiment]", texts: tuple[str, str], folder: Path, options: dict[str, Any]
+    command: Command,
+    experiments: "tuple[Experiment, Experiment]",
+    texts: tuple[str, str],
+    folder: Path,
+    options: dict[str, Any],
 ) -> None:
     with members_bar() as progress:
         task = progress.add_task("preparing", total=None)
         from gough_stewart.harness.ensemble.compare import compare_sheets
         from gough_stewart.harness.ensemble.compared import DIFFERENCES, PAGE, names_of, run_compared
-        from gough_stewart.harness.output.tables import to_terminal
 
         names = names_of(*texts)
         found = run_compared(
@@ -126,7 +131,5 @@ def _compare(
             **options,
             progress=lambda done, total: progress.update(task, completed=done, total=total),
         )
-    terminal = Terminal()
-    for sheet in compare_sheets(found):
-        terminal.print(to_terminal(sheet))
-    say_written([*names, DIFFERENCES, PAGE], folder)
+    show(*compare_sheets(found))
+    command.close([*names, DIFFERENCES, PAGE], folder)

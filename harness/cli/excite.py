@@ -1,18 +1,27 @@
-"""The command `excite`: a motion made to tell parameters."""
+"""The command `excite`: a motion from which parameters can be identified."""
 
+import shlex
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, say_written
+from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.options import (
+    FolderOption,
+    PlatformOption,
+    PresetOption,
+    SeedOption,
+    choices,
+    chosen_platform,
+)
+from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar
 from gough_stewart.harness.errors import UsageError
 
 
 class Criterion(StrEnum):
-    """What is made best."""
+    """What is optimised."""
 
     condition = "condition"
     determinant = "determinant"
@@ -22,22 +31,31 @@ def excite_command(
     preset: PresetOption = None,
     platform: PlatformOption = None,
     estimate: Annotated[
-        str, typer.Option(help="The parameters that the motion is to tell.", metavar="NAME,…")
+        str,
+        typer.Option(
+            help="The parameters to identify.",
+            metavar="NAME,…",
+            show_default="mass, com and inertia of the platform, friction of the legs",
+        ),
     ] = "platform_mass,platform_com,platform_inertia,leg_viscous_friction,leg_coulomb_friction",
-    duration: Annotated[float, typer.Option(help="[s]")] = 20.0,
-    frequency: Annotated[float, typer.Option(help="Of the first harmonic [Hz].")] = 0.1,
-    harmonics: Annotated[int, typer.Option(help="How many there are.", min=1, max=100)] = 5,
-    fade: Annotated[float, typer.Option(help="From and to rest [s].")] = 1.0,
+    duration: Annotated[float, typer.Option(help="Duration of the motion [s].", metavar="SECONDS")] = 20.0,
+    frequency: Annotated[float, typer.Option(help="Frequency of the first harmonic [Hz].", metavar="HZ")] = 0.1,
+    harmonics: Annotated[int, typer.Option(help="Number of harmonics.", metavar="N", min=1, max=100)] = 5,
+    fade: Annotated[
+        float, typer.Option(help="Duration of the fade from rest and to rest [s].", metavar="SECONDS")
+    ] = 1.0,
     criterion: Annotated[
-        Criterion, typer.Option(help="The regressor's condition number, or the determinant of its information.")
+        Criterion,
+        typer.Option(
+            help="What to optimise: the condition number of the regressor, or the determinant of its information.",
+            metavar=choices(Criterion),
+        ),
     ] = Criterion.condition,
-    trials: Annotated[int, typer.Option(help="How many motions are tried.", min=1)] = 150,
-    seed: Annotated[int, typer.Option(help="The same seed, the same motion.", min=0)] = 0,
-    out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
-        "results/excite"
-    ),
+    trials: Annotated[int, typer.Option(help="Number of motions to try.", metavar="N", min=1)] = 150,
+    seed: SeedOption = 0,
+    out: FolderOption = Path("results/excite"),
 ) -> None:
-    """A motion within all limits of a platform that tells its parameters as well as it can: finite Fourier series.
+    """Design a motion from which parameters can be identified: a finite Fourier series within all limits.
 
     Writes **excitation.toml**, an experiment that `run` takes, and **platform.toml** beside it, if the platform is a
     file of your own.
@@ -46,7 +64,7 @@ def excite_command(
     --------
     - `gough-stewart excite --preset motion_base`, then `gough-stewart run results/excite/excitation.toml`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         for name, value in (("duration", duration), ("frequency", frequency), ("fade", fade)):
             if not 0 < value < float("inf"):
                 raise UsageError(f"--{name} is {value:g}; expected a number > 0")
@@ -78,6 +96,6 @@ def excite_command(
         if platform is not None:
             files["platform.toml"] = platform_to_toml(chosen).encode()
         write_files(out, files)
-        written.append(out)
+        command.written.append(out)
         Terminal().say(f"Condition number {found.condition_number:.4g}, log det {found.log_determinant:.4g}")
-        say_written(files, out)
+        command.close(files, out, then=f"gough-stewart run {shlex.quote(str(out / 'excitation.toml'))}")

@@ -6,16 +6,18 @@ from typing import Annotated
 
 import typer
 
+from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     FmiOption,
+    FolderOption,
     NoPythonOption,
     SetOption,
     TargetOption,
+    choices,
     chosen_experiment,
-    path,
 )
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, warn
+from gough_stewart.harness.cli.terminal import preparing, progress_bar, warn
 
 
 class ReferenceSource(StrEnum):
@@ -28,18 +30,20 @@ class ReferenceSource(StrEnum):
 def export_command(
     experiment: ExperimentArgument,
     forms: Annotated[
-        str, typer.Option("--as", help="What to write: fmu, c, ssp; several with commas.", metavar="FORMS")
+        str,
+        typer.Option("--as", help="What to write: fmu, c, ssp, or several with commas between them.", metavar="FORMS"),
     ] = "fmu",
     fmi: FmiOption = None,
     target: TargetOption = None,
     reference: Annotated[
         ReferenceSource,
-        typer.Option(help="The experiment's reference as part of the controller, or references as inputs."),
+        typer.Option(
+            help="The reference of the experiment inside the controller, or references as inputs.",
+            metavar=choices(ReferenceSource),
+        ),
     ] = ReferenceSource.inside,
     settings: SetOption = None,
-    out: Annotated[
-        Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)
-    ] = Path(),
+    out: FolderOption = Path(),
     no_python: NoPythonOption = False,
 ) -> None:
     """Export the controller of an experiment: it runs elsewhere without Python.
@@ -56,31 +60,31 @@ def export_command(
 
     - `gough-stewart export mine.toml --as fmu --fmi 2.0 --reference inputs`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.builder import number_of_steps
             from gough_stewart.harness.export.export import chosen_forms, export, left_out
 
         chosen = chosen_experiment(experiment, settings, no_python)
-        wanted = chosen_forms(form.strip() for form in forms.split(","))
+        chosen_as = chosen_forms(form.strip() for form in forms.split(","))
         versions = [v.value for v in fmi] if fmi else ("2.0", "3.0")
         targets = target or ["native"]
         steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * number_of_steps(["2.0"], targets)}
         with progress_bar() as progress:
-            task = progress.add_task("exporting", total=sum(steps[form] for form in wanted))
+            task = progress.add_task("exporting", total=sum(steps[form] for form in chosen_as))
             files = export(
                 chosen,
-                forms=wanted,
+                forms=chosen_as,
                 out=out,
                 fmi=versions,
                 targets=targets,
                 reference=reference.value,
                 progress=lambda what: progress.update(task, advance=1, description=what),
             )
-        written.append(out)
-        for file in files:
-            Terminal().say(f"{file}  {file.stat().st_size / 1024:.0f} KiB")
-        if "ssp" in wanted and left_out(chosen):
+        command.written.append(out)
+        if "ssp" in chosen_as and left_out(chosen):
             warn(
-                f"the SSP is without {', '.join(left_out(chosen))}: they are of the machine around plant and controller"
+                f"the SSP is without {', '.join(left_out(chosen))}: it holds the plant and the controller, not the "
+                "machine's sensors and actuators"
             )
+        command.close([file.relative_to(out) for file in files], out)

@@ -5,37 +5,42 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import OutOption, path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written
+from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.options import path
+from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
 
 
 def frf_command(
     record: Annotated[Path, typer.Argument(help="A record of `run`, or its folder.", metavar="RECORD", parser=path)],
-    out: OutOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the files; created if needed. Default: that of the record.", metavar="DIR", parser=path
+        ),
+    ] = None,
 ) -> None:
-    """S, T and L of the leg or mode that a run has excited, beside the linear model.
+    """Frequency responses S, T and L of the leg or mode that a run has excited, beside the linear model.
 
     The experiment of the run has an `[injection]`. Writes **frf.csv** and **frf.parquet**, with confidence and
-    coherence, and a Bode picture **frf** as PNG and SVG, by default into the folder of the record.
+    coherence, and a Bode picture **frf** as PNG and SVG.
 
     Examples
     --------
     - `gough-stewart run frequency_response` and `gough-stewart frf results/frequency_response`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         folder = out or (record if record.is_dir() else record.parent)
         with progress_bar() as bar:
             bar.add_task("transforms, linear model, figure", total=None)
             from gough_stewart.harness.experiment.frf import FILES, frf, frf_files, frf_sheet
-            from gough_stewart.harness.output.tables import to_terminal
             from gough_stewart.model.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
             found = frf(record)
             files = frf_files(found)
         write_files(folder, files)
-        written.append(folder)
-        Terminal().print(to_terminal(frf_sheet(found)))
+        command.written.append(folder)
+        show(frf_sheet(found))
         for note in found.notes:
             Terminal().print(note)
-        say_written(files, folder)
+        command.close(files, folder)

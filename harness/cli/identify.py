@@ -6,17 +6,20 @@ from typing import Annotated
 
 import typer
 
+from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
+    FolderOption,
     NoPythonOption,
     PlatformOption,
     PresetOption,
     SetOption,
+    choices,
     chosen_experiment,
     chosen_platform,
     experiments,
     path,
 )
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, say_written
+from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, show
 
 
 class Method(StrEnum):
@@ -35,40 +38,45 @@ class PoseFrame(StrEnum):
 
 
 def identify_command(
-    log: Annotated[Path, typer.Argument(help="CSV or Parquet; or the folder of a record.", metavar="LOG", parser=path)],
+    log: Annotated[
+        Path, typer.Argument(help="A CSV or Parquet file, or the folder of a record.", metavar="LOG", parser=path)
+    ],
     estimate: Annotated[
         str,
         typer.Option(
-            help="What to estimate, such as platform_mass,platform_com,leg_viscous_friction; NAME[1..6] for each leg.",
+            help="Parameters to estimate, with commas between them; NAME[1..6] for each leg.",
             metavar="NAME,…",
         ),
     ],
     preset: PresetOption = None,
     platform: PlatformOption = None,
-    method: Annotated[Method, typer.Option(help="How.")] = Method.linear,
+    method: Annotated[Method, typer.Option(help="How to estimate them.", metavar=choices(Method))] = Method.linear,
     force_per_current: Annotated[
-        float | None, typer.Option(help="Of each motor [N/A], for logs with motor_current[1..6].", metavar="FACTOR")
+        float | None,
+        typer.Option(
+            help="Force per current of each motor [N/A], for logs with motor_current[1..6].", metavar="FACTOR"
+        ),
     ] = None,
     pose_frame: Annotated[
         PoseFrame | None,
-        typer.Option(help="Of measured poses: of the platform in world, or own, as a tracker anywhere has them."),
+        typer.Option(
+            help="Frame of measured poses: world, or the tracker's own, wherever it stands.", metavar=choices(PoseFrame)
+        ),
     ] = None,
     experiment: Annotated[
         str | None,
         typer.Option(
-            help="Run this experiment with the nominal platform and with the one found: errors and margins side by "
-            "side; a TOML file or the name of a shipped one.",
+            help="Run this experiment with the nominal platform and with the identified one, and compare errors and "
+            "margins.",
             metavar="FILE.toml|NAME",
             autocompletion=experiments,
         ),
     ] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
-    out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
-        "results/identify"
-    ),
+    out: FolderOption = Path("results/identify"),
 ) -> None:
-    """Parameters of a platform from a log of time, leg lengths and forces, with honest uncertainty.
+    """Identify parameters of a platform from a log of time, leg lengths and forces, with their uncertainty.
 
     The log is a record of `run`, or has the columns `time`, `leg_length[1..6]`, `actuator_force[1..6]` or
     `motor_current[1..6]`, with units in their names where they are not SI: `time [ms]`.
@@ -82,7 +90,7 @@ def identify_command(
 
     - `gough-stewart identify poses.csv --platform nominal.toml --estimate base_points,leg_length_offset`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         nominal = chosen_platform(preset, platform)
         with preparing():
             from gough_stewart.harness.identify.files import FILES, identification_files
@@ -90,7 +98,6 @@ def identify_command(
             from gough_stewart.harness.identify.log import read_log
             from gough_stewart.harness.identify.retuned import before_and_after
             from gough_stewart.harness.identify.tables import sheets_of
-            from gough_stewart.harness.output.tables import to_terminal
             from gough_stewart.model.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
@@ -105,10 +112,8 @@ def identify_command(
                 more.append(before_and_after(chosen, nominal, found.platform(nominal)).sheet)
             files = identification_files(found, nominal, more)
         write_files(out, files)
-        written.append(out)
-        console = Terminal()
-        for sheet in (*sheets_of(found), *more):
-            console.print(to_terminal(sheet))
+        command.written.append(out)
+        show(*sheets_of(found), *more)
         for note in found.notes:
-            console.say(note)
-        say_written(files, out)
+            Terminal().say(note)
+        command.close(files, out)

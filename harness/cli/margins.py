@@ -1,5 +1,6 @@
 """The command `margins`: the linear side of an experiment."""
 
+from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
@@ -8,7 +9,7 @@ from gough_stewart.harness.cli.options import (
     chosen_experiment,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, progress_bar, say_written
+from gough_stewart.harness.cli.terminal import progress_bar, show
 
 
 def margins_command(
@@ -17,7 +18,7 @@ def margins_command(
     settings: SetOption = None,
     no_python: NoPythonOption = False,
 ) -> None:
-    """Gains, closed-loop modes and stability margins of an experiment's controller, on the linear model.
+    """Compute gains, closed-loop modes and stability margins of an experiment, on the linear model.
 
     Linear at the first pose of the reference, sampled and delayed as in the experiment. Writes **margins.json**, and
     **bode** and **step** as PNG and SVG.
@@ -28,20 +29,18 @@ def margins_command(
 
     - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "-margins")
         with progress_bar() as bar:
             bar.add_task("linear model, margins, figures", total=None)
             from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets
-            from gough_stewart.harness.output.tables import to_terminal
             from gough_stewart.model.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
             found = margins(chosen)
             files = margins_files(found)
         write_files(folder, files)
-        written.append(folder)
-        for sheet in margins_sheets(found):
-            Terminal().print(to_terminal(sheet))
-        say_written(files, folder)
+        command.written.append(folder)
+        show(*margins_sheets(found))
+        command.close(files, folder)

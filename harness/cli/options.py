@@ -24,6 +24,11 @@ class FmiVersion(StrEnum):
     fmi3 = "3.0"
 
 
+def choices(kind: type[StrEnum]) -> str:
+    """The values of an option, as its help names them."""
+    return "|".join(kind)
+
+
 def path(text: str) -> Path:
     """A path; nothing is none, though pathlib takes it for the folder one is in."""
     if not text:
@@ -69,15 +74,15 @@ PlatformOption = Annotated[
 ExperimentArgument = Annotated[
     str,
     typer.Argument(
-        help="A TOML file, or the name of a shipped experiment. A file may name a Python controller or an FMU, which "
-        "are executed: run only files you trust, or with --no-python.",
+        help="A TOML file, or the name of a shipped experiment. A file may name a Python controller or an FMU, whose "
+        "code is executed: run only files that you trust, or use --no-python.",
         metavar="FILE.toml|NAME",
         autocompletion=experiments,
     ),
 ]
 NoPythonOption = Annotated[
     bool,
-    typer.Option("--no-python", help="Refuse an experiment that executes code of its own: a Python file, or an FMU."),
+    typer.Option("--no-python", help="Refuse an experiment that executes its own code: a Python file or an FMU."),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -85,12 +90,18 @@ SetOption = Annotated[
         "--set", help="Set one key of the experiment, such as loop.duration=3; may be repeated.", metavar="KEY=VALUE"
     ),
 ]
+_FOLDER = "Folder for the files; created if needed."
 OutOption = Annotated[
     Path | None,
-    typer.Option(help="Folder for the files; made if needed. Default: results/NAME.", metavar="DIR", parser=path),
+    typer.Option(help=f"{_FOLDER} Default: results/NAME.", metavar="DIR", parser=path),
+]
+FolderOption = Annotated[Path, typer.Option("--out", help=_FOLDER, metavar="DIR", parser=path)]
+SeedOption = Annotated[
+    int, typer.Option(help="Seed of the random numbers: the same seed, the same result.", metavar="N", min=0)
 ]
 FmiOption = Annotated[
-    list[FmiVersion] | None, typer.Option(help="Version of the standard; may be repeated. Default: both.")
+    list[FmiVersion] | None,
+    typer.Option(help="Version of the standard; may be repeated. Default: both.", metavar=choices(FmiVersion)),
 ]
 TargetOption = Annotated[
     list[str] | None,
@@ -102,7 +113,10 @@ TargetOption = Annotated[
     ),
 ]
 ReportOption = Annotated[
-    bool, typer.Option("--report", help="Write report.html too: the motion in 3-D beside its curves, for a browser.")
+    bool,
+    typer.Option(
+        "--report", help="Also write report.html, a page for the browser: the motion in 3-D beside its curves."
+    ),
 ]
 
 

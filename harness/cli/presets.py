@@ -3,31 +3,32 @@
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
+from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import presets
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors
+from gough_stewart.harness.cli.terminal import show
 
 
 def presets_command(
     name: Annotated[
         str | None,
-        typer.Argument(help="Print this preset's TOML file.", metavar="[NAME]", autocompletion=presets),
+        typer.Argument(help="Print this preset's TOML file.", metavar="NAME", autocompletion=presets),
     ] = None,
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
+        from gough_stewart.harness.output.tables import Sheet
         from gough_stewart.model import kinematics
         from gough_stewart.model.platform_toml import load_preset, preset_names, preset_text
 
         if name is not None:
             typer.echo(preset_text(name), nl=False)
             return
-        table = Table("name", "platform kg", "home leg m", "condition", "source")
+        sheet = Sheet("", ("name", "platform kg", "home leg m", "condition", "source"))
         for each in preset_names():
             p = load_preset(each)
             home = (p, p.home_position, p.home_orientation)
             length = kinematics.leg_geometry(*home).length.mean()
             number = kinematics.conditioning(*home).condition_number
-            table.add_row(each, f"{p.platform_mass:g}", f"{length:.4g}", f"{number:.2f}", p.source)
-        Terminal().print(table)
+            sheet.add(each, f"{p.platform_mass:g}", f"{length:.4g}", f"{number:.2f}", p.source)
+        show(sheet)

@@ -6,8 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, ReportOption, chosen_platform, path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, errors, preparing, say_written
+from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.options import (
+    FolderOption,
+    PlatformOption,
+    PresetOption,
+    ReportOption,
+    choices,
+    chosen_platform,
+)
+from gough_stewart.harness.cli.terminal import Terminal, errors, preparing, show
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import GoughStewartError
 
@@ -23,14 +31,13 @@ class Order(StrEnum):
 
 
 def reproduce_command(
-    out: Annotated[
-        Path, typer.Option(help="Folder for table, figures and report; made if needed.", metavar="DIR", parser=path)
-    ] = Path("results/reproduce"),
+    out: FolderOption = Path("results/reproduce"),
     order: Annotated[
         Order | None,
         typer.Option(
             help="How to read the ± of the paper's appendix: legs 1, 3, 5 are the + joints (the default), or the − "
-            "joints. Of the preset liu2000 only.",
+            "joints. Only with the preset liu2000.",
+            metavar=choices(Order),
         ),
     ] = None,
     preset: PresetOption = None,
@@ -58,9 +65,9 @@ def reproduce_command(
 
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         with preparing():
-            from gough_stewart.harness.paper.report import to_terminal
+            from gough_stewart.harness.paper.report import report_sheets, weight_sentence
             from gough_stewart.harness.paper.reproduce import FILES, reproduce
             from gough_stewart.harness.view.page import PAGE
             from gough_stewart.model.files import check_output_folder, write_files
@@ -69,9 +76,11 @@ def reproduce_command(
         case = _chosen_case(order, preset, platform)
         result = reproduce(case, errors, report)
         write_files(out, result.files, [PAGE])
-        written.append(out)
-        Terminal().print(to_terminal(result.report))
-        say_written(result.files, out)
+        command.written.append(out)
+        show(*report_sheets(result.report))
+        if result.report["readings"]:
+            Terminal().print(weight_sentence(result.report["published_forces"]))
+        command.close(result.files, out)
         if not result.agrees:
             raise GoughStewartError("a comparison misses its bound; see the table above and report.md")
 

@@ -1,12 +1,14 @@
 """The command `run`: an experiment, to its record and figures."""
 
+import shlex
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
+from gough_stewart.harness.cli.command import EXIT_INTERRUPTED, clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
@@ -17,15 +19,7 @@ from gough_stewart.harness.cli.options import (
     path,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import (
-    EXIT_INTERRUPTED,
-    Terminal,
-    clear_errors,
-    errors,
-    progress_bar,
-    say_written,
-    warn,
-)
+from gough_stewart.harness.cli.terminal import errors, progress_bar, show, warn
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 from gough_stewart.harness.results.drawing import Drawing
 
@@ -39,12 +33,15 @@ EXIT_NOT_COMPLETED = 3
 def run_command(
     experiment: ExperimentArgument,
     plant: Annotated[
-        PlantKind | None, typer.Option(help="What simulates the platform, instead of what the experiment says.")
+        PlantKind | None,
+        typer.Option(
+            help="What simulates the platform. Default: that of the experiment.", metavar="|".join(get_args(PlantKind))
+        ),
     ] = None,
     fmu: Annotated[
         Path | None,
         typer.Option(
-            help="The FMU for the plant fmu2 or fmu3; built if none is given. Its code is executed, in a process of "
+            help="The FMU for the plant fmu2 or fmu3; built if there is none. Its code is executed, in a process of "
             "its own.",
             metavar="FILE",
             parser=path,
@@ -53,16 +50,16 @@ def run_command(
     controller: Annotated[
         str | None,
         typer.Option(
-            help="The controller as FMU: fmu2 or fmu3 for the experiment's own, exported; or a file, whose code is "
-            "executed, in a process of its own. Takes a loop.delay of at least 1.",
+            help="The controller as FMU: fmu2 or fmu3 exports the experiment's own; a file is executed, in a process "
+            "of its own. Needs a loop.delay of at least 1.",
             metavar="fmu2|fmu3|FILE.fmu",
         ),
     ] = None,
     member: Annotated[
         int | None,
         typer.Option(
-            help="The number of a member of the experiment's ensemble, with the very numbers that it has there; with "
-            "--plant, its machine in that plant.",
+            help="Run this member of the experiment's ensemble, with the same numbers as there; with --plant, in that "
+            "plant.",
             metavar="K",
         ),
     ] = None,
@@ -92,7 +89,7 @@ def run_command(
 
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "" if member is None else f"_member_{member}")
         # every refresh costs the run as much as a hundred of its steps
@@ -100,6 +97,7 @@ def run_command(
             task = progress.add_task("preparing", total=chosen.loop.duration)
             from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
             from gough_stewart.harness.experiment.run import run
+            from gough_stewart.harness.results.tables import metrics_sheets
             from gough_stewart.model.files import check_output_folder
 
             check_output_folder(folder, names_of_files())
@@ -119,17 +117,23 @@ def run_command(
                     warn=warn,
                 )
             progress.update(task, total=None, description="files and figures")
-            files, tables = write_results(record, folder, report, draw)
-        written.append(folder)
-        Terminal().print(tables)
+            files, measured = write_results(record, folder, report, draw)
+        command.written.append(folder)
+        show(*metrics_sheets(measured))
         for warning in warnings_of(record):
             warn(warning)
-        say_written(files, folder)
         outcome = record.metadata["outcome"]
-        if outcome["status"] == "completed":
-            return
-        errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
-        raise typer.Exit(EXIT_INTERRUPTED if outcome["status"] == "interrupted" else EXIT_NOT_COMPLETED)
+        is_whole = outcome["status"] == "completed"
+        simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {chosen.loop.duration:.6g} s"
+        command.close(
+            files,
+            folder,
+            done=f"{'Completed' if is_whole else 'Not completed'}: {simulated} simulated",
+            then=None if report else f"gough-stewart view {shlex.quote(str(folder))} --open",
+        )
+        if not is_whole:
+            errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
+            raise typer.Exit(EXIT_INTERRUPTED if outcome["status"] == "interrupted" else EXIT_NOT_COMPLETED)
 
 
 def _unit_of(

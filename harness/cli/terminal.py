@@ -1,11 +1,10 @@
-"""What all commands share: the terminal, where errors go, and how they look."""
+"""What all commands share of the terminal: texts that are only texts, progress, warnings."""
 
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
@@ -20,13 +19,9 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.text import Text
 
-from gough_stewart.harness.errors import UsageError
-from gough_stewart.model.errors import GoughStewartError
+if TYPE_CHECKING:
+    from gough_stewart.harness.output.tables import Sheet
 
-# Beside 0 and 3, which is of `run` alone; they are listed in docs/control.md.
-EXIT_ERROR = 1
-EXIT_USAGE = 2
-EXIT_INTERRUPTED = 130
 # Control characters but the end of a line and the tabulator, and what turns the direction of writing.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
@@ -91,47 +86,14 @@ def preparing() -> Iterator[None]:
         yield
 
 
-def say_written(files: Iterable[str | Path], folder: Path) -> None:
-    """What has been written, and where."""
-    Terminal().say((f"Wrote {', '.join(map(str, files))} to {folder}", "dim"))
+def show(*sheets: "Sheet") -> None:
+    """Tables, in the width that there is."""
+    from gough_stewart.harness.output.tables import to_terminal
+
+    for sheet in sheets:
+        Terminal().print(to_terminal(sheet))
 
 
 def warn(message: str) -> None:
     """What went well, and yet is not as it should be."""
     errors.say(("warning: ", "bold yellow"), message)
-
-
-@contextmanager
-def clear_errors() -> Iterator[list[Path]]:
-    """One clear line and an exit code instead of a traceback.
-
-    Yields a list for the folders that have been written to: an interrupt after that says so.
-    """
-    written: list[Path] = []
-    try:
-        yield written
-    except GoughStewartError as error:
-        _say_error(str(error), error)
-        raise typer.Exit(EXIT_USAGE if isinstance(error, UsageError) else EXIT_ERROR) from error
-    except OSError as error:
-        _say_error(f"{error.filename or 'output'}: {error.strerror or error}", error)
-        raise typer.Exit(EXIT_ERROR) from error
-    except MemoryError as error:
-        _say_error("not enough memory; make the run shorter, its plant_step longer, or the grid coarser", error)
-        raise typer.Exit(EXIT_ERROR) from error
-    except KeyboardInterrupt as error:
-        errors.say((f"interrupted; {_notes(error) or _whereabouts(written)}", "bold red"))
-        raise typer.Exit(EXIT_INTERRUPTED) from None
-
-
-def _say_error(message: str, error: BaseException) -> None:
-    errors.say(("error: ", "bold red"), "; ".join(filter(None, [message, _notes(error)])))
-
-
-def _notes(error: BaseException) -> str:
-    """What those have added who know more, such as which files are there all the same."""
-    return "; ".join(getattr(error, "__notes__", ()))
-
-
-def _whereabouts(folders: list[Path]) -> str:
-    return f"the files are in {', '.join(map(str, folders))}" if folders else "nothing written"

@@ -1,26 +1,21 @@
 """The command `tune`: numbers of an experiment, searched for the best value of a figure of merit."""
 
+import shlex
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gough_stewart.harness.cli.command import EXIT_INTERRUPTED, clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
     OutOption,
+    SeedOption,
     SetOption,
     chosen_experiment,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import (
-    EXIT_INTERRUPTED,
-    Terminal,
-    clear_errors,
-    errors,
-    progress_bar,
-    say_written,
-    warn,
-)
+from gough_stewart.harness.cli.terminal import Terminal, errors, progress_bar, show, warn
 from gough_stewart.harness.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,41 +27,45 @@ def tune_command(
     vary: Annotated[
         list[str],
         typer.Option(
-            help="A key and its bounds, such as controller.bandwidth=1..6Hz; with ,log behind on a logarithmic scale. "
+            help="A key and its bounds, such as controller.bandwidth=1..6Hz; add ,log for a logarithmic scale. "
             "May be repeated.",
             metavar="KEY=LOW..HIGH",
         ),
     ],
     minimise: Annotated[
-        str, typer.Option(help="The figure of merit, such as tracking.position.norm_rms.", metavar="METRIC")
+        str, typer.Option(help="The metric to minimise, such as tracking.position.norm_rms.", metavar="METRIC")
     ],
     subject_to: Annotated[
         list[str] | None,
         typer.Option(
-            help="What has to hold, such as 'disk_margin > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.",
+            help="A condition, such as 'disk_margin > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.",
             metavar="CONDITION",
         ),
     ] = None,
     over_ensemble: Annotated[
         str | None,
-        typer.Option(help="The quantile over the members of [ensemble]; quantile=0.95.", metavar="quantile=Q"),
+        typer.Option(
+            help="Minimise this quantile over the members of [ensemble], such as quantile=0.95.", metavar="quantile=Q"
+        ),
     ] = None,
     members: Annotated[
-        int | None, typer.Option(help="By how many members a candidate is judged; at most 64 by default.", min=1)
+        int | None,
+        typer.Option(help="Number of members that judge a candidate. Default: at most 64.", metavar="N", min=1),
     ] = None,
     fresh: Annotated[
-        int | None, typer.Option(help="By how many that it has not seen the result is judged.", min=1)
+        int | None,
+        typer.Option(help="Number of members, unseen by the search, that judge the result.", metavar="N", min=1),
     ] = None,
-    generations: Annotated[int, typer.Option(help="Of the search.", min=1)] = 25,
+    generations: Annotated[int, typer.Option(help="Number of generations.", metavar="N", min=1)] = 25,
     population: Annotated[
-        int | None, typer.Option(help="Candidates in a generation; by default 16 for each key.", min=5)
+        int | None, typer.Option(help="Candidates in a generation. Default: 16 for each key.", metavar="N", min=5)
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the search.", min=0)] = 0,
+    seed: SeedOption = 0,
     out: OutOption = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
 ) -> None:
-    """Search numbers of an experiment for the smallest value of a figure of merit, over many machines if it has them.
+    """Search numbers of an experiment that minimise a metric, over many machines if it has an [ensemble].
 
     Writes **tuned.toml**, an experiment that `gough-stewart run` takes, **tuning.json**, **candidates.csv**, and
     **search** as PNG and SVG. Ctrl-C ends the search and writes the best so far.
@@ -79,7 +78,7 @@ def tune_command(
     - `gough-stewart tune heave_tolerances --vary controller.bandwidth=1..6Hz --minimise tracking.position.norm_peak
       --over-ensemble quantile=0.95`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         quantile = _quantile(over_ensemble)
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "_tuned")
@@ -116,17 +115,14 @@ def tune_command(
             progress.update(task, description="files and figures", total=None)
             files = tuning_files(found, experiment, folder, settings or ())
         write_files(folder, files)
-        written.append(folder)
-        from gough_stewart.harness.output.tables import to_terminal
+        command.written.append(folder)
         from gough_stewart.harness.tuning.tables import statement, tuning_sheets
 
-        terminal = Terminal()
-        for sheet in tuning_sheets(found):
-            terminal.print(to_terminal(sheet))
-        terminal.say(statement(found))
+        show(*tuning_sheets(found))
+        Terminal().say(statement(found))
         if found.left_out:
             warn(f"{found.left_out} members cannot be, and are left out")
-        say_written(files, folder)
+        command.close(files, folder, then=f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}")
         if found.is_interrupted:
             errors.say(("interrupted", "bold red"), "; the best so far is written")
             raise typer.Exit(EXIT_INTERRUPTED)

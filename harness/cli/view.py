@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
+from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, errors, progress_bar
+from gough_stewart.harness.cli.terminal import errors, progress_bar
 from gough_stewart.harness.errors import UsageError
 
 
@@ -16,14 +17,14 @@ def view_command(
         list[Path],
         typer.Argument(
             help="Folders of `gough-stewart run`, or their record.parquet or record.csv.",
-            metavar="RECORD...",
+            metavar="RECORD",
             parser=path,
         ),
     ],
     out: Annotated[Path, typer.Option(help="The page to write.", metavar="FILE.html", parser=path)] = Path(
         "report.html"
     ),
-    open_it: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
     """Show runs in a browser: the platform moving in 3-D beside its curves, metrics and parameters.
 
@@ -36,7 +37,7 @@ def view_command(
 
     - `gough-stewart view results/circle results/circle_computed_torque --out compared.html`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         if out.suffix not in (".html", ".htm"):
             raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
         with progress_bar() as progress:
@@ -44,7 +45,7 @@ def view_command(
             from gough_stewart.harness.view.file import view
 
             view(records, out, progress=lambda what: progress.update(task, description=what))
-        written.append(out)
-        Terminal().say(f"{out}  {out.stat().st_size / 1e6:.1f} MB")
+        command.written.append(out)
+        command.close([out.name], out.parent, is_open=open_it)
         if open_it and not webbrowser.open(out.absolute().as_uri()):
             errors.say(f"no browser could be started; open {out} by hand")

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.options import PlatformOption, PresetOption, chosen_platform, path
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors, preparing, progress_bar, say_written, warn
+from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.options import FolderOption, PlatformOption, PresetOption, chosen_platform
+from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, show, warn
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import WorkspaceError
 
@@ -19,32 +20,30 @@ def workspace_command(
     over: Annotated[
         str,
         typer.Option(
-            help="Two coordinates to sweep, or three for a volume, of x, y, z, roll, pitch, yaw; each perhaps with a "
-            "range, such as x=-1:1. Ranges that are not given are found.",
+            help="Two coordinates to sweep, or three for a volume: x, y, z, roll, pitch, yaw; with a range as in "
+            "x=-1:1, or without one, and it is found.",
             metavar="NAME[=LOW:HIGH],…",
         ),
     ] = "x,y",
     at: Annotated[
         list[str] | None,
         typer.Option(
-            help="Fix another coordinate, such as z=2.9 or pitch=5deg; may be repeated. Default: as at home.",
+            help="Fix another coordinate, such as z=2.9 or pitch=5deg; may be repeated. Default: its value at home.",
             metavar="NAME=VALUE",
         ),
     ] = None,
     points: Annotated[
         int | None, typer.Option(help="Points per swept coordinate. Default: 101, for a volume 31.", metavar="N")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the files; made if needed.", metavar="DIR", parser=path)] = Path(
-        "results/workspace"
-    ),
+    out: FolderOption = Path("results/workspace"),
 ) -> None:
-    """Where the platform can go, how well, and how strongly.
+    """Map where the platform can go, how well, and how strongly.
 
     On a grid of poses: whether legs and joints reach them, and what keeps them from it; the condition number of the
     leg Jacobian; the largest payload, and the largest force in any direction, that the actuators hold at rest.
 
-    Numbers are in m and rad unless they carry a unit: `20mm`, `5deg`. Limits that the platform does not state keep it
-    from nothing.
+    Numbers are in m and rad unless they carry a unit: `20mm`, `5deg`. A limit that the platform does not state is not
+    checked.
 
     Writes **workspace.csv** (one row per pose), **workspace.png**, **workspace.svg**, and **workspace.html**, a page
     to explore that needs no network.
@@ -57,11 +56,10 @@ def workspace_command(
 
     - `gough-stewart workspace --preset desktop_hexapod --over x,y,z --points 41 --out results/volume`
     """
-    with clear_errors() as written:
+    with clear_errors() as command:
         ranges, fixed = _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
         with preparing():
-            from gough_stewart.harness.output.tables import to_terminal
             from gough_stewart.harness.workspace.figures import workspace_figures
             from gough_stewart.harness.workspace.page import workspace_page
             from gough_stewart.harness.workspace.tables import sheets_of, size_text, workspace_csv
@@ -83,17 +81,14 @@ def workspace_command(
                 "workspace.html": workspace_page(workspace),
             }
         write_files(out, files)
-        written.append(out)
-        console = Terminal()
-        for sheet in sheets_of(workspace):
-            if sheet.rows:
-                console.print(to_terminal(sheet))
-        console.print(size_text(workspace))
+        command.written.append(out)
+        show(*(sheet for sheet in sheets_of(workspace) if sheet.rows))
+        Terminal().print(size_text(workspace))
         if not workspace.qualities.reachable.any():
             warn(
                 "no pose of this grid can be reached; sweep a wider range, or fix the other coordinates nearer to home"
             )
-        say_written(files, out)
+        command.close(files, out)
 
 
 def _swept(given: str) -> dict[str, tuple[float, float] | None]:

@@ -90,7 +90,7 @@ def compare_sheets(found: Comparison, usual: bool = True) -> list[Sheet]:
                     for key in (f"{kind}_low", kind, f"{kind}_high", "mean_a", "mean_b")
                 )
                 first_cells = means if ends else [f"{100 * row['less_b']:.0f} %"]
-                sheet.add(Named(shown.text, shown.unit), *first_cells, mid, f"{low} … {high}")
+                sheet.add(Named(shown.text, shown.unit), *first_cells, mid, f"{low} to {high}")
         sheets.append(sheet)
     return sheets
 

@@ -76,7 +76,7 @@ def _hint(n: int) -> str:
 def _tables(ensemble: Ensemble, by: str, worst: Mapping[int, str]) -> str:
     sheets = [to_html(quantile_sheet(ensemble, [name for name in ensemble.metrics if _is_known(ensemble, name)]))]
     if failures(ensemble.members):
-        sheets.append(to_html(failure_sheet(ensemble, most=50, width=400)))
+        sheets.append(to_html(failure_sheet(ensemble, most=50)))
     if worst:
         sheets.insert(0, _linked(to_html(worst_sheet(ensemble, list(worst), by)), worst))
     return "".join(map(_in_box, sheets))

@@ -8,11 +8,11 @@ from gough_stewart.harness.ensemble.names import shown_input, shown_metric
 from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble, numbers
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, quantiles
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, text_of, to_html, to_terminal
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 
 # What is shown of a figure of merit in one line; the page shows all of them.
-_MOST_CAUSES, _CAUSE_WIDTH, _MOST_INPUTS = 8, 38, 8
+_MOST_CAUSES, _MOST_INPUTS = 8, 8
 _USUAL = (
     *("tracking.position.norm_rms", "tracking.position.norm_peak"),
     *("tracking.orientation.norm_rms", "tracking.orientation.norm_peak", "tracking.leg_length.peak"),
@@ -70,18 +70,17 @@ def quantile_sheet(ensemble: Ensemble, names: Sequence[str]) -> Sheet:
     table = {row["metric"]: row for row in quantiles(ensemble.members).iter_rows(named=True)}
     for name in names:
         row, shown = table[name], shown_metric(name)
-        cells = [number_text(None if row[q] is None else shown.factor * row[q], 3) for q in QUANTILES]
+        cells = [quantity_text(None if row[q] is None else shown.factor * row[q], shown.unit, 3) for q in QUANTILES]
         sheet.add(Named(shown.text, shown.unit), *cells, str(row["defined"]))
     return sheet
 
 
-def failure_sheet(ensemble: Ensemble, most: int = _MOST_CAUSES, width: int = _CAUSE_WIDTH) -> Sheet:
+def failure_sheet(ensemble: Ensemble, most: int = _MOST_CAUSES) -> Sheet:
     """Members that did not complete, by cause; the text is that of the first of them."""
     sheet = Sheet("Not completed", ("", "members", "cause of the first", "first"))
     found = failures(ensemble.members)
     for failure in found[:most]:
-        cause = failure.cause if len(failure.cause) <= width else failure.cause[: width - 1] + "…"
-        sheet.add(failure.outcome, str(len(failure.members)), cause, str(failure.members[0]))
+        sheet.add(failure.outcome, str(len(failure.members)), failure.cause, str(failure.members[0]))
     if len(found) > most:
         sheet.add("other", str(sum(len(failure.members) for failure in found[most:])), "", "")
     return sheet

@@ -5,12 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from rich.console import RenderableType
 
 from gough_stewart.harness.results.drawing import FIGURES, draw_here
-from gough_stewart.harness.results.metrics import metrics, metrics_json
+from gough_stewart.harness.results.metrics import Metrics, metrics, metrics_json
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.files import Content, FileSet, check_output_folder, file_set
 
@@ -28,8 +26,8 @@ def names_of_files() -> list[str]:
 
 def write_results(
     record: Record, folder: Path, report: bool = False, draw: Draw = draw_here
-) -> tuple[list[str], RenderableType]:
-    """Write all files of a run as one set, with `report` also the page; their names, and metrics for the terminal.
+) -> tuple[list[str], Metrics]:
+    """Write all files of a run as one set, with `report` also the page; their names, and the metrics.
 
     Whatever goes wrong on the way, what came before it is there, first of all the record, and no file of an older run
     is beside it; see `file_set`.
@@ -39,10 +37,10 @@ def write_results(
         ThreadPoolExecutor(1) as aside,  # polars works outside of Python's lock
     ):
         written = aside.submit(_add, files, _record_files(record))
-        more, tables = _result_files(record, report, draw)
+        more, measured = _result_files(record, report, draw)
         written.result()
         _add(files, more)
-    return files.names, tables
+    return files.names, measured
 
 
 def _add(files: FileSet, contents: Mapping[str, Content]) -> None:
@@ -58,13 +56,13 @@ def _record_files(record: Record) -> dict[str, Content]:
     }
 
 
-def _result_files(record: Record, report: bool, draw: Draw) -> tuple[dict[str, bytes], RenderableType]:
-    """Metrics, figures and, if wanted, the page by file name, and the metrics as tables for the terminal."""
+def _result_files(record: Record, report: bool, draw: Draw) -> tuple[dict[str, bytes], Metrics]:
+    """Metrics, figures and, if wanted, the page by file name; and the metrics themselves."""
     measured = metrics(record)
     files = {"metrics.json": metrics_json(measured), **draw(record)}
     if report:
         files[PAGE] = view_page([record], [record.metadata["title"]])
-    return files, metrics_table(measured)
+    return files, measured
 
 
 def save_record(record: Record, folder: Path | str, report: bool = False) -> list[Path]:

@@ -3,17 +3,16 @@
 from dataclasses import dataclass, field
 from html import escape
 from io import StringIO
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 from rich.text import Text
 
+from gough_stewart.harness.output.columns import is_number, stacked_columns
+from gough_stewart.harness.output.quantities_shown import LEAST_SPANS
+
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-
-# A narrow terminal, and what it has to leave to names, so that they can still be read if they are broken.
-_NARROW, _NAMES = 80, 18
+    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 
 
 @dataclass(frozen=True)
@@ -41,24 +40,34 @@ class Sheet:
         self.rows.append(cells)
 
 
-def to_terminal(sheet: Sheet) -> Table:
+class TerminalTable:
+    """A sheet for rich, as wide as the terminal allows; where that is not enough, columns go on in a table below."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self.sheet = sheet
+
+    def __rich_console__(self, _console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        """The title, and one table or several."""
+        sheet = self.sheet
+        texts = [tuple(map(_text, row)) for row in sheet.rows]
+        columns = [(head, *(row[k].plain for row in texts)) for k, head in enumerate(sheet.heads)]
+        if sheet.title:
+            yield Text(sheet.title, "bold")
+        for part in stacked_columns(columns, options.max_width):
+            table = Table()
+            for k, width in part:
+                at_right = k > 0 and sheet.heads[k] != "" and is_number(columns[k][1:])
+                table.add_column(
+                    Text(sheet.heads[k]), justify="right" if at_right else "left", overflow="fold", width=width
+                )
+            for number, row in enumerate(texts):
+                table.add_row(*(row[k] for k, _ in part), end_section=number in sheet.group_ends)
+            yield table
+
+
+def to_terminal(sheet: Sheet) -> TerminalTable:
     """For rich; every text is only a text."""
-    table = Table(title=Text(sheet.title), title_justify="left", title_style="bold")
-    # where a terminal is too narrow, names go on in a second line: a number that is cut off would be another number
-    names_fold = _names_fold(sheet)
-    for k, head in enumerate(sheet.heads):
-        justify: Literal["left", "right"] = "right" if head and k else "left"
-        table.add_column(Text(head), justify=justify, no_wrap=k > 0 or not names_fold)
-    for k, row in enumerate(sheet.rows):
-        table.add_row(*map(_text, row), end_section=k in sheet.group_ends)
-    return table
-
-
-def _names_fold(sheet: Sheet) -> bool:
-    """Whether numbers, with three characters around each column, leave names their place."""
-    columns = zip(sheet.heads[1:], *(row[1:] for row in sheet.rows), strict=False)
-    numbers = sum(max(len(_text(cell)) for cell in column) + 3 for column in columns)
-    return numbers + _NAMES + 4 <= _NARROW
+    return TerminalTable(sheet)
 
 
 def to_html(sheet: Sheet) -> str:
@@ -90,6 +99,14 @@ def number_text(value: float | None, digits: int = 4) -> str:
     text = f"{value:.{digits}g}"
     # large ones as they are: 18610 is shorter than 1.861e+04
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e7 else text
+
+
+def quantity_text(value: float | None, unit: str, digits: int = 4) -> str:
+    """A number in a unit; what is too small to be looked at, rounding above all, is only less than the least."""
+    least = LEAST_SPANS.get(unit, 0.0)
+    if value is None or value == 0 or abs(value) >= least:
+        return number_text(value, digits)
+    return f"< {least:g}"
 
 
 def _text(cell: str | Named) -> Text:

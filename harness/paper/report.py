@@ -6,9 +6,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from gough_stewart.harness.output.tables import Named, Sheet
 from gough_stewart.harness.output.versions import versions
@@ -120,62 +117,32 @@ def to_markdown(report: dict[str, Any]) -> bytes:
 
 
 def agreement_sheet(report: dict[str, Any]) -> Sheet:
-    """The comparisons, for a page."""
+    """The comparisons, for the terminal and for a page."""
     sheet = Sheet("Agreement of the formulations", ("comparison", "measured", "bound", ""))
     for r in report["agreement"]:
         sheet.add(Named(r["what"], r["unit"]), f"{r['measured']:.1e}", f"{r['bound']:.0e}", _verdict(r["holds"]))
     return sheet
 
 
-def to_terminal(report: dict[str, Any]) -> RenderableType:
-    """Tables for the terminal."""
+def report_sheets(report: dict[str, Any]) -> list[Sheet]:
+    """The tables, for the terminal."""
     case, result = report["case"], report["result"]
-    motion = Table(title=Text(_capital(case["title"])), title_justify="left", title_style="bold")
-    motion.add_column("")
-    motion.add_column("start", justify="right")
-    motion.add_column(f"after {case['duration']:.4g} s", justify="right")
+    motion = Sheet(_capital(case["title"]), ("", "start", f"after {case['duration']:.4g} s"))
     for name, unit in _STATE_UNITS.items():
         ends = (_numbers(part[name], 5) for part in (case["start"], result["end"]))
-        motion.add_row(Text.assemble(name, " ", (unit, "dim")), *ends)
-    agreement = Table(title="Agreement of the formulations", title_justify="left", title_style="bold")
-    agreement.add_column("comparison")
-    agreement.add_column("measured", justify="right", no_wrap=True)
-    agreement.add_column("bound", justify="right", no_wrap=True)
-    agreement.add_column("")
-    for r in report["agreement"]:
-        style = "green" if r["holds"] else "bold red"
-        agreement.add_row(
-            Text.assemble(r["what"], " ", (r["unit"], "dim")),
-            f"{r['measured']:.1e}",
-            f"{r['bound']:.0e}",
-            Text(_verdict(r["holds"]), style),
-        )
-    drift = Table(title="Drift of Kane's DAE without and with Baumgarte", title_justify="left", title_style="bold")
-    drift.add_column("run")
-    drift.add_column("closure gap m", justify="right")
-    drift.add_column("slip m/s, rad/s", justify="right")
+        motion.add(Named(name, unit), *ends)
+    drift = Sheet("Drift of Kane's DAE without and with Baumgarte", ("run", "closure gap m", "slip m/s, rad/s"))
     for label, d in report["drift"].items():
-        drift.add_row(label, f"{d['closure_gap_end']:.1e}", f"{d['slip_end']:.1e}")
-    tables: list[RenderableType] = [motion, agreement, drift]
+        drift.add(label, f"{d['closure_gap_end']:.1e}", f"{d['slip_end']:.1e}")
+    sheets = [motion, agreement_sheet(report), drift]
     if report["readings"]:
-        readings = Table(
-            title="What the scan left open, and what another reading changes after 1 s",
-            title_justify="left",
-            title_style="bold",
-        )
-        readings.add_column("decided")
-        readings.add_column("other reading")
-        readings.add_column("position m", justify="right")
-        readings.add_column("angles rad", justify="right")
+        title = "What the scan left open, and what another reading changes after 1 s"
+        readings = Sheet(title, ("decided", "other reading", "position m", "angles rad"))
         for r in report["readings"]:
-            readings.add_row(
-                Text.assemble(f"{r['point']}: ", (r["decided"], "dim")),
-                r["other"],
-                _change(r["position_change"]),
-                _change(r["orientation_change"]),
-            )
-        tables += [readings, Text(_weight_sentence(report["published_forces"]))]
-    return Group(*tables)
+            changes = (_change(r[f"{name}_change"]) for name in ("position", "orientation"))
+            readings.add(Named(f"{r['point']}:", r["decided"]), r["other"], *changes)
+        sheets.append(readings)
+    return sheets
 
 
 # Of what CommonMark takes for markup, what may begin it within a line.
@@ -201,11 +168,12 @@ def _markdown_readings(report: dict[str, Any]) -> list[str]:
         "## What the scan of the paper leaves open",
         "Largest change of a component of the final pose when one point is read otherwise (the whole case run again):",
         _markdown_table(["point", "decided", "other reading", "position [m]", "angles [rad]", "remark"], rows),
-        _weight_sentence(report["published_forces"]),
+        weight_sentence(report["published_forces"]),
     ]
 
 
-def _weight_sentence(weight: dict[str, float]) -> str:
+def weight_sentence(weight: dict[str, float]) -> str:
+    """Why the platform rises under the published forces."""
     return (
         f"The published forces are not near balance. At zero yaw each actuator holds {weight['static_leg_force']:.2f} N"
         " (the base joints carry most of the lower parts), while the even legs' 49.5 N is the axial share of the "

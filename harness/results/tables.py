@@ -5,12 +5,12 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_terminal
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, to_terminal
 from gough_stewart.harness.results.outcome import outcome_text
 
 
 def metrics_table(metrics: dict[str, Any]) -> RenderableType:
-    """Outcome and tables for the terminal, at most 100 columns wide."""
+    """Outcome, if the run did not complete, and tables for the terminal."""
     parts: list[RenderableType] = []
     outcome = metrics["outcome"]
     if outcome["status"] != "completed":
@@ -30,9 +30,12 @@ def _tracking(tracking: dict[str, Any]) -> Sheet:
     for name, axes, unit in (("position", "xyz", "mm"), ("orientation", ("roll", "pitch", "yaw"), "mrad")):
         if name in tracking:
             part = tracking[name]
-            for axis, rms, peak in zip(axes, part["rms"], part["peak"], strict=True):
-                sheet.add(axis, _milli(rms), _milli(peak), unit)
-            sheet.add(f"|{name}|", _milli(part["norm_rms"]), _milli(part["norm_peak"]), unit, ends_group=True)
+            rows = [
+                *zip(axes, part["rms"], part["peak"], strict=True),
+                (f"|{name}|", part["norm_rms"], part["norm_peak"]),
+            ]
+            for what, rms, peak in rows:
+                sheet.add(what, _milli(rms, unit), _milli(peak, unit), unit, ends_group=what.startswith("|"))
     return sheet
 
 
@@ -42,8 +45,9 @@ def _steps(responses: list[dict[str, Any]]) -> Sheet:
     for r in responses:
         unit = "m" if r["axis"] in "xyz" else "rad"
         numbers = [number_text(r[key]) for key in ("at", "overshoot_percent", "rise_time", "settling_time")]
-        error = f"{_milli(r['final_error'])} m{unit}"
-        sheet.add(Named(r["axis"], unit), number_text(r["from"]), number_text(r["to"]), *numbers, error)
+        error = f"{_milli(r['final_error'], f'm{unit}')} m{unit}"
+        ends = [number_text(r[key]) for key in ("from", "to")]
+        sheet.add(Named(r["axis"], unit), *ends, *numbers, error)
     return sheet
 
 
@@ -52,7 +56,7 @@ def _legs(metrics: dict[str, Any]) -> Sheet:
     energy, stroke = metrics["energy"], metrics["stroke"]
 
     def row(what: str, unit: str, values: list[float | None], total: str = "") -> None:
-        sheet.add(Named(what, unit), *(number_text(value) for value in values), total)
+        sheet.add(Named(what, unit), *(quantity_text(value, unit) for value in values), total)
 
     if "leg_length" in (metrics["tracking"] or {}):
         error = metrics["tracking"]["leg_length"]
@@ -79,5 +83,5 @@ def _legs(metrics: dict[str, Any]) -> Sheet:
     return sheet
 
 
-def _milli(value: float | None) -> str:
-    return number_text(None if value is None else 1e3 * value)
+def _milli(value: float | None, unit: str) -> str:
+    return quantity_text(None if value is None else 1e3 * value, unit)

@@ -3,7 +3,7 @@
 from html import escape
 
 from gough_stewart.harness.ensemble.names import shown_metric
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, text_of, to_html, to_terminal
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.tune import Tuning
 
@@ -75,4 +75,5 @@ def _cell(metric: str, found: Evaluation | None, k: int | None) -> str:
     if found is None:
         return "–"
     value = found.value if k is None else found.conditions[k]
-    return number_text(shown_metric(metric).factor * value)
+    shown = shown_metric(metric)
+    return quantity_text(shown.factor * value, shown.unit)

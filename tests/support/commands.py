@@ -1,11 +1,29 @@
 """The command line within this process, for what needs no process of its own."""
 
+from unittest.mock import patch
+
 from typer.testing import CliRunner, Result
 
 from gough_stewart.harness.cli import app as cli
+from gough_stewart.harness.output import tables
+from tests.support.whole_tables import check_is_whole
 
 
 def invoke(*arguments: str, columns: int = 200) -> Result:
-    """`gough-stewart arguments` on a wide terminal without colours; an error that is not told is raised."""
+    """`gough-stewart arguments` on a wide terminal without colours; an error that has no message of its own is raised.
+
+    Every table that the command shows is also printed in 80 and in 60 columns, and compared with what is in it.
+    """
+    sheets: list[tables.Sheet] = []
+
+    def noted(sheet: tables.Sheet) -> tables.TerminalTable:
+        sheets.append(sheet)
+        return tables.TerminalTable(sheet)
+
     runner = CliRunner(env={"COLUMNS": str(columns), "NO_COLOR": "1", "TERM": "dumb"})
-    return runner.invoke(cli.app, list(arguments), catch_exceptions=False)
+    with patch.object(tables, "to_terminal", noted):
+        done = runner.invoke(cli.app, list(arguments), catch_exceptions=False)
+    for sheet in sheets:
+        for width in (80, 60):
+            check_is_whole(sheet, width)
+    return done

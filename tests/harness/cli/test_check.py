@@ -49,7 +49,7 @@ def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_prepared()
     """Expected: the shipped file with the settings and the scale; its motion, which was refused, is taken."""
     done = invoke("check", "pitch_sine", *FAST, "--fit", "amplitude")
     assert done.exit_code == 0, done.output
-    assert "Wrote pitch_sine-fitted.toml" in done.output
+    assert "Wrote pitch_sine-fitted.toml (" in done.output
     values = tomllib.loads(Path("pitch_sine-fitted.toml").read_text())
     assert values["reference"]["frequency"] == 4
     new = set(values["reference"]) - {"type", "orientation_amplitude", "frequency", "fade_in"}

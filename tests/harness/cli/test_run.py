@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from io import BytesIO
 from pathlib import Path
 
@@ -34,6 +35,10 @@ def test_run_writes_its_files_and_prints_the_metrics(heave: tuple[Result, Path])
     assert {p.name for p in out.iterdir()} == FILES
     for title in ("Tracking error", "Step response", "Legs"):
         assert title in done.output
+    assert re.search(
+        rf"^Completed: 2 s simulated in \d+\.\d s\. Wrote to {out} \(\d\.\d MB\):$", done.stdout, re.MULTILINE
+    )
+    assert done.stdout.endswith(f"\nNext: gough-stewart view {out} --open\n")
 
 
 def test_figures_are_pictures_with_something_on_them(heave: tuple[Result, Path]) -> None:
@@ -66,7 +71,8 @@ def test_metrics_and_record_agree(heave: tuple[Result, Path]) -> None:
 def test_an_experiment_that_diverges_exits_with_3_and_keeps_its_record(tmp_path: Path) -> None:
     done = invoke("run", "too_slow", "--out", str(tmp_path), "--set", "loop.plant_step=0.02")
     assert done.exit_code == 3
-    assert "diverged at" in done.output
+    assert done.output.count("diverged at") == 1
+    assert re.search(r"^Not completed: \d\.\d+ of 8 s simulated in \d+\.\d s\. Wrote to ", done.stdout, re.MULTILINE)
     assert "has left its stroke at" in done.output
     assert {p.name for p in tmp_path.iterdir()} == FILES
     assert json.loads((tmp_path / "metadata.json").read_text())["outcome"]["status"] == "diverged"

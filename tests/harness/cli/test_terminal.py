@@ -15,7 +15,8 @@ import typer
 from typer.testing import CliRunner, Result
 
 from gough_stewart.harness.cli import app as cli
-from gough_stewart.harness.cli.terminal import Terminal, clear_errors
+from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.terminal import Terminal
 from gough_stewart.harness.results.record import read_record
 
 COMMAND = [sys.executable, "-c", "from gough_stewart.harness.cli.entry import main; main()"]
@@ -48,7 +49,7 @@ def test_titles_and_folders_may_hold_markup_emoji_codes_and_control_characters(t
     done = invoke("margins", "heave_step", "--set", setting, "--out", str(folder))
     assert done.exit_code == 0, done.output
     assert "a [/b] [mm] :x: �[31m��" in done.output
-    assert f"to {tmp_path}/out [bold] �[2J" in done.output
+    assert f"Wrote to {tmp_path}/out [bold] �[2J" in done.output
     assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]", done.output)
 
 
@@ -74,7 +75,7 @@ def test_a_full_error_stream_costs_no_file(tmp_path: Path, full: int) -> None:
     arguments = ("run", "heave_step", *SHORT, "--out", str(tmp_path / "out"))
     done = started(MAIN, *arguments, capture_output=False, stdout=subprocess.PIPE, stderr=full)
     assert done.returncode == 0
-    assert "Wrote record.parquet" in done.stdout
+    assert "record.parquet, record.csv" in done.stdout
     assert read_record(tmp_path / "out").table.height == 21
 
 
@@ -127,8 +128,8 @@ def test_a_wish_to_end_keeps_what_ran_so_far(tmp_path: Path) -> None:
 
 def test_an_interrupt_after_the_files_says_where_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     def interrupted() -> None:
-        with clear_errors() as written:
-            written.append(tmp_path)
+        with clear_errors() as command:
+            command.written.append(tmp_path)
             raise KeyboardInterrupt
 
     with pytest.raises(typer.Exit):

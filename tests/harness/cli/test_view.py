@@ -100,7 +100,7 @@ def test_run_writes_the_page_if_asked(fmus: dict[str, Fmu], tmp_path: Path) -> N
     fmu = ("--plant", "fmu3", "--fmu", str(fmus["3.0"].path))
     done = invoke("run", "impulse", *fmu, "--set", "loop.duration=0.6", "--report", "--out", str(tmp_path))
     assert done.exit_code == 0, done.output
-    assert "report.html" in done.output
+    assert f"\nOpen {tmp_path}/report.html in a browser.\n" in done.output
     assert invoke("view", str(tmp_path), "--out", str(tmp_path / "again.html")).exit_code == 0
     pages = [(tmp_path / f"{name}.html").read_bytes() for name in ("report", "again")]
     name = str(tmp_path.name).encode()

@@ -1,0 +1,104 @@
+"""A command from its start to its closing lines, or to the one line that says what went wrong."""
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import typer
+from rich.padding import Padding
+from rich.text import Text
+
+from gough_stewart.harness.cli.terminal import Terminal, errors
+from gough_stewart.harness.errors import UsageError
+from gough_stewart.model.errors import GoughStewartError
+
+# Beside 0, and 3 of `run` and `check`; they are listed in docs/control.md.
+EXIT_ERROR = 1
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+
+
+@dataclass
+class Command:
+    """A command that runs: since when, and the folders that it has written to; an interrupt after that names them."""
+
+    started: float = field(default_factory=time.perf_counter)
+    written: list[Path] = field(default_factory=list)
+
+    def close(
+        self,
+        files: Iterable[str | Path],
+        folder: Path,
+        done: str | None = "Done",
+        then: str | None = None,
+        is_open: bool = False,
+    ) -> None:
+        """The closing lines: what is done and how long it took, the files and their size, the page, what comes next."""
+        names = [str(file) for file in files]
+        took = f"{done} in {duration_text(time.perf_counter() - self.started)}. " if done else ""
+        size = size_text(sum(_size(folder / name) for name in names))
+        terminal = Terminal()
+        if len(names) == 1:
+            terminal.say(f"{took}Wrote {folder / names[0]} ({size}).")
+        else:
+            terminal.say(f"{took}Wrote to {folder} ({size}):")
+            terminal.print(Padding(Text(", ".join(names), "dim"), (0, 0, 0, 2), expand=False))
+        for name in names:
+            if name.endswith(".html") and not is_open:
+                terminal.say(f"Open {folder / name} in a browser.")
+        if then is not None:
+            terminal.say(f"Next: {then}")
+
+
+def duration_text(seconds: float) -> str:
+    """As 0.8 s or 2 min 5 s."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s"
+
+
+def size_text(size: int) -> str:
+    """In kB, or from one on in MB."""
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.3g} kB"
+
+
+def _size(path: Path) -> int:
+    """Of a file, or of all files in a folder."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+@contextmanager
+def clear_errors() -> Iterator[Command]:
+    """One clear line and an exit code instead of a traceback."""
+    command = Command()
+    try:
+        yield command
+    except GoughStewartError as error:
+        _say_error(str(error), error)
+        raise typer.Exit(EXIT_USAGE if isinstance(error, UsageError) else EXIT_ERROR) from error
+    except OSError as error:
+        _say_error(f"{error.filename or 'output'}: {error.strerror or error}", error)
+        raise typer.Exit(EXIT_ERROR) from error
+    except MemoryError as error:
+        _say_error("not enough memory; make the run shorter, its plant_step longer, or the grid coarser", error)
+        raise typer.Exit(EXIT_ERROR) from error
+    except KeyboardInterrupt as error:
+        errors.say((f"interrupted; {_notes(error) or _whereabouts(command.written)}", "bold red"))
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+
+
+def _say_error(message: str, error: BaseException) -> None:
+    errors.say(("error: ", "bold red"), "; ".join(filter(None, [message, _notes(error)])))
+
+
+def _notes(error: BaseException) -> str:
+    """What those have added who know more, such as which files are there all the same."""
+    return "; ".join(getattr(error, "__notes__", ()))
+
+
+def _whereabouts(folders: list[Path]) -> str:
+    return f"the files are in {', '.join(map(str, folders))}" if folders else "nothing written"
