@@ -20,9 +20,8 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
-from tests.support.snippets import commands_of
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.support.snippets import ROOT, commands_of
 
 PAGES = ("README.md", "docs/tutorial.md")
 LEFT_OUT = ("make ", "pip ", "pytest ", "python -m venv", ". ")
