@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gough_stewart.harness.cli.terminal import errors
+from gough_stewart.harness.cli.terminal import errors, preparing
 from gough_stewart.harness.errors import ExperimentError, UsageError
 
 if TYPE_CHECKING:
@@ -130,12 +130,13 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
     """
     if preset is not None and platform is not None:
         raise UsageError("--preset and --platform exclude each other; give one")
-    from gough_stewart.model.formulations import cases
-    from gough_stewart.model.platform_toml import load_platform, load_preset
+    with preparing():
+        from gough_stewart.model.formulations import cases
+        from gough_stewart.model.platform_toml import load_platform, load_preset
 
-    if platform is not None:
-        return load_platform(platform)
-    return load_preset(cases.PAPER_PRESET if preset is None else preset)
+        if platform is not None:
+            return load_platform(platform)
+        return load_preset(cases.PAPER_PRESET if preset is None else preset)
 
 
 def chosen_experiment(given: str, settings: list[str] | None, no_python: bool) -> "Experiment":
@@ -146,9 +147,10 @@ def chosen_experiment(given: str, settings: list[str] | None, no_python: bool) -
     ExperimentError
         It cannot be had, or it executes code of its own and that is not wanted.
     """
-    from gough_stewart.harness.experiment.file import load_experiment
+    with preparing():
+        from gough_stewart.harness.experiment.file import load_experiment
 
-    chosen = load_experiment(given, settings or [])
+        chosen = load_experiment(given, settings or [])
     if no_python and chosen.code:
         raise ExperimentError(
             chosen.where, "", f"executes {', '.join(chosen.code)}; leave out --no-python if you trust these files"

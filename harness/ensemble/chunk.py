@@ -13,7 +13,7 @@ from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import Plan, pilots
 from gough_stewart.harness.experiment.preparation import Prepared
-from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.loop import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
@@ -56,11 +56,9 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
     bands = Bands(_signals(members), timing, len(prepared), first)
     with batch.plant:
-        outcomes = observe(batch.plant, batch.law_from, batch.loop, _Both(merit, bands, len(prepared)))
+        outcomes = observe_all(batch.plant, batch.law_from, batch.loop, _Both(merit, bands, len(prepared)))
         errors = batch.plant.integration_error[: len(prepared)]
         features = batch.plant.features
-    if any(outcome.status == "interrupted" for outcome in outcomes):
-        raise KeyboardInterrupt
     columns = {name: values[: len(prepared)] for name, values in merit.columns().items()}
     columns[INTEGRATION_ERROR] = errors
     if members.choice.margins:

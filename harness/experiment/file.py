@@ -67,8 +67,12 @@ def experiment_text(name: Path | str) -> tuple[str, str]:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         close = get_close_matches(path.stem, experiment_names(), n=1)
-        hint = f"; a shipped one is called '{close[0]}', without folder and .toml" if close else ""
-        raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}{hint}") from error
+        hint = (
+            f"did you mean '{close[0]}', which ships with the package?"
+            if close
+            else "expected a TOML file, or a shipped experiment, which `gough-stewart experiments` lists"
+        )
+        raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}; {hint}") from error
 
 
 def _is_shipped(name: Path | str) -> bool:

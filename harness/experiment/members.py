@@ -74,7 +74,11 @@ class Members:
         self.nominal, self.preparation = experiment, Preparation()
         choice = experiment.ensemble
         if choice is None:
-            raise ExperimentError(experiment.where, "ensemble", "is missing; it says what varies, and how")
+            raise ExperimentError(
+                experiment.where,
+                "ensemble",
+                "is missing; it says what varies: add it, or start from heave_tolerances",
+            )
         if experiment.limits.stroke == "stop":
             raise self._error("limits.stroke", "is 'stop', which ends single runs only; expected 'warn' or 'ignore'")
         self.choice: EnsembleChoice = choice

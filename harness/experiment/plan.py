@@ -17,7 +17,7 @@ from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.loop import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.plants.lanes import substeps_for
 
@@ -184,7 +184,7 @@ def substeps_of(members: Members) -> int:
         batch = batch_of(prepared, substeps)
         batch.plant.estimate_every = 1
         with batch.plant:
-            observe(batch.plant, batch.law_from, batch.loop, _Nothing())
+            observe_all(batch.plant, batch.law_from, batch.loop, _Nothing())
             error = float(np.max(batch.plant.integration_error))
         if not np.isfinite(error):
             substeps *= 4

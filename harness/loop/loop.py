@@ -125,6 +125,22 @@ def observe(
     return outcomes.at_last(float(loop.timing.times[-1]))
 
 
+def observe_all(plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Observer) -> tuple[Outcome, ...]:
+    """Run many members to their ends as `observe`; after Ctrl-C what ran so far is dropped, and the interrupt goes on.
+
+    Raises
+    ------
+    ControllerError, PlantError
+        As of `observe`.
+    KeyboardInterrupt
+        The run was interrupted.
+    """
+    outcomes = observe(plant, law_from, loop, observer)
+    if any(outcome.status == "interrupted" for outcome in outcomes):
+        raise KeyboardInterrupt
+    return outcomes
+
+
 def _run(
     plant: Plant,
     law_from: LawFrom | None,

@@ -14,7 +14,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import substeps_of
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.loop import observe_all
 from gough_stewart.harness.results.streamed import Merit
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.tuning.conditions import Condition
@@ -185,11 +185,9 @@ class Candidates:
         batch = batch_of(prepared, self.substeps)
         merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
         with batch.plant:
-            outcomes = observe(batch.plant, batch.law_from, batch.loop, merit)
+            outcomes = observe_all(batch.plant, batch.law_from, batch.loop, merit)
             self.integration_error = max(self.integration_error, float(np.max(batch.plant.integration_error[:n])))
         assert not hasattr(outcomes, "status")
-        if any(outcome.status == "interrupted" for outcome in outcomes):
-            raise KeyboardInterrupt
         columns = merit.columns()
         unknown = np.full(n, np.nan)  # a margin, which runs do not have
         return np.stack([columns.get(name, unknown)[:n] for name in names], axis=1), [

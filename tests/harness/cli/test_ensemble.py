@@ -88,7 +88,11 @@ def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path) -> 
 
 
 WRONG: Mapping[str, tuple[tuple[str, ...], int, str]] = {
-    "no ensemble": (("ensemble", "heave_step"), 1, "ensemble: is missing; it says what varies"),
+    "no ensemble": (
+        ("ensemble", "heave_step"),
+        1,
+        "ensemble: is missing; it says what varies: add it, or start from heave_tolerances",
+    ),
     "workers": (("ensemble", "heave_tolerances", "--workers", "0"), 2, "Invalid value for '--workers'"),
     "members": (("ensemble", "heave_tolerances", "--members", "-4"), 2, "Invalid value for '--members'"),
     "both": (

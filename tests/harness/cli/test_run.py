@@ -137,7 +137,10 @@ def test_margins_prints_and_writes(tmp_path: Path) -> None:
 
 
 WRONG = {
-    "no such file": (["run", "nothing.toml"], "nothing.toml: cannot read this experiment: No such file"),
+    "no such file": (
+        ["run", "nothing.toml"],
+        "nothing.toml: cannot read this experiment: No such file or directory; expected a TOML file, or a shipped ",
+    ),
     "no such experiment": (["experiments", "heave_stp"], "did you mean 'heave_step'"),
     "a wrong key": (["run", "heave_step", "--set", "loop.latency=1"], "loop.latency: unknown key"),
     "a negative mass": (

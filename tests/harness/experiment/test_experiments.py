@@ -303,7 +303,7 @@ def test_a_platform_file_is_no_experiment(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_names_a_shipped_one_of_that_name(tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match=r"heave_ste.toml: cannot read.*a shipped one is called 'heave_step'"):
+    with pytest.raises(ExperimentError, match=r"heave_ste.toml: cannot read.*did you mean 'heave_step', which ships"):
         load_experiment(tmp_path / "heave_ste.toml")
     with pytest.raises(ExperimentError, match=r"no such experiment; did you mean 'heave_step'"):
         shipped_experiment("heave_stp")

@@ -11,7 +11,7 @@ from gough_stewart.harness.control.laws_together import laws_together
 from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
-from gough_stewart.harness.loop.loop import Limits, Loop, observe
+from gough_stewart.harness.loop.loop import Limits, Loop, observe, observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.loop.timing import Timing
@@ -182,6 +182,23 @@ def test_ctrl_c_ends_those_that_still_run() -> None:
     law_from = laws_together([each.controller for each in some], T, np.zeros((0, 6, 6)))
     outcomes = observe(plant, law_from, together([each.loop for each in some]), Counting(7), interrupt)
     assert [outcome.status == "interrupted" for outcome in outcomes] == [True, *[False] * 5, True]
+
+
+def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the interrupt itself, at a step in the middle of the run."""
+    some = ending_members()
+    plant = ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some])
+    do_step = plant.do_step
+
+    def interrupted(time: float, step: float) -> None:
+        if time > 0.2:
+            raise KeyboardInterrupt
+        do_step(time, step)
+
+    monkeypatch.setattr(plant, "do_step", interrupted)
+    law_from = laws_together([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    with pytest.raises(KeyboardInterrupt):
+        observe_all(plant, law_from, together([each.loop for each in some]), Counting(7))
 
 
 def test_noise_of_a_member_is_that_of_its_seed_alone() -> None:
