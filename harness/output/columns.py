@@ -31,8 +31,9 @@ def is_prose(cells: Sequence[str]) -> bool:
 
 
 def is_number(cells: Sequence[str]) -> bool:
-    """Whether a column stands at the right: it holds numbers, and no sentences."""
-    return any(map(_NUMBER.match, cells)) and not is_prose(cells)
+    """Whether a column stands at the right: it holds numbers, or vectors, and no sentences."""
+    numbers = [_NUMBER.match(cell) is not None for cell in cells]
+    return any(numbers) and (all(numbers) or not is_prose(cells))
 
 
 def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[Column]]:

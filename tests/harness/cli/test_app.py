@@ -12,9 +12,10 @@ import polars
 import pytest
 from PIL import Image
 
-from gough_stewart.harness.paper.agreement import Row
+from gough_stewart.harness.paper.report import to_markdown
 from gough_stewart.harness.paper.reproduce import Reproduction
 from gough_stewart.model import interface
+from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.platform_toml import preset_names, preset_text
 from tests.support.commands import invoke
 from tests.support.demo import Demo
@@ -117,7 +118,7 @@ def test_reproduce_takes_a_platform_of_ones_own_whose_name_is_only_a_name(
     # CommonMark: a backslash makes any punctuation a plain character
     assert "a \\[red\\]b\\[/nope\\] \\$\\\\frac\\{c\\$ \\<b\\> 台" in (out / "report.md").read_text()
     html = (out / "report.html").read_text()
-    assert "<b>" not in html
+    assert "<b> 台" not in html
     page = unescape(html)
     assert f"<title>{report['case']['title']}</title>" in page
     assert [row["what"] for row in report["agreement"] if row["what"] not in page] == []
@@ -251,17 +252,26 @@ def test_ctrl_c_ends_with_one_line_and_no_files(interpreter: Interpreter, tmp_pa
 
 
 def test_a_missed_bound_of_the_other_order_exits_with_1_after_writing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "gough_stewart.harness.paper.reproduce.agreement", lambda *_: [Row("made to miss", 1.0, 1e-9, "m")]
-    )
+    """Expected: the demonstration's files, with a report in which one comparison was made to miss its bound."""
+    report = json.loads((demo.paper / "report.json").read_text())
+    report["agreement"][2]["holds"] = False
+    files = {name: (demo.paper / name).read_bytes() for name in FILES} | {"report.md": to_markdown(report)}
+    asked: list[OpenLoopCase] = []
+
+    def reproduced(case: OpenLoopCase, *_: object) -> Reproduction:
+        asked.append(case)
+        return Reproduction(report, files)
+
+    monkeypatch.setattr("gough_stewart.harness.paper.reproduce.reproduce", reproduced)
     done = invoke("reproduce", "--order", "minus-first", "--out", str(tmp_path))
     assert done.exit_code == 1
     assert "a comparison misses its bound" in done.output
     assert {p.name for p in tmp_path.iterdir()} == FILES
-    assert "MISSED" in (tmp_path / "report.md").read_text()
-    assert "− before +" in json.loads((tmp_path / "report.json").read_text())["case"]["title"]
+    assert (tmp_path / "report.md").read_text().count("MISSED") == 1
+    assert done.output.count("MISSED") == 1
+    assert "− before +" in asked[0].title
 
 
 def test_a_folder_without_permission_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
