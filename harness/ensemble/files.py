@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from gough_stewart.harness.ensemble.figures import ensemble_figures
+from gough_stewart.harness.ensemble.drawing import figures_aside
 from gough_stewart.harness.ensemble.page import PAGE, ensemble_page
 from gough_stewart.harness.ensemble.result import Ensemble, metric_name
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
@@ -32,11 +32,10 @@ def write_report(found: Ensemble, folder: Path) -> tuple[list[str], list[Sheet]]
     """
     by = worst_by(found)
     known = _sensitivity(found, by)
-    worst = _write_worst(found, by, folder)
-    files = {
-        **ensemble_figures(found, by, known),
-        PAGE: ensemble_page(found, by, worst, () if known is None else (known,)),
-    }
+    with figures_aside(found, by, known) as pictures:
+        worst = _write_worst(found, by, folder)
+        page = ensemble_page(found, by, worst, () if known is None else (known,))
+        files = {**pictures(), PAGE: page}
     write_files(folder, files)
     sheets = ensemble_sheets(found)
     return [*files, *([WORST] if worst else [])], sheets if known is None else [*sheets, sensitivity_sheet(known)]
