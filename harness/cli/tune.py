@@ -84,7 +84,7 @@ def tune_command(
         folder = out or results_folder(experiment, "_tuned")
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=None)
-            from gough_stewart.harness.ensemble.names import shown_metric
+            from gough_stewart.harness.results.metric_names import shown_metric
             from gough_stewart.harness.tuning.files import FILES, tuning_files
             from gough_stewart.harness.tuning.tune import tune
             from gough_stewart.model.files import check_output_folder, write_files

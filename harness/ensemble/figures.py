@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gough_stewart.harness.ensemble.names import Shown, shown_input, shown_metric, shown_signal
+from gough_stewart.harness.ensemble.names import shown_input, shown_signal
 from gough_stewart.harness.ensemble.result import OUTCOME, Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import finite
@@ -18,6 +18,7 @@ from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, png
 from gough_stewart.harness.results.bands import QUANTILES
+from gough_stewart.harness.results.metric_names import Shown, shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 _WIDTH, _ROW = 8.0, 1.9  # [inch]

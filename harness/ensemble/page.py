@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.names import Shown, shown_input, shown_metric, shown_signal
+from gough_stewart.harness.ensemble.names import shown_input, shown_signal
 from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, finite
@@ -17,6 +17,7 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
+from gough_stewart.harness.results.metric_names import Shown, shown_metric
 
 PAGE = "report.html"
 # Points that a browser still moves at once.

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 
 import polars
 
-from gough_stewart.harness.ensemble.names import shown_input, shown_metric
+from gough_stewart.harness.ensemble.names import shown_input
 from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble, numbers
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, quantiles
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
+from gough_stewart.harness.results.metric_names import shown_metric
 
 # What is shown of a figure of merit in one line; the page shows all of them.
 _MOST_CAUSES, _MOST_INPUTS = 8, 8

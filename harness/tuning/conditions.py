@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.names import shown_metric
 from gough_stewart.harness.ensemble.result import MARGINS, SHORT
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.quantities import PLAIN, UNITS, number
+from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.model.interface import nearest
 
 _CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*(\S.*?)\s*")

@@ -12,12 +12,12 @@ import tomlkit
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.harness.ensemble.names import shown_metric
 from gough_stewart.harness.experiment.file import Settings, experiment_names, shipped_text, with_settings
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, pictures
 from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.search import Search
 from gough_stewart.harness.tuning.tune import Tuning

@@ -4,7 +4,7 @@ import html
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.harness.results.record import Record, machine_of, platform_of
 from gough_stewart.harness.results.tables import metrics_sheets
 from gough_stewart.harness.view.charts import chart_of, points_of
+from gough_stewart.harness.view.comparison import comparison_table
 from gough_stewart.harness.view.scene import FRAMES, NEARNESS, frame_rows, scene_of
 from gough_stewart.harness.view.tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
 from gough_stewart.model.errors import GoughStewartError
@@ -143,23 +144,44 @@ def _heads(shown: Sequence[_Shown]) -> str:
 
 def _tables(shown: Sequence[_Shown], more: Sequence[Sheet]) -> str:
     parts = ["<h2>Results</h2>", _sheets(more)] if more else []
-    for record, finite, platform, believed, name in shown:
-        limits = limits_sheet(finite, platform)
+    found = [metrics(each.record) for each in shown]
+    if len(shown) == 1:
+        return "".join([*parts, "<h2>Metrics</h2>", _sheets(_of_run(shown[0], found[0])), _circumstances(shown[0])])
+    table = comparison_table([each.finite for each in shown], found, [each.name for each in shown])
+    parts += ["<h2>Metrics</h2>", f'<div class="sheets">{_scrolling("Runs side by side", table)}</div>']
+    for k, each in enumerate(shown):
+        swatch = f'<span class="swatch" style="background:{COLOURS[k]}"></span>'
         parts += [
-            f"<h2>{html.escape(name) if len(shown) > 1 else 'Metrics'}</h2>",
-            _sheets([*metrics_sheets(metrics(record)), *([limits] if limits else [])]),
-            "<details><summary>Run, parameters, versions</summary>",
-            _sheets(
-                [run_sheet(record, believed), parameters_sheet(platform, believed), versions_sheet(record)],
-                "sheets wide",
-            ),
+            f"<details><summary>{swatch} {html.escape(each.name)}: all metrics, run, parameters, versions</summary>",
+            _sheets(_of_run(each, found[k])),
+            _sheets(_of_circumstances(each), "sheets wide"),
             "</details>",
         ]
     return "".join(parts)
 
 
+def _of_run(shown: _Shown, found: dict[str, Any]) -> list[Sheet]:
+    limits = limits_sheet(shown.finite, shown.platform)
+    return [*metrics_sheets(found), *([limits] if limits else [])]
+
+
+def _circumstances(shown: _Shown) -> str:
+    sheets = _sheets(_of_circumstances(shown), "sheets wide")
+    return f"<details><summary>Run, parameters, versions</summary>{sheets}</details>"
+
+
+def _of_circumstances(shown: _Shown) -> list[Sheet]:
+    record, believed = shown.record, shown.believed
+    return [run_sheet(record, believed), parameters_sheet(shown.platform, believed), versions_sheet(record)]
+
+
 def _sheets(sheets: Sequence[Sheet], kind: str = "sheets") -> str:
-    return f'<div class="{kind}">' + "".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets) + "</div>"
+    return f'<div class="{kind}">' + "".join(_scrolling(sheet.title, to_html(sheet)) for sheet in sheets) + "</div>"
+
+
+def _scrolling(title: str, table: str) -> str:
+    """A table that scrolls by itself where the page is narrower, also by keys."""
+    return f'<div role="group" aria-label="{html.escape(title)}" tabindex="0">{table}</div>'
 
 
 def _footer(shown: Sequence[_Shown], frames: int) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text
 from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.scene import FLAGS, nearness_to_limits
@@ -46,7 +46,9 @@ def limits_sheet(record: Record, platform: Platform) -> Sheet | None:
     """How near each leg came to its limits, and when flags first went up; their shares are among the metrics."""
     sheet = Sheet("Limits and flags", ("", *(f"{i}" for i in range(1, 7))))
     for name, values in nearness_to_limits(record, platform).items():
-        sheet.add(Named(f"{name}, most of its limit", "%"), *map(number_text, 100 * values.max(axis=0)))
+        sheet.add(
+            Named(f"{name}, most of its limit", "%"), *(quantity_text(share, "%") for share in 100 * values.max(axis=0))
+        )
         if name in ("velocity", "power"):
             sheet.add(Named(f"{name}, first beyond its limit at", "s"), *_firsts(record, values > 1))
     for name in FLAGS:

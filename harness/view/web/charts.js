@@ -76,7 +76,7 @@
   };
 
   const configOf = (panel) => ({
-    ...GS.quiet, doubleClick: false,
+    ...GS.quiet, doubleClick: false, displayModeBar: coarse.matches ? false : "hover",
     modeBarButtons: [[
       { name: "download", title: "Download plot as a PNG", icon: Plotly.Icons.camera, click: () => download(panel) },
       "zoom2d", "pan2d", { name: "reset", title: "Reset axes", icon: Plotly.Icons.home, click: reset },

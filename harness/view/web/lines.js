@@ -3,8 +3,8 @@
 (() => {
   const GS = GoughStewart;
   const { signals } = GS.page.chart, { colours } = GS.page, runs = GS.records.length;
-  const DASHES = ["solid", "9px,4px", "3px,3px", "14px,4px,3px,4px", "6px,3px,2px,3px,2px,3px", "18px,5px"];
-  const REFERENCE = "2px,3px", WIDTH = 1.6, NEAR = 0.02, AIR = 0.06;
+  const DASHES = ["solid", "9px,4px", "14px,3px,3px,3px", "4px,4px", "12px,3px,3px,3px,3px,3px", "20px,5px"];
+  const REFERENCE = "1.5px,3px", WIDTH = 1.6, NEAR = 0.02, AIR = 0.06;
 
   // what the page shows: one leg or axis (or null for all), the run that others are compared with (or null)
   GS.choices = { legs: null, axes: null, from: null };
@@ -62,18 +62,18 @@
     return found;
   };
 
-  // The reference is ink where all runs share it, and has a run's colour where it is that run's alone.
+  // The reference is ink where runs share it, and has a run's colour where it is that run's alone.
   const referencesOf = (signal, seen, ink) => {
     const reference = GS.choices.from === null && signals[signal.reference];
     if (!reference) return [];
     const { groups, lines } = reference.curves, owners = new Set(), found = [];
-    const isShared = new Set(lines.map((each, run) => (each === null ? null : owner(lines, run))).filter((k) => k !== null)).size < 2;
+    const isAlone = (run) => lines.filter((each, k) => each !== null && owner(lines, k) === owner(lines, run)).length === 1;
     for (let run = 0; run < runs; run++) {
       if (!seen(run) || lines[run] === null || owners.has(owner(lines, run))) continue;
       owners.add(owner(lines, run));
       groups.forEach((members, group) => {
         if (!isChosen(signal, members)) return;
-        const line = { color: isShared ? ink : colours[run], dash: REFERENCE, width: 1.4 };
+        const line = { color: runs > 1 && isAlone(run) ? colours[run] : ink, dash: REFERENCE, width: 1.4 };
         found.push({ ...numbers(lines[owner(lines, run)][group]), name: "reference", run, key: "reference", line });
       });
     }

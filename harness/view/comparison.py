@@ -1,0 +1,103 @@
+"""Metrics of several runs side by side."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.tables import quantity_text
+from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metrics import flattened
+from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.record import Record
+
+# Beginnings of the paths that are shown, in this order.
+_SHOWN = (
+    "tracking.position.norm_",
+    "tracking.orientation.norm_",
+    "tracking.leg_length.",
+    "step_response.",
+    "force.",
+    "power.",
+    "energy.absolute_total",
+    "energy.net_total",
+    "saturation.force_limited.any",
+    "saturation.rate_limited.any",
+    "stroke.margin",
+    "stroke.exceeded.any",
+    "limits.",
+)
+_NOT_SHOWN = (".from", ".to", ".at", ".limit", ".first_exceeded")
+# What is better if it is larger; what is better if it is smaller; of other metrics neither can be said.
+_LARGER = ("stroke.margin",)
+_SMALLER = ("tracking.", "saturation.", "stroke.exceeded.", "force.", "power.peak", "energy.absolute_total", "limits.")
+_SMALLER_OF_STEPS = (".overshoot_percent", ".settling_time", ".final_error")
+_BEST = '<span class="best">★</span> '
+
+
+def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
+    """A table with a column for each run, in HTML.
+
+    The best values of a row are marked if the runs had the same task, that is the same reference and duration, and all
+    completed it.
+    """
+    flat = [flattened(each) for each in metrics]
+    paths = dict.fromkeys(path for each in flat for path in each)
+    heads = "".join(
+        f'<th scope="col"><span class="swatch" style="background:{COLOURS[k]}"></span>{escape(name)}</th>'
+        for k, name in enumerate(names)
+    )
+    outcomes = "".join(f"<td>{escape(outcome_text(each['outcome']))}</td>" for each in metrics)
+    rows = [f'<tr><th scope="row">outcome</th>{outcomes}</tr>']
+    marks = _same_task(records)
+    for path in sorted(filter(_is_shown, paths), key=_place):
+        rows.append(_row(path, [each.get(path) for each in flat], marks))
+    note = ' <span class="unit">★ best of the row</span>' if marks else ""
+    caption = f"<caption>Runs side by side{note}</caption>"
+    head = f"<thead><tr><td></td>{heads}</tr></thead>"
+    return f'<table class="comparison">{caption}{head}<tbody>{"".join(rows)}</tbody></table>'
+
+
+def best(path: str, values: Sequence[float | None]) -> set[int]:
+    """Indices of the best values of a metric, as shown; none where all are alike, or where no value is better."""
+    sign = 1.0 if path.startswith(_LARGER) else -1.0
+    is_better_smaller = path.startswith(_SMALLER) or path.endswith(_SMALLER_OF_STEPS)
+    known = {k: abs(value) if sign < 0 else value for k, value in enumerate(values) if value is not None}
+    if not (is_better_smaller or sign > 0) or len(known) < 2:
+        return set()
+    most = max(sign * value for value in known.values())
+    unit = shown_metric(path).unit
+    texts = {k: quantity_text(value, unit) for k, value in known.items()}
+    top = {texts[k] for k, value in known.items() if sign * value == most}
+    found = {k for k, text in texts.items() if text in top}
+    return found if len(found) < len(known) else set()
+
+
+def _row(path: str, values: Sequence[float | None], marks: bool) -> str:
+    shown = shown_metric(path)
+    scaled = [None if value is None else shown.factor * value for value in values]
+    tops = best(path, scaled) if marks else set()
+    cells = (
+        f"<td>{_BEST if k in tops else ''}{escape(quantity_text(value, shown.unit))}</td>"
+        for k, value in enumerate(scaled)
+    )
+    unit = f' <span class="unit">{escape(shown.unit)}</span>' if shown.unit else ""
+    return f'<tr><th scope="row">{escape(shown.text)}{unit}</th>{"".join(cells)}</tr>'
+
+
+def _is_shown(path: str) -> bool:
+    return path.startswith(_SHOWN) and not path.endswith(_NOT_SHOWN)
+
+
+def _place(path: str) -> int:
+    return next(k for k, beginning in enumerate(_SHOWN) if path.startswith(beginning))
+
+
+def _same_task(records: Sequence[Record]) -> bool:
+    first = records[0].metadata
+    return all(
+        each.metadata["outcome"]["status"] == "completed"
+        and each.metadata.get("duration") == first.get("duration")
+        and (each.metadata.get("experiment") or {}).get("reference") == (first.get("experiment") or {}).get("reference")
+        for each in records
+    )
