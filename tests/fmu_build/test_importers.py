@@ -27,7 +27,7 @@ def poses(result: Any) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("fmi_type", ["CoSimulation", "ModelExchange"])
-def test_a_unit_that_is_told_nothing_stands_still_to_its_default_stop_time(fmu: Fmu, fmi_type: str) -> None:
+def test_a_unit_with_default_settings_stands_still_to_its_default_stop_time(fmu: Fmu, fmi_type: str) -> None:
     """Expected: the home pose, for a second; six different forces hold an uneven platform in gravity aslant."""
     result = simulate_fmu(str(fmu.path), fmi_type=fmi_type)
     assert result["time"][-1] == 1.0
