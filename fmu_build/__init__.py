@@ -1,1 +1,1 @@
-"""The FMU: C generated from the Python source of the physics, compiled, described, packed."""
+"""The FMU: C code generated from the Python source of the physics, compiled and packed with its XML description."""

@@ -22,26 +22,26 @@ def build(
     platform: Platform | None = None,
     progress: StepProgress | None = None,
 ) -> list[Path]:
-    """Write `gough_stewart_fmi2.fmu` and `gough_stewart_fmi3.fmu`; both, or none on an error.
+    """Build the FMUs `gough_stewart_fmi2.fmu` and `gough_stewart_fmi3.fmu`; on an error, neither is written.
 
     Parameters
     ----------
     out
-        Folder, made if needed.
+        Output folder; created if needed.
     fmi
-        "2.0", "3.0".
+        FMI versions: "2.0", "3.0".
     targets
-        Systems that the FMU shall run on: "native", "all", or "x86_64-linux", "aarch64-linux", "x86_64-windows",
+        Systems to build for: "native", "all", or "x86_64-linux", "aarch64-linux", "x86_64-windows",
         "x86_64-darwin", "aarch64-darwin".
     platform
-        Gives the start values of the parameters; the paper's by default. Others can be set at run time.
+        The platform whose parameters are the start values; the paper's by default. They can be changed at run time.
     progress
-        Called with what is being done.
+        Called with the name of each step.
 
     Raises
     ------
     BuildError
-        An unknown version or target, a package that is not installed, or the compiler's complaint.
+        An unknown version or target, a package that is not installed, or a compiler error.
     OutputError
         The files cannot be written there.
 

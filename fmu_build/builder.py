@@ -1,4 +1,4 @@
-"""Build units of a component: sources and documents purely, then compile, then write the archives whole."""
+"""Build the units of a component: generate sources and documents, compile, and write the archives atomically."""
 
 import hashlib
 import os
@@ -45,25 +45,25 @@ def build_units(
     targets: Iterable[str] = ("native",),
     progress: StepProgress | None = None,
 ) -> list[Path]:
-    """Write the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; all that are asked for, or none on an error.
+    """Build the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; on an error, none is written.
 
     Parameters
     ----------
     component
-        What the units are made of.
+        The component.
     out
-        Folder, made if needed.
+        Output folder; created if needed.
     fmi
-        "2.0", "3.0".
+        FMI versions: "2.0", "3.0".
     targets
-        Systems that the units shall run on: "native", "all", or names of `targets.TARGETS`.
+        Systems to build for: "native", "all", or names of `targets.TARGETS`.
     progress
-        Called with what is being done.
+        Called with the name of each step.
 
     Raises
     ------
     BuildError
-        An unknown version or target, a package that is not installed, or the compiler's complaint.
+        An unknown version or target, a package that is not installed, or a compiler error.
     OutputError
         The files cannot be written there.
     """
@@ -90,29 +90,29 @@ def unit_archives(
 
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
-    """How often `build_units` reports progress."""
+    """Number of progress reports of `build_units`."""
     return len(chosen_versions(fmi)) * (1 + len(chosen_targets(targets)))
 
 
 def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
-    """Versions, each once, in order.
+    """The requested versions, in order and without duplicates.
 
     Raises
     ------
     BuildError
-        Another than "2.0" and "3.0", or none.
+        A version other than "2.0" and "3.0", or none.
     """
-    wanted = [fmi] if isinstance(fmi, str) else list(fmi)
-    for version in wanted:
+    requested = [fmi] if isinstance(fmi, str) else list(fmi)
+    for version in requested:
         if version not in VERSIONS:
             raise BuildError(f"no FMI version '{version}'; expected {' or '.join(VERSIONS)}")
-    if not wanted:
+    if not requested:
         raise BuildError(f"no FMI version; expected {' or '.join(VERSIONS)}")
-    return tuple(version for version in VERSIONS if version in wanted)
+    return tuple(version for version in VERSIONS if version in requested)
 
 
 def unit_of(component: Component, fmi_version: str) -> Unit:
-    """Sources and documents of a unit; its token is a digest of sources and description."""
+    """Sources and documents of a unit; its token is a digest of the sources and the description."""
     describe = _DESCRIPTIONS[fmi_version]
     blank = sources(component, fmi_version, "")
     token = _token(blank, describe(component, Identity("", blank.unit_names)), fmi_version)
@@ -144,10 +144,10 @@ def _fmi3_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, by
 
 
 def _fmi2_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
-    """FMI 2.0 knows operating systems only: Apple's two processors share a file, Linux's have a folder each.
+    """FMI 2.0 distinguishes operating systems only: Apple's two processors share a file, Linux's have a folder each.
 
-    Importers on aarch64 Linux look in `aarch64-linux` or, as FMPy does, in `linux64`: without a library for x86_64
-    it is there as well.
+    Importers on aarch64 Linux look in `aarch64-linux` or, as FMPy does, in `linux64`: if there is no library for
+    x86_64, the one for aarch64 is in both.
     """
     files, apple = {}, []
     for target, library in libraries.items():
@@ -164,7 +164,7 @@ def _fmi2_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, by
 
 
 def _compile(unit: Unit, targets: Iterable[Target], report: StepProgress) -> dict[Target, bytes]:
-    # those of both versions, so that the kernel is the same compilation for both
+    # the headers of both versions, so that both share one compilation of the kernel
     headers = unit.sources.headers | standard_headers("2.0") | standard_headers("3.0")
 
     stop = Event()
@@ -179,7 +179,7 @@ def _compile(unit: Unit, targets: Iterable[Target], report: StepProgress) -> dic
         compiled = pool.map(library, targets)
         try:
             return dict(zip(targets, compiled, strict=True))
-        except BaseException:  # an interrupt, or one that failed: nobody waits for the others
+        except BaseException:  # an interrupt or a failure: do not wait for the others
             stop.set()
             pool.shutdown(wait=False, cancel_futures=True)
             raise

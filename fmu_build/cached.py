@@ -1,4 +1,4 @@
-"""What is built once for a state of this package: a native FMU, for those who only want to run one."""
+"""The cache of build results: the native FMU for running experiments, built once per state of this package."""
 
 import hashlib
 import tempfile
@@ -17,32 +17,32 @@ from gough_stewart.fmu_build.targets import native
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.progress import StepProgress
 
-# What the bytes of an FMU depend on beside this package's own files.
+# Packages on which the bytes of an FMU depend, besides the files of this package.
 _PACKAGES = ("gough-stewart", "casadi", RUNNER, "latex2mathml", "numpy", "scipy", COMPILER)
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path:
     """The FMU of the paper's platform for this machine, from the cache if it was built from the same sources before.
 
-    Its digest lies beside it: a damaged one is built anew.
+    The cache stores its digest; a damaged FMU is rebuilt.
 
     Parameters
     ----------
     fmi_version
         "2.0" or "3.0".
     progress
-        Called with what is being done, if anything is.
+        Called with the name of each step of a build.
 
     Raises
     ------
     BuildError
-        As `build`; or the cache does not keep what is written there.
+        As `build`; or files in the cache differ from what was written.
     OSError
         The cache cannot be written.
     """
 
     def built() -> bytes:
-        from gough_stewart.fmu_build.build import build  # CasADi, and all else that a unit of the cache needs no more
+        from gough_stewart.fmu_build.build import build  # imports CasADi, which a cached unit does not need
 
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
             return build(folder, fmi=[fmi_version], progress=progress)[0].read_bytes()
@@ -51,15 +51,15 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
 
 
 def kept(path: Path, make: Callable[[], bytes]) -> Path:
-    """A file of the cache, made unless it is there; its digest lies beside it, and a damaged one is made anew.
+    """A file of the cache, created by `make` if it is missing or does not match its stored digest.
 
-    Several processes may make it at once, if the content depends on nothing else: each writes beside and renames, so
-    that the file never goes while another one uses it.
+    Several processes may create it at the same time if its content is deterministic: each writes a temporary file and
+    renames it, so the file is never missing while another process uses it.
 
     Raises
     ------
     BuildError
-        The cache does not keep what is written there.
+        The file in the cache differs from what was written.
     OSError
         The cache cannot be written.
     """
@@ -70,7 +70,9 @@ def kept(path: Path, make: Callable[[], bytes]) -> Path:
         write_whole(path, content)
         write_whole(digest, digest_of(content).encode())
         if not _is_whole(path, digest):
-            raise BuildError(f"{path} is not what was written there; delete the folder {path.parent}, or free its disk")
+            raise BuildError(
+                f"{path} differs from what was written there; delete the folder {path.parent}, or free disk space"
+            )
     return path
 
 
@@ -88,12 +90,12 @@ def _is_whole(path: Path, digest: Path) -> bool:
 
 @cache
 def state_of_sources() -> str:
-    """Digest of every file of the packages that FMUs are made from, and of the versions of what makes them.
+    """Digest of all source files of FMUs and of the versions of the packages that build them.
 
     Raises
     ------
     BuildError
-        What makes them is not installed.
+        A package that builds them is not installed.
     """
     check_installed(RUNNER, COMPILER)
     state = hashlib.sha256()

@@ -1,4 +1,4 @@
-"""C source of the kernel: CasADi's straight-line code, with plain signatures (c/kernel.h)."""
+"""C source of the kernel: CasADi's straight-line code with plain signatures (c/plant/kernel.h)."""
 
 import re
 from collections import Counter
@@ -27,7 +27,7 @@ static double sq(double x)
 
 
 def kernel_source() -> str:
-    """`kernel.c`: the functions that c/kernel.h declares."""
+    """`kernel.c`: the functions that c/plant/kernel.h declares."""
     functions = (
         kernel.derivatives_function(),
         kernel.outputs_function(),
@@ -39,17 +39,17 @@ def kernel_source() -> str:
 
 
 class Types(NamedTuple):
-    """The C types of a function: of its arithmetic, and of those inputs and outputs that have another."""
+    """The C types of a function: `real` of its arithmetic, and `of` the inputs and outputs with another type."""
 
     real: str = "double"
     of: Mapping[str, str] = {}
 
     def __call__(self, name: str) -> str:
-        """Of an input or output."""
+        """The type of an input or output."""
         return self.of.get(name, self.real)
 
     def cast(self, name: str, *, to_real: bool) -> str:
-        """What stands before a value that is read or written."""
+        """The cast before a value that is read or written."""
         return "" if self(name) == self.real else f"({self.real if to_real else self(name)})"
 
 
@@ -65,16 +65,16 @@ def function_source(
     Parameters
     ----------
     declarator
-        What comes before the name.
+        The text before the name.
     types
-        Other than double; numbers are cast to the type of the arithmetic where that is not double.
+        Types other than double; literals are cast to the type of the arithmetic.
     conditions
-        Whether a value may be chosen by a condition, which costs the same either way.
+        Whether conditional expressions are allowed, whose cost does not depend on the condition.
 
     Raises
     ------
     RuntimeError
-        CasADi wrote something that is not known to be straight-line arithmetic.
+        CasADi's code has a construct that is not known to be straight-line arithmetic.
     """
     generator = casadi.CodeGenerator("kernel", {"with_export": False})
     generator.add(function)
@@ -82,7 +82,7 @@ def function_source(
     if len(bodies) != 1:
         raise RuntimeError(f"{function.name()}: expected one straight-line function, found {len(bodies)}")
     inputs, outputs = function.name_in(), function.name_out()
-    # a name may stand for an input of one function and an output of another, never for both
+    # a name may be an input of one function and an output of another, but not both in one function
     body = bodies[0][1]
     if types.real != "double":
         body = re.sub(_LITERAL, rf"(({types.real})\g<0>)", body)
@@ -107,10 +107,10 @@ def function_source(
 
 
 def with_reciprocals(body: str, real: str = "double") -> str:
-    """Straight-line code in which repeated division by one value is multiplication with its reciprocal.
+    """Straight-line code with repeated divisions by one value replaced by multiplications with its reciprocal.
 
-    CasADi writes x·(1/L) as x/L, and a division costs four multiplications: the derivatives hold 88, by 15 values.
-    A value is a name and how often it has been assigned before.
+    CasADi writes x·(1/L) as x/L, and a division costs as much as four multiplications: the derivatives have 88
+    divisions by 15 values. A value is identified by its name and the number of earlier assignments to it.
     """
     lines = body.splitlines()
     divisors = list(_divisors(lines))
@@ -130,7 +130,7 @@ def with_reciprocals(body: str, real: str = "double") -> str:
 
 
 def _divisors(lines: list[str]) -> Iterator[tuple[str, int] | None]:
-    """For each line the value that it divides by, if it is a quotient of two names."""
+    """For each line that is a quotient of two names, the divisor."""
     assigned = Counter[str]()
     for line in lines:
         quotient, assignment = _QUOTIENT.fullmatch(line), _ASSIGNMENT.match(line)

@@ -5,12 +5,12 @@ from lxml import etree
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.model_description import to_bytes
 
-# Of the schema, which FMI 2.0 importers read as well.
+# The version of the schema, which FMI 2.0 importers also read.
 _FMI3 = "3.0"
 
 
 def build_description(component: Component, source_files: tuple[str, ...]) -> bytes:
-    """sources/buildDescription.xml: enough for an importer to compile the unit by itself."""
+    """sources/buildDescription.xml: everything an importer needs to compile the unit."""
     root = etree.Element("fmiBuildDescription", fmiVersion=_FMI3)
     configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=component.identifier)
     file_set = etree.SubElement(configuration, "SourceFileSet", language="C11")

@@ -1,8 +1,8 @@
-"""The compiler's cache: a folder of its own, whose objects are checked by digest, so that damage heals by itself.
+"""The compiler's cache: a separate folder whose objects are checked by digest and rebuilt when damaged.
 
-Beside each object in it lies the digest of what the compiler wrote. An object that differs would be linked as it is,
-or end every later build: the cache is emptied, and what is in it made anew. A lock is shared by all who compile, and
-held alone by who empties: a compiler whose cache disappears never ends.
+The digest of each object is stored beside it. The compiler would link a damaged object, or fail in every later build,
+so the cache is emptied if a digest does not match. Compiling processes share a lock, and emptying the cache takes it
+exclusively, because a compiler never ends if its cache disappears.
 """
 
 import os
@@ -18,7 +18,7 @@ from platformdirs import user_cache_path
 
 try:
     import fcntl
-except ImportError:  # Windows, where no digests are kept: only what the compiler stumbles over is found
+except ImportError:  # Windows, where no digests are stored: damage is only found when the compiler fails
     fcntl = None  # type: ignore[assignment]
 
 _OBJECTS, _DIGESTS = "o", ".sha256"
@@ -29,30 +29,30 @@ _checked: set[Path] = set()
 
 
 def cache_folder() -> Path:
-    """Where sources and objects lie; inside zig's cache if its place is set, so that both are cleared at once."""
+    """Folder of sources and objects; inside zig's cache if that is set, so that both are cleared together."""
     zig = os.environ.get("ZIG_GLOBAL_CACHE_DIR")
     return Path(zig, "gough-stewart") if zig else user_cache_path("gough-stewart") / "build"
 
 
 def object_cache() -> Path:
-    """The folder that zig keeps its objects in."""
+    """The folder where zig stores its objects."""
     return cache_folder() / "zig"
 
 
 def compiler_environment() -> dict[str, str]:
-    """The process's environment, with the compiler's caches in `object_cache`."""
+    """The environment of the process, with the compiler's caches in `object_cache`."""
     folder = str(object_cache())
     return {**os.environ, "ZIG_GLOBAL_CACHE_DIR": folder, "ZIG_LOCAL_CACHE_DIR": folder}
 
 
 @contextmanager
 def compiling() -> Iterator[IO[str]]:
-    """Around a compiler that works in the cache: what is there is checked before, and remembered afterwards.
+    """Context for running the compiler in the cache: checks objects before, and stores digests of new ones after.
 
-    The lock file is to be inherited by the compiler, which may outlive this process.
+    The compiler inherits the lock file, since it may outlive this process.
 
-    Of several side by side, in threads or processes, the last one remembers: the objects of the others are whole only
-    when they have ended.
+    Of several concurrent compilers, in threads or processes, only the last one to end stores digests, because the
+    objects of the others may still be incomplete.
     """
     cache_folder().mkdir(parents=True, exist_ok=True)
     with (cache_folder() / _IN_USE).open("a") as in_use:
@@ -60,18 +60,18 @@ def compiling() -> Iterator[IO[str]]:
         _flock(in_use, "LOCK_SH")
         yield in_use
         if fcntl is not None:
-            with suppress(BlockingIOError):  # somebody else still compiles
+            with suppress(BlockingIOError):  # another process is still compiling
                 fcntl.flock(in_use, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 _remember_objects()
 
 
 def empty_objects(in_use: IO[str]) -> None:
-    """Empty the cache, since the compiler stumbled over it; once a process, so that builds side by side go on.
+    """Empty the cache after the compiler failed on it; once per process, so that concurrent builds can continue.
 
-    Waits for the others that compile; the lock is shared again afterwards.
+    Waits for other compilers; afterwards the lock is shared again.
     """
     folder = object_cache()
-    # the share is given up first, so that two who wait for each other do not wait for ever
+    # release the shared lock first: two processes waiting for each other would deadlock
     _flock(in_use, "LOCK_UN")
     with _lock:
         if folder not in _emptied:
@@ -81,7 +81,7 @@ def empty_objects(in_use: IO[str]) -> None:
 
 
 def _check_objects(in_use: IO[str]) -> None:
-    """Empty the cache if an object is not what the compiler wrote; once a process."""
+    """Empty the cache if an object differs from what the compiler wrote; once per process."""
     folder = object_cache()
     with _lock:
         if folder in _checked:
@@ -89,7 +89,7 @@ def _check_objects(in_use: IO[str]) -> None:
         _checked.add(folder)
         if not _all_whole(folder):
             _flock(in_use, "LOCK_EX")
-            # somebody else may have been faster, or was still writing
+            # another process may have emptied it already, or was still writing
             if not _all_whole(folder):
                 _empty(folder)
 
@@ -104,7 +104,7 @@ def _all_whole(folder: Path) -> bool:
 
 
 def _remember_objects() -> None:
-    """Keep the digests of objects that are new."""
+    """Store the digests of new objects."""
     for place in _places(object_cache()):
         if not (place / _DIGESTS).exists():
             try:

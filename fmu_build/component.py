@@ -1,4 +1,4 @@
-"""What a unit is made of: the description of a component, from which XML, C tables and archives derive."""
+"""The description of a component, from which XML, C tables and archives are generated."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from gough_stewart.fmu_build.layout import Layout, Role
 from gough_stewart.model.vectors import Array
 
 Kind = Literal["dependent", "constant"]
-# By slot of an unknown: the slots of the knowns in it, in ascending order.
+# By slot of an unknown: the slots of the knowns it depends on, in ascending order.
 SlotDependencies = Mapping[int, Mapping[int, Kind]]
 
 
@@ -39,10 +39,11 @@ class Icon:
 
 @dataclass(frozen=True)
 class Component:
-    """All that the builder knows of what it builds.
+    """Everything that the builder needs to know about a component.
 
-    A component with continuous states offers Model Exchange beside Co-Simulation, with sensitivities and rates of its
-    outputs; one without is a sampled system, and offers Co-Simulation only. Both interpolate inputs.
+    A component with continuous states supports Model Exchange and Co-Simulation, with partial derivatives and time
+    derivatives of its outputs. One without is a sampled system and supports Co-Simulation only. Both interpolate
+    inputs.
     """
 
     identifier: str  # `modelIdentifier`, also the name of the library
@@ -58,11 +59,11 @@ class Component:
     # by FMI version:
     terminals: Callable[[str], tuple[Terminal, ...]]
     documents: Callable[[str], Mapping[str, bytes]]  # by path in the archive
-    # scale of the continuous states, all of them SI numbers of one machine
+    # nominal value of all continuous states
     nominal: float = 1.0
-    # parameters of the unit itself, behind those that sensitivities know
+    # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
-    # saved states of components whose text differs here are strangers
+    # components with another text here cannot restore each other's saved states
     saved_form: str = ""
 
     @property
@@ -74,10 +75,10 @@ class Component:
 def terminals_of(
     layout: Layout, fmi_version: str, actuator: Iterable[str], groups: Iterable[tuple[str, str, Iterable[str]]]
 ) -> tuple[Terminal, ...]:
-    """The six actuators, and groups of variables as (name, description, variables); those without any are left out.
+    """The six actuators, and groups of variables as (name, description, variables); empty groups are left out.
 
-    FMI 2.0 has a terminal for every actuator, with scalars; in FMI 3.0 a terminal cannot name an element of an
-    array, so that one terminal holds the six of them.
+    FMI 2.0 has one terminal per actuator, with scalars. In FMI 3.0 a terminal cannot refer to an element of an
+    array, so one terminal holds all six actuators.
     """
     actuator, found = tuple(actuator), [(name, what, tuple(group)) for name, what, group in groups]
     found = [each for each in found if each[2]]

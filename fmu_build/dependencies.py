@@ -1,4 +1,4 @@
-"""Which unknown depends on which known, as the model descriptions say it."""
+"""Dependencies of unknowns on knowns, as the model descriptions list them."""
 
 from collections.abc import Iterable
 
@@ -8,14 +8,14 @@ from gough_stewart.fmu_build.layout import Role, Row
 
 def of_slot(component: Component, slot: int, roles: Iterable[Role]) -> dict[int, Kind]:
     """Dependencies of one unknown on knowns of some roles, by slot."""
-    wanted = {known for row in component.layout.of_role(*roles) for known in row.slots}
-    return {known: kind for known, kind in component.dependencies.get(slot, {}).items() if known in wanted}
+    knowns = {known for row in component.layout.of_role(*roles) for known in row.slots}
+    return {known: kind for known, kind in component.dependencies.get(slot, {}).items() if known in knowns}
 
 
 def of_row(component: Component, row: Row, roles: Iterable[Role]) -> dict[int, Kind]:
     """Dependencies of a whole variable on whole variables, by value reference of FMI 3.0.
 
-    Constant only where every element's is.
+    Constant only if it is constant for every element.
     """
     references = {slot: known.reference for known in component.layout.rows for slot in known.slots}
     found: dict[int, Kind] = {}

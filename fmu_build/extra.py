@@ -1,4 +1,4 @@
-"""What only those need who build or run FMUs: the extra `fmu` of this package, a quarter of its weight."""
+"""The extra `fmu`: packages that are needed only to build or run FMUs."""
 
 from importlib.util import find_spec
 
@@ -8,15 +8,15 @@ RUNNER, COMPILER = "fmpy", "ziglang"
 
 
 def check_installed(*packages: str) -> None:
-    """Raise unless these packages, of `RUNNER` and `COMPILER`, are there; nothing is imported.
+    """Check that these packages, `RUNNER` or `COMPILER`, are installed, without importing them.
 
     Raises
     ------
     BuildError
-        Names what is missing, and how to install it.
+        A package is missing; the message tells how to install it.
     """
     missing = [package for package in packages if find_spec(package) is None]
     if missing:
-        uses = {RUNNER: "runs FMUs", COMPILER: "compiles them"}
-        what = " and ".join(f"{package}, which {uses[package]}" for package in missing)
-        raise BuildError(f"not installed: {what}; expected the extra: pip install 'gough-stewart[fmu]'")
+        uses = {RUNNER: "to run FMUs", COMPILER: "to compile FMUs"}
+        packages_and_uses = " and ".join(f"{package} ({uses[package]})" for package in missing)
+        raise BuildError(f"not installed: {packages_and_uses}; install the extra: pip install 'gough-stewart[fmu]'")

@@ -1,4 +1,4 @@
-"""modelDescription.xml of FMI 2.0: scalar variables, one for every slot."""
+"""modelDescription.xml of FMI 2.0: one scalar variable per slot."""
 
 from collections.abc import Mapping
 
@@ -63,7 +63,7 @@ def _add_scalars(variables: etree._Element, row: Row, component: Component) -> N
 
 
 def _index(slot: int) -> int:
-    """Place among the scalar variables, which stand in slot order, from 1."""
+    """Position among the scalar variables, which are in slot order, from 1."""
     return slot + 1
 
 

@@ -1,15 +1,15 @@
-"""Formulas of Markdown pages as MathML, which browsers draw without a script: on the site, and on the FMU's page."""
+"""Formulas of Markdown pages as MathML, which browsers render without a script, for the site and the FMU's page."""
 
 import html
 import re
 
 from latex2mathml.converter import convert
 
-# As the converter writes \begin{bmatrix}.
+# The converter's output for \begin{bmatrix}.
 _MATRIX = re.compile(r"<mo>&#x0005B;</mo>(<mtable>.*?</mtable>)<mo>&#x0005D;</mo>", re.DOTALL)
 _HEADING = re.compile(r"(#+) (.*)")
 _INLINE = re.compile(r"\$(?P<formula>[^$]+)\$|`(?P<code>[^`]+)`|\*\*(?P<strong>[^*]+)\*\*")
-# Brackets around a matrix grow with it only where there is a font for mathematics; these always do.
+# MathML brackets around a matrix grow with it only if a mathematics font is installed; these always do.
 STYLE = """
 .formula { margin: 0.8rem 0 0.8rem 2rem; overflow-x: auto; }
 mrow.matrix { border: solid currentColor; border-width: 0 0.08em; padding: 0 0.2em;
@@ -26,10 +26,10 @@ def mathml(latex: str, display: str) -> str:
     Raises
     ------
     ValueError
-        A command that the converter does not know, or browsers do not.
+        A command that the converter or browsers do not support.
     """
     element: str = convert(html.unescape(latex).strip(), display=display)
-    # browsers know upright letters, not those without serifs
+    # browsers support upright letters, but not sans-serif ones
     element = element.replace('mathvariant="sans-serif"', 'mathvariant="normal"')
     unknown = re.search(r'\\\w+|mathvariant="(?!normal)[\w-]+"', html.unescape(element))
     if unknown:
@@ -38,9 +38,9 @@ def mathml(latex: str, display: str) -> str:
 
 
 def to_html(markdown: str) -> str:
-    """Paragraphs, headings and formulas `$$…$$` apart by empty lines; `$…$`, code and bold words inside.
+    """HTML of paragraphs, headings and formulas `$$…$$` separated by empty lines; `$…$`, code and bold text inline.
 
-    A heading of one # becomes h2, and so on.
+    A heading with one # becomes h2, and so on.
     """
     blocks = [block.strip() for block in re.split(r"\n\s*\n", markdown) if block.strip()]
     return "\n".join(_block(block) for block in blocks)

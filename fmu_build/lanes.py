@@ -1,6 +1,6 @@
-"""The library that steps many platforms at once: its kernels with eight members in a vector, for this processor.
+"""The library that steps many platforms at once: kernels with eight members per vector, compiled for this processor.
 
-Built once and kept in the cache; c/lanes/lanes.h says what it offers.
+It is built once and cached; c/lanes/lanes.h is its interface.
 """
 
 import platform
@@ -17,20 +17,20 @@ from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.model import interface
 
-# Members in a vector: as many doubles as a register of AVX-512 has; other processors take several registers.
+# Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8
 FLAGS = (
     *("-O3", "-mcpu=native", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
-    # what is fused is fused for all members alike; NaN is kept, since the checks look for it
+    # fused operations are the same for all members; NaN is kept, since the checks look for it
     *("-ffp-contract=fast", "-fno-math-errno", "-freciprocal-math", "-fno-signed-zeros"),
 )
 _NAME = "lanes"
-# Instruction sets that tell what the machine code may use.
+# Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
 
 
 class Failure(IntEnum):
-    """Why a member cannot go on."""
+    """Why a member has failed."""
 
     GOES_ON = 0
     NOT_FINITE = 1
@@ -44,7 +44,7 @@ class LanesLibrary(NamedTuple):
     """A library that has been built for this processor."""
 
     path: Path
-    # processor, its vector instructions, and a digest of the machine code: the same text means the same bits
+    # processor, its vector instructions, and a digest of the machine code: equal texts mean identical bits
     features: str
 
 
@@ -54,7 +54,7 @@ def lanes_library() -> LanesLibrary:
     Raises
     ------
     BuildError
-        No compiler (the extra `fmu`), its complaint, or another kind of machine.
+        The compiler (extra `fmu`) is missing or fails, or the machine is not supported.
     OSError
         The cache cannot be written.
     """
@@ -68,13 +68,13 @@ def lanes_library() -> LanesLibrary:
 
 def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
     """Units and headers by file name."""
-    from gough_stewart.fmu_build.codegen import function_source  # CasADi, which a kept library needs no more
+    from gough_stewart.fmu_build.codegen import function_source  # imports CasADi, which a cached library does not need
     from gough_stewart.fmu_build.plant.tables import plant_header
-    from gough_stewart.fmu_build.sources import room
+    from gough_stewart.fmu_build.sources import c_folder
     from gough_stewart.fmu_build.tables import GENERATED
     from gough_stewart.model import kernel
 
-    own, plant, unit = room("lanes"), room("plant"), room("unit")
+    own, plant, unit = c_folder("lanes"), c_folder("plant"), c_folder("unit")
     scalar = function_source(kernel.legs_function())
     units = {
         **own.units,
@@ -109,7 +109,7 @@ def _vector_kernels() -> tuple[Any, ...]:
 
 
 def _in_lanes(function: Any) -> str:
-    """A kernel whose numbers are vectors; what it divides by is inverted by a function of c/lanes/elementary.h."""
+    """A kernel on vectors; divisors are inverted by a function of c/lanes/elementary.h."""
     from gough_stewart.fmu_build.codegen import Types, function_source
 
     text = function_source(function, "static __attribute__((noinline)) void kernel_", Types("lanes"))
@@ -139,7 +139,7 @@ def _table(scalar_kernel: str) -> str:
 
 {defines(sizes)}
 
-/* why a member cannot go on; a collapsed leg adds its number, from 0 */
+/* why a member has failed; for a collapsed leg, its number from 0 is added */
 {defines({f"FAILURE_{each.name}": int(each) for each in Failure})}
 
 INTERNAL_BEGIN
@@ -152,7 +152,7 @@ INTERNAL_END
 
 @cache
 def _processor() -> str:
-    """Model and features of the processor, which the compiler goes by; found out without it."""
+    """Model and features of the processor, on which the machine code depends."""
     try:
         first = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0]
     except OSError:

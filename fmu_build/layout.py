@@ -1,7 +1,7 @@
 """Variables of a component in the order of their slots: inputs, results, parameters, state derivatives, time.
 
 A slot is one number. FMI 2.0 refers to slots, FMI 3.0 to rows; the C core works on slots. Results begin with the
-states, and outputs stand before locals.
+states; outputs come before locals.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from gough_stewart.model.interface import Variable
 
 
 class Role(Enum):
-    """What a row is to the unit; the names are those of `variable_role` in c/unit/variable.h."""
+    """The role of a row in the unit, with the names of `variable_role` in c/unit/variable.h."""
 
     INPUT = "INPUT"
     STATE = "STATE"
@@ -29,7 +29,7 @@ PARAMETER_ROLES = (Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
 
 @dataclass(frozen=True)
 class Row:
-    """A variable with its place."""
+    """A variable with its value references."""
 
     variable: Variable
     reference: int  # value reference in FMI 3.0
@@ -39,12 +39,12 @@ class Row:
 
     @property
     def slots(self) -> range:
-        """All of its slots."""
+        """Its slots."""
         return range(self.first, self.first + self.variable.size)
 
     @property
     def scalar_names(self) -> tuple[str, ...]:
-        """FMI 2.0 names of the slots; of a derivative the name of its state's element is inside: `der(x[1])`."""
+        """FMI 2.0 names of the slots; a derivative has the name of its state's element inside: `der(x[1])`."""
         if self.derivative_of is None:
             return self.variable.scalar_names
         return tuple(f"der({name})" for name in replace(self.variable, name=self.derivative_of).scalar_names)
@@ -72,9 +72,9 @@ class Layout:
         return self.rows[-1]
 
     def described(self, fmi_version: str) -> tuple[Row, ...]:
-        """The rows that a model description has: FMI 2.0 without time.
+        """The rows in the model description: FMI 2.0 without time.
 
-        It may be left out there, and the FMI Library complains of a missing start value if it is not.
+        Time is optional there, and the FMI Library reports a missing start value for it.
         """
         return self.rows if fmi_version == "3.0" else self.rows[:-1]
 
@@ -88,7 +88,7 @@ class Layout:
 
 
 def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str]) -> Layout:
-    """The layout of variables that stand in this order; units of the rates of the states by name."""
+    """The layout of variables in this order; `rate_units` are the units of the state derivatives by state name."""
     variables = tuple(variables)
     described: list[tuple[Variable, Role, str | None]] = [(v, _role(v), None) for v in variables]
     described += [(_derivative(v, rate_units[v.name]), Role.DERIVATIVE, v.name) for v in variables if v.is_state]

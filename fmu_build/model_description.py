@@ -1,4 +1,4 @@
-"""What the model descriptions of both FMI versions share: identity, units, log categories, experiment."""
+"""Shared parts of the model descriptions of both FMI versions: identity, units, log categories, experiment."""
 
 from dataclasses import dataclass
 
@@ -10,16 +10,16 @@ from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.units import BY_NAME, UNITS
 
 LOG_CATEGORIES = {
-    "logStatusWarning": "what is not quite right; why Model Exchange has to end",
-    "logStatusDiscard": "values refused and steps not completed, with quantity, value and time",
-    "logStatusError": "calls that make no sense, with what was expected; always logged",
+    "logStatusWarning": "minor problems; the reason for terminating Model Exchange",
+    "logStatusDiscard": "rejected values and steps not completed, with quantity, value and time",
+    "logStatusError": "invalid calls, with what was expected; always logged",
     "logAll": "all messages",
 }
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What distinguishes one unit from another."""
+    """The token and source files that identify a unit."""
 
     token: str  # guid or instantiationToken
     source_files: tuple[str, ...]
@@ -42,7 +42,7 @@ def root(component: Component, fmi_version: str, **attributes: str) -> etree._El
 
 
 def add_head(parent: etree._Element, component: Component) -> None:
-    """What stands before the variables: `UnitDefinitions` of the units in use, `LogCategories`, `DefaultExperiment`."""
+    """The elements before the variables: `UnitDefinitions` (units in use), `LogCategories`, `DefaultExperiment`."""
     used = {row.variable.unit for row in component.layout.rows}
     definitions = etree.SubElement(parent, "UnitDefinitions")
     for unit in UNITS:
@@ -59,7 +59,7 @@ def add_head(parent: etree._Element, component: Component) -> None:
 
 
 def unit_attributes(row: Row) -> dict[str, str]:
-    """`unit` if there is one, and `displayUnit` where people read another."""
+    """`unit` if there is one, and `displayUnit` if another unit is usual."""
     unit = row.variable.unit
     if not unit:
         return {}
@@ -68,12 +68,12 @@ def unit_attributes(row: Row) -> dict[str, str]:
 
 
 def bound_attributes(row: Row) -> dict[str, str]:
-    """`min` where there is one."""
+    """`min` if the variable has a lower bound."""
     return {} if row.variable.lower_bound is None else {"min": "0"}
 
 
 def number(value: float) -> str:
-    """The shortest text that reads back as the same double."""
+    """The shortest text that parses to the same double."""
     return repr(float(value))
 
 

@@ -9,7 +9,7 @@ _NAME, _LICENSE = "gough-stewart", "licenses/LICENSE"
 
 
 def package_metadata() -> PackageMetadata:
-    """What pyproject.toml says."""
+    """The metadata from pyproject.toml."""
     return _distribution().metadata
 
 
@@ -20,8 +20,8 @@ def package_license() -> str:
 
 @cache
 def _distribution() -> Distribution:
-    """The installed one: a checkout has a second of the same name beside it, left there by the installation."""
+    """The installed distribution; a checkout has another of the same name, without license."""
     for found in distributions(name=_NAME):
         if found.read_text(_LICENSE):
             return found
-    raise BuildError(f"{_NAME} is not installed with its license; install it again with pip")
+    raise BuildError(f"{_NAME} is installed without its license; reinstall it with pip")

@@ -1,4 +1,4 @@
-"""What the documentation pages of units share: one self-contained page, and the table of variables."""
+"""Shared parts of the units' documentation pages: the HTML page and the table of variables."""
 
 from collections.abc import Iterable, Mapping
 from html import escape
@@ -22,7 +22,7 @@ sub, sup { line-height: 0; }
 
 
 def html_page(title: str, sections: Iterable[str]) -> bytes:
-    """A page as well-formed HTML, with nothing that is fetched from elsewhere; sections are HTML."""
+    """A page as well-formed, self-contained HTML; sections are HTML."""
     return (
         '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n<meta charset="utf-8"/>\n'
         f"<title>{escape(title)}</title>\n<style>{_STYLE}{STYLE}</style>\n</head>\n<body>\n"
@@ -32,12 +32,12 @@ def html_page(title: str, sections: Iterable[str]) -> bytes:
 
 
 def variables_table(layout: Layout, starts: Mapping[str, Array], fmi_version: str, note: str = "") -> str:
-    """The section that lists every variable; `note` is added to what is said of arrays."""
+    """The section that lists every variable; `note` is added to the text about arrays."""
     rows = "\n".join(_variable(row, starts, fmi_version) for row in layout.described(fmi_version))
     naming = (
-        "FMI 2.0 has scalars only: elements are named with indices from 1, row by row, as in the first column."
+        "FMI 2.0 has scalars only: elements have indices from 1, row by row, as shown in the first column."
         if fmi_version == "2.0"
-        else "Arrays are given row by row."
+        else "Arrays are listed row by row."
     )
     return f"""
 <h2>Variables</h2>
@@ -68,7 +68,7 @@ def _variable(row: Row, starts: Mapping[str, Array], fmi_version: str) -> str:
 
 
 def _start(values: Array | None) -> str:
-    """Start values with six digits, a line for every row of a matrix; one number where all show the same."""
+    """Start values with six digits, a line for every row of a matrix; one number if all digits are equal."""
     if values is None:
         return ""
     shown = {_number(value) for value in values.flat}

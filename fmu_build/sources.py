@@ -1,4 +1,4 @@
-"""The C sources of a unit: the FMI layers, a component's own code and tables, headers of the standard."""
+"""The C sources of a unit: FMI layers, the component's code and tables, headers of the standard."""
 
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -28,13 +28,13 @@ class Sources:
 
     @property
     def unit_names(self) -> tuple[str, ...]:
-        """Of the files to be compiled."""
+        """Names of the files to compile."""
         return tuple(sorted(self.units))
 
 
 def sources(component: Component, fmi_version: str, token: str) -> Sources:
-    """Everything that a compiler needs for one FMI version."""
-    layers = room("unit")
+    """All C files of a unit for one FMI version."""
+    layers = c_folder("unit")
     unused = set(_LAYERS.values()) - {_LAYERS[fmi_version]} | ({_STATELESS} if component.has_states else set())
     units = {name: text for name, text in layers.units.items() if name not in unused} | dict(component.code.units)
     units |= {"model.c": model_source(component), "token.c": token_source(token)}
@@ -42,7 +42,7 @@ def sources(component: Component, fmi_version: str, token: str) -> Sources:
     return Sources(units, headers | standard_headers(fmi_version))
 
 
-def room(name: str) -> Code:
+def c_folder(name: str) -> Code:
     """The C files of a folder below c/."""
     texts = {f.name: f.read_text() for f in files("gough_stewart.fmu_build").joinpath("c", name).iterdir()}
     units = {name: text for name, text in texts.items() if name.endswith(".c")}
@@ -50,15 +50,15 @@ def room(name: str) -> Code:
 
 
 def standard_headers(fmi_version: str) -> dict[str, str]:
-    """The standard's own headers, as FMPy's wheel carries them.
+    """The headers of the standard, from FMPy's wheel.
 
     Raises
     ------
     BuildError
-        No FMPy is installed, or it has them elsewhere.
+        FMPy is not installed or does not have them.
     """
     check_installed(RUNNER)
-    spec = find_spec(RUNNER)  # to import it takes half a second
+    spec = find_spec(RUNNER)  # importing it would take half a second
     assert spec is not None
     assert spec.origin is not None
     folder = Path(spec.origin).parent / "c-code"
@@ -71,7 +71,7 @@ def standard_headers(fmi_version: str) -> dict[str, str]:
 
 
 def standard_license(fmi_version: str) -> str:
-    """What the headers of the standard say of their copyright."""
+    """The copyright notice in the headers of the standard."""
     text = standard_headers(fmi_version)[_STANDARD[fmi_version][0]]
     start = text.index("Copyright")
     return text[start : text.index("*/", start)].rstrip(" -\n") + "\n"

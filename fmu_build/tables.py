@@ -1,4 +1,4 @@
-"""The tables of the C core that any component has: `model.h`, `model.c`, `token.c`."""
+"""The C tables that every component has: `model.h`, `model.c`, `token.c`."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ GENERATED = "/* Generated from the table of variables: do not edit. */"
 
 
 def layout_number(component: Component) -> int:
-    """64 bits that change when a saved state would mean something else."""
+    """64 bits that change when the meaning of saved states changes."""
     text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in component.layout.rows)
     return int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
 
@@ -54,21 +54,21 @@ def model_header(component: Component) -> str:
 /* slots: inputs, results (states first), parameters, others, derivatives, time */
 {defines(slots)}
 
-/* of an experiment that names none; what a value may be at most */
+/* tolerance of an experiment without one; largest value that is accepted */
 #define DEFAULT_TOLERANCE {tolerance!r}
 #define LARGEST_NUMBER {platform.LARGEST_NUMBER!r}
 
 INTERNAL_BEGIN
 extern const variable VARIABLES[N_VARIABLES];
 extern const unsigned char VARIABLE_OF_SLOT[N_SLOTS];
-/* one 0 where there are none */
+/* a single 0 if there are none */
 extern const double START_INPUTS[];
 extern const double START_STATES[];
 extern const double START_PARAMETERS[];
 extern const double NOMINAL_STATES[];
-/* what modelDescription.xml and binary have in common (token.c) */
+/* the same as in modelDescription.xml (token.c) */
 extern const char *const TOKEN;
-/* of the variables that a saved state holds */
+/* identifies the layout of saved states */
 extern const uint64_t LAYOUT;
 INTERNAL_END
 
@@ -78,7 +78,7 @@ INTERNAL_END
 
 def token_source(token: str) -> str:
     """`token.c`."""
-    return f'''/* Generated; modelDescription.xml has the same. */
+    return f'''/* Generated: the same token as in modelDescription.xml. */
 #include "model.h"
 
 const char *const TOKEN = "{token}";
@@ -122,7 +122,7 @@ const uint64_t LAYOUT = UINT64_C({layout_number(component):#x});
 
 
 def places(prefix: str, rows: Iterable[Row]) -> dict[str, int]:
-    """Where variables begin in a vector of their own: the names of macros and their values."""
+    """Offsets of variables in a vector of their own, by the names of their macros."""
     found, at = {}, 0
     for row in rows:
         found[f"{prefix}_{row.variable.name.upper()}"] = at
@@ -131,12 +131,12 @@ def places(prefix: str, rows: Iterable[Row]) -> dict[str, int]:
 
 
 def defines(values: Mapping[str, float]) -> str:
-    """Macros, a line each."""
+    """Macros, one per line."""
     return "\n".join(f"#define {name} {value!r}" for name, value in values.items())
 
 
 def _parameters(component: Component) -> tuple[Row, ...]:
-    """Those that are not of the unit itself."""
+    """The parameters without those of the unit itself."""
     return tuple(r for r in component.layout.of_role(*PARAMETER_ROLES) if r.variable.name not in component.settings)
 
 
@@ -159,7 +159,7 @@ def _starts(component: Component, rows: Iterable[Row]) -> str:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    """C has no empty arrays."""
+    """Array elements, at least one, since C has no empty arrays."""
     return "\n".join(f"    {float(v)!r}," for v in values) or "    0"
 
 

@@ -1,4 +1,4 @@
-"""The systems that binaries are built for."""
+"""Systems for which binaries can be built."""
 
 import platform
 from collections.abc import Iterable
@@ -12,12 +12,12 @@ class Target:
     """One operating system on one processor."""
 
     name: str  # FMI 3.0's platform tuple, and its folder under binaries/
-    triple: str  # for zig; with the oldest C library or system that the binary runs on
+    triple: str  # for zig, with the oldest supported C library or system
     fmi2_folder: str
     suffix: str
 
     def flags_of(self, library: str) -> tuple[str, ...]:
-        """What the compiler needs to be told for a library of this name."""
+        """Compiler flags for a library of this name."""
         if self.suffix == ".dylib":
             return (f"-Wl,-install_name,@rpath/{library}.dylib",)
         return ("-fPIC",) if self.suffix == ".so" else ()
@@ -35,12 +35,12 @@ _PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm
 
 
 def native() -> Target:
-    """The system this runs on.
+    """The target of this machine.
 
     Raises
     ------
     BuildError
-        It is not among the targets.
+        This machine is not among the targets.
     """
     processor, system = platform.machine().lower(), platform.system().lower()
     name = f"{_PROCESSORS.get(processor, processor)}-{system}"
@@ -50,7 +50,7 @@ def native() -> Target:
 
 
 def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
-    """Targets by name, `native` or `all`, each once, in the order of the table.
+    """Targets by name, `native` or `all`, without duplicates, in the order of the table.
 
     Raises
     ------

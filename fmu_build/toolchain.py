@@ -26,13 +26,13 @@ from gough_stewart.model.files import write_whole
 
 FLAGS = (
     *("-O3", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
-    # a fused multiply-add on one processor and none on another would make two trajectories of one
+    # fused multiply-adds on one processor but not on another would change the results
     "-ffp-contract=off",
-    # nobody reads errno; without it sqrt is one instruction
+    # errno is not used; without it sqrt is one instruction
     "-fno-math-errno",
 )
-# For a library of a few hundred kilobytes and what is made on the way [bytes].
-_ROOM = 16_000_000
+# Disk space for a library of a few hundred kilobytes and intermediate files [bytes].
+_SPACE = 16_000_000
 
 
 def compile_library(
@@ -43,17 +43,17 @@ def compile_library(
     stop: Event | None = None,
     flags: Sequence[str] = FLAGS,
 ) -> bytes:
-    """The shared library `name` of some C files, the same bytes for the same sources.
+    """Compile C files to the shared library `name`; the same sources give the same bytes.
 
-    A damaged cache of the compiler is made anew. The compiler ends soon after `stop` is set, with all processes that it
-    has started.
+    A damaged compiler cache is rebuilt. When `stop` is set, the compiler ends soon, with all processes that it has
+    started.
 
     Raises
     ------
     BuildError
-        With what the compiler said.
+        The compiler failed; contains its message.
     """
-    # zig's cache knows a file by its place, so that every file gets one that goes with its content
+    # zig's cache identifies a file by its path, so every file gets a path that depends on its content
     include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
@@ -71,14 +71,14 @@ def compile_library(
 
 
 def _is_about_sources(message: str) -> bool:
-    """Whether it names a line of a file that it was given."""
+    """Whether the message refers to a line of a source file."""
     return re.search(re.escape(str(cache_folder())) + r".*?:\d+:\d+: (?:fatal )?error: ", message) is not None
 
 
 def _nearly_full(scratch: str) -> Path | None:
-    """The folder that has no room for a build, if there is one."""
+    """A folder without enough space for a build, if there is one."""
     for folder in (Path(scratch), cache_folder()):
-        if shutil.disk_usage(folder).free < _ROOM:
+        if shutil.disk_usage(folder).free < _SPACE:
             return folder
     return None
 
@@ -88,20 +88,22 @@ def _may_be_the_cache(message: str, scratch: str) -> bool:
 
 
 def _complaint(code: int, message: str, scratch: str) -> str:
-    """What the compiler said, and what may help."""
-    words = message.strip() or f"it ended with {code} and said nothing"
+    """The compiler's message and a remedy."""
+    text = message.strip() or f"exit code {code} without a message"
     full = _nearly_full(scratch)
     if full is not None:
         free = shutil.disk_usage(full).free / 1e6
         place = f"{full.parent}, set TMPDIR" if full == Path(scratch) else f"{full}, set ZIG_GLOBAL_CACHE_DIR"
-        return f"{words}\nThere is room for {free:.3g} MB in {place} to a folder with {_ROOM / 1e6:.0f} MB or more."
+        return f"{text}\nOnly {free:.3g} MB are free in {place} to a folder with at least {_SPACE / 1e6:.0f} MB."
     if _is_about_sources(message):
-        return words
-    return f"{words}\nA new cache did not help; if nothing else explains this, delete the folder {cache_folder()}"
+        return text
+    return (
+        f"{text}\nEmptying the cache did not help; if there is no other explanation, delete the folder {cache_folder()}"
+    )
 
 
 def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:
-    """Exit code of a command and what it said on its error stream; in a group of its own, to be ended as a whole."""
+    """Exit code and error output of a command, run in its own process group so that it can be ended as a whole."""
     own: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0, "pass_fds": (in_use.fileno(),)}
     with subprocess.Popen(
         command,
@@ -124,7 +126,7 @@ def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> t
 
 
 def place_of(files: Mapping[str, str]) -> Path:
-    """A folder that holds these files, and stays."""
+    """A permanent folder with these files."""
     content = sha256()
     for name, text in sorted(files.items()):
         content.update(f"{name}\0{text}\0".encode())
@@ -138,18 +140,18 @@ def place_of(files: Mapping[str, str]) -> Path:
     except OSError as error:
         raise BuildError(
             f"the compiler's cache cannot be written: {folder}: {error.strerror}; "
-            "set ZIG_GLOBAL_CACHE_DIR or XDG_CACHE_HOME to a folder that can"
+            "set ZIG_GLOBAL_CACHE_DIR or XDG_CACHE_HOME to a writable folder"
         ) from error
     return folder
 
 
 def universal_binary(libraries: Sequence[tuple[Target, bytes]]) -> bytes:
-    """Mach-O file that holds the libraries of several processors (`lipo -create`).
+    """Mach-O file with the libraries of several processors (as from `lipo -create`).
 
-    Header in big-endian: magic, number; per library processor, subtype, offset, size, alignment as a power of two.
+    The header is big-endian: magic, count; per library: processor, subtype, offset, size, alignment as a power of two.
     """
     processors = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
-    power = 14  # 16 KiB, the pages of Apple's processors
+    power = 14  # 16 KiB, the page size of Apple's processors
     entries, content = b"", bytearray(1 << power)
     for target, library in libraries:
         content += bytes(-len(content) % (1 << power))

@@ -1,4 +1,4 @@
-"""Units of the interface by SI base units, and the ones that people like to read."""
+"""Units of the interface in SI base units, and their display units."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as FMI describes it: exponents of base units; all of ours have factor 1."""
+    """A unit as FMI describes it: exponents of base units; the factor is always 1."""
 
     name: str
     exponents: dict[str, int]
-    # shown value = factor · value
+    # displayed value = factor · value
     display: tuple[str, float] | None = None
 
 

@@ -1,8 +1,8 @@
 """Task-space dynamics of the platform: M(pose) [v̇; ω̇] + n(state) = Jᵀ F + [f_ext; τ_ext].
 
-The one source of physics at run time. Pure functions over leading axes, without data-dependent branches, so that
-CasADi traces them (see `gough_stewart.model.kernel`). Twists are [v; ω], wrenches [force; torque about Op], all
-in world components. The 6×6 solve is an argument: NumPy's by default, an LDLᵀ of symbols when traced.
+The only implementation of the physics at run time. Pure functions over leading axes, without data-dependent branches,
+so CasADi can trace them (see `gough_stewart.model.kernel`). Twists are [v; ω], wrenches [force; torque about Op], all
+in world components. The 6×6 solver is an argument: NumPy's by default, a symbolic LDLᵀ when traced.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from gough_stewart.model.vectors import Array, apply, concatenate, cross, dot, s
 
 Solve = Callable[[Array, Array], Array]
 
-# Leg forces at a pose with a worse Jacobian than this would carry no correct digit.
+# Above this condition number of the Jacobian, leg forces would have no correct digits.
 LARGEST_CONDITION_NUMBER = 1e12
 
 
@@ -46,14 +46,14 @@ def solve_mass_matrix(matrix: Array, vector: Array) -> Array:
 
 
 def solve_leg_forces(matrix: Array, vector: Array) -> Array:
-    """As `solve_mass_matrix`, for the transposed leg Jacobian, refusing a singular one.
+    """`solve_mass_matrix` for the transposed leg Jacobian, with a check for singularity.
 
     Raises
     ------
     SingularPoseError
         The condition number of the matrix exceeds `LARGEST_CONDITION_NUMBER`.
     """
-    # the condition number itself takes longer than all else here
+    # the condition number itself would take longer than everything else here
     if not np.max(condition_number_bound(matrix)) < LARGEST_CONDITION_NUMBER / 2:
         _check_condition(matrix)
     return solve_mass_matrix(matrix, vector)
@@ -83,7 +83,7 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
 
 @without_warnings
 def bias_wrench(parameters: Parameters, state: State) -> Array:
-    """Wrench n (..., 6) that holds [v̇; ω̇] = 0 without actuators: inertia of the motion, weight, friction."""
+    """Wrench n (..., 6) for [v̇; ω̇] = 0 without actuator forces: velocity-dependent inertia forces, weight, friction."""
     legs = leg_geometry(parameters, state.position, state.orientation)
     return _bias_wrench(parameters, state, legs, _lumped_body(parameters, state.orientation, legs))
 
@@ -92,7 +92,7 @@ def bias_wrench(parameters: Parameters, state: State) -> Array:
 def forward_dynamics(
     parameters: Parameters, state: State, inputs: Inputs, solve: Solve = solve_mass_matrix
 ) -> Acceleration:
-    """Acceleration of the platform under given forces.
+    """Acceleration of the platform for given forces.
 
     [v̇; ω̇] = M⁻¹ (Jᵀ F + [f_ext; τ_ext] − n), in m/s² and rad/s²; shapes (..., 3).
     """
@@ -113,7 +113,7 @@ def inverse_dynamics(
     external_wrench: Array | float = 0.0,
     solve: Solve = solve_leg_forces,
 ) -> Array:
-    """Actuator forces (..., 6) [N] that give the wanted acceleration: Jᵀ F = M [v̇; ω̇] + n − [f_ext; τ_ext].
+    """Actuator forces (..., 6) [N] for a given acceleration: Jᵀ F = M [v̇; ω̇] + n − [f_ext; τ_ext].
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def inverse_dynamics(
     legs = leg_geometry(parameters, state.position, state.orientation)
     body = _lumped_body(parameters, state.orientation, legs)
     M = _mass_matrix(parameters, legs, body)
-    wanted = apply(M, concatenate(acceleration)) + _bias_wrench(parameters, state, legs, body)
-    return solve(transpose(jacobian_of_legs(legs)), wanted - external_wrench)
+    needed = apply(M, concatenate(acceleration)) + _bias_wrench(parameters, state, legs, body)
+    return solve(transpose(jacobian_of_legs(legs)), needed - external_wrench)
 
 
 def static_leg_forces(
@@ -220,7 +220,7 @@ def _points_inertia(moments: Array, arms: Array) -> Array:
 
 
 def _beyond_lumped(parameters: Parameters, legs: LegGeometry) -> Array:
-    """What each leg opposes along its axis beyond its point mass: m2 + m_a − t (..., 6) [kg]."""
+    """Apparent mass of each leg along its axis in addition to its point mass: m2 + m_a − t (..., 6) [kg]."""
     return np.asarray(axial_mass(parameters) - transverse_mass(parameters, legs.length))
 
 
@@ -235,7 +235,7 @@ def _mass_matrix(parameters: Parameters, legs: LegGeometry, body: _LumpedBody) -
 
 
 def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry, body: _LumpedBody) -> Array:
-    # as in the mass matrix: the lumped body's own motion, then what the legs need beyond it
+    # as in the mass matrix: the motion of the lumped body, then the additional forces of the legs
     omega = state.angular_velocity
     along = _beyond_lumped(parameters, legs) * dot(legs.direction, centripetal(omega[..., None, :], legs.arm))
     needed = bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction

@@ -30,7 +30,7 @@ def kinetic_energy(parameters: Parameters, state: State) -> Array:
 
 @without_warnings
 def potential_energy(parameters: Parameters, position: Array, orientation: Array) -> Array:
-    """Potential energy of gravity (...) [J], zero where every mass lies at the world origin.
+    """Potential energy of gravity (...) [J], zero with all masses at the world origin.
 
     V = −g·(m (t + R r_G) + Σ_i (m1 + m2) B_i + h_i u_i), h_i the first moment of leg i about B_i.
     """
@@ -44,6 +44,6 @@ def potential_energy(parameters: Parameters, position: Array, orientation: Array
 
 
 def friction_power(parameters: Parameters, state: State) -> Array:
-    """Power (...) [W] lost in leg friction, never negative: Σ friction(L̇_i) L̇_i."""
+    """Power (...) [W] dissipated by leg friction, never negative: Σ friction(L̇_i) L̇_i."""
     dL = leg_rates(parameters, state).length_rate
     return dot(friction_force(parameters, dL), dL)

@@ -1,13 +1,13 @@
-"""Every error that this project raises on purpose, with the data of the failure on it."""
+"""The errors of this project, with the data of the failure as attributes."""
 
 from typing import Any
 
 
 class GoughStewartError(Exception):
-    """Base of all errors of this project; its text names the value found, the expectation and the remedy."""
+    """Base class of all errors of this project; the text has the value found, the expectation and the remedy."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles, for instance from another process, keep text and data."""
+        """Keep text and data in copies and pickles, for instance from another process."""
         return _rebuilt, (type(self), self.args, self.__dict__)
 
 
@@ -19,7 +19,7 @@ def _rebuilt(kind: type[GoughStewartError], args: tuple[Any, ...], data: dict[st
 
 
 class PlatformError(GoughStewartError, ValueError):
-    """A platform description that cannot be built; `field` names the offending parameter."""
+    """Invalid platform parameters; `field` has the name of the parameter."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(f"{field}: {message}")
@@ -27,7 +27,7 @@ class PlatformError(GoughStewartError, ValueError):
 
 
 class PlatformFileError(GoughStewartError, ValueError):
-    """A platform file or preset that cannot be read; `where` names it."""
+    """A platform file or preset that cannot be read; `where` has its name."""
 
     def __init__(self, where: str, message: str) -> None:
         super().__init__(f"{where}: {message}")
@@ -35,7 +35,7 @@ class PlatformFileError(GoughStewartError, ValueError):
 
 
 class OutputError(GoughStewartError):
-    """Results cannot be written where they were asked for."""
+    """Results cannot be written to the requested place."""
 
 
 class OrientationError(GoughStewartError, ValueError):
@@ -43,7 +43,7 @@ class OrientationError(GoughStewartError, ValueError):
 
 
 class SingularPoseError(GoughStewartError, ArithmeticError):
-    """A pose at which the six leg forces do not span all wrenches; `condition_number` says how nearly."""
+    """A pose at which the six leg forces do not span all wrenches; has the `condition_number` of the leg Jacobian."""
 
     def __init__(self, message: str, condition_number: float) -> None:
         super().__init__(message)
@@ -51,7 +51,7 @@ class SingularPoseError(GoughStewartError, ArithmeticError):
 
 
 class NoPoseError(GoughStewartError, ArithmeticError):
-    """No pose with the wanted leg lengths near the guess; `result` is where the iteration stopped."""
+    """No pose near the guess has the requested leg lengths; `result` has the last iterate."""
 
     def __init__(self, message: str, result: Any) -> None:
         super().__init__(message)
@@ -59,7 +59,7 @@ class NoPoseError(GoughStewartError, ArithmeticError):
 
 
 class InterfaceError(GoughStewartError, ValueError):
-    """A variable that does not exist, may not be set now, or a value that it cannot take; `name` is its name."""
+    """A variable that does not exist or cannot be set now, or an invalid value; `name` is its name."""
 
     def __init__(self, name: str, message: str) -> None:
         super().__init__(f"{name}: {message}")
@@ -67,7 +67,7 @@ class InterfaceError(GoughStewartError, ValueError):
 
 
 class StepError(GoughStewartError, ArithmeticError):
-    """A step that could not be completed: which `quantity`, its `value`, at what `time` in s."""
+    """A step that could not be completed, with the `quantity`, its `value` and the `time` in s."""
 
     def __init__(self, quantity: str, value: float, time: float, message: str) -> None:
         super().__init__(f"{quantity} = {value:.6g} at time {time:.9g} s: {message}")
@@ -77,7 +77,7 @@ class StepError(GoughStewartError, ArithmeticError):
 
 
 class MembersError(GoughStewartError, ArithmeticError):
-    """Some of many platforms could not be stepped: `failures` has the error of each, by its index."""
+    """Some of many platforms could not be stepped; `failures` has their errors by index."""
 
     def __init__(self, failures: dict[int, StepError]) -> None:
         first = min(failures)
@@ -86,4 +86,4 @@ class MembersError(GoughStewartError, ArithmeticError):
 
 
 class WorkspaceError(GoughStewartError, ValueError):
-    """Coordinates, ranges or numbers of points that make no grid of poses."""
+    """Coordinates, ranges or numbers of points that do not define a grid of poses."""

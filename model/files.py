@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and those that belong together as one set: beside the old ones, then moved."""
+"""Atomic writing of files and of sets of files: written to temporary places, then moved."""
 
 import os
 import shutil
@@ -11,17 +11,17 @@ from pathlib import Path
 
 from gough_stewart.model.errors import OutputError
 
-# The content of a file, or what writes it to a path.
+# The content of a file, or a function that writes it to a path.
 Content = bytes | Callable[[Path], None]
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
-    """Refuse a place where files of these names cannot be written, before anything is computed.
+    """Check that files of these names can be written to a folder, before anything is computed.
 
     Raises
     ------
     OutputError
-        It is a file, or neither it nor a folder above it can be written, or a folder has one of the names.
+        The folder is a file, is not writable, cannot be created, or has a subfolder with one of the names.
     """
     place = folder.absolute()
     while not os.path.lexists(place) and place != place.parent:
@@ -37,7 +37,7 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
 
 
 def write_whole(path: Path, content: Content) -> None:
-    """Replace or create a file in one step; an interrupted write leaves what was there before."""
+    """Create or replace a file atomically; an interrupted write leaves the old file unchanged."""
     beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
         if isinstance(content, bytes):
@@ -47,7 +47,7 @@ def write_whole(path: Path, content: Content) -> None:
         beside.replace(path)
     except OSError as error:
         beside.unlink(missing_ok=True)
-        # the user knows the target, not the file beside it
+        # report the target to the user, not the temporary file
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     except BaseException:
         beside.unlink(missing_ok=True)
@@ -56,14 +56,14 @@ def write_whole(path: Path, content: Content) -> None:
 
 @dataclass(frozen=True)
 class FileSet:
-    """Files on their way to a folder; see `file_set`."""
+    """Temporary files of a set; see `file_set`."""
 
     folder: Path
     beside: Path
     names: list[str] = field(default_factory=list)
 
     def add(self, name: str, content: Content) -> None:
-        """One more file, whole."""
+        """Add a complete file."""
         try:
             write_whole(self.beside / name, content)
         except OSError as error:
@@ -73,20 +73,20 @@ class FileSet:
 
 @contextmanager
 def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> Iterator[FileSet]:
-    """A set of files that takes the place of an older one in a folder, which is made if needed.
+    """A set of files that replaces an older set in a folder, which is created if needed.
 
-    What is added lies beside until the end. Then files of the older set go, and the new ones are moved to their
-    places, also when an error or an interrupt ends the set early: what came first is there, nothing old is beside it,
-    and a note on the error names what is missing. A set without a file leaves the folder as it was.
+    New files are temporary until the end. Then the files of the older set are deleted, and the new ones are moved to
+    their places. If an error or an interrupt ends the set early, the new files written so far are kept, no old file
+    is left beside them, and a note on the error lists the missing files. An empty set does not change the folder.
 
     Parameters
     ----------
     folder
-        Where the files go.
+        The output folder.
     names
-        What is to be added.
+        Names of the files to be added.
     owned
-        What an older set may have besides.
+        Names of further files that an older set can have.
     """
     wanted = tuple(names)
     folder.mkdir(parents=True, exist_ok=True)
@@ -102,20 +102,20 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
         older = {*wanted, *owned} if files.names else set()
         try:
             _swap_in(files, older)
-        except KeyboardInterrupt:  # at the wrong moment: half a set is worse than a moment more
+        except KeyboardInterrupt:  # finish first: an incomplete set is worse than a short delay
             _swap_in(files, older)
             raise
 
 
 def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str] = ()) -> None:
-    """Write files by name as one set into a folder that is made if needed; see `file_set`."""
+    """Write files by name as one set to a folder, which is created if needed; see `file_set`."""
     with file_set(folder, files, owned) as new:
         for name, content in files.items():
             new.add(name, content)
 
 
 def _swap_in(files: FileSet, older: set[str]) -> None:
-    """Old files go first, so that none is ever beside a new one; to be called again if it was interrupted."""
+    """Delete old files first, so that none is ever beside a new one; call again if interrupted."""
     new = [name for name in files.names if (files.beside / name).exists()]
     in_place = set(files.names) - set(new)
     try:

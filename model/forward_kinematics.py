@@ -1,4 +1,4 @@
-"""Forward kinematics: the pose near a guess that has given leg lengths, by Newton's method."""
+"""Forward kinematics: the pose for given leg lengths, near a guess, by Newton's method."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,21 @@ from gough_stewart.model.pose_limits import SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
 
-# One Newton step moves the platform by no more than this share of its size, and turns it by no more than this [rad].
+# Bound of a Newton step: translation as a fraction of the platform's size, rotation in rad.
 LARGEST_STEP = 0.5
 SMALLEST_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
 class ForwardKinematics:
-    """Where the iteration ended."""
+    """Result of the iteration."""
 
     position: FloatArray  # (3,) [m]
     orientation: FloatArray  # (3,) [rad]
     converged: bool
     iterations: int
-    residual: float  # largest |L − L_wanted| [m]
-    residual_history: tuple[float, ...]  # before each iteration and after the last; squares once it is near
+    residual: float  # largest |L − L_given| [m]
+    residual_history: tuple[float, ...]  # before each iteration and after the last; converges quadratically
 
 
 def forward_kinematics(
@@ -38,29 +38,29 @@ def forward_kinematics(
     tolerance: float = 1e-12,
     max_iterations: int = 50,
 ) -> ForwardKinematics:
-    """Pose with the wanted leg lengths, in the assembly mode of the guess.
+    """Pose with given leg lengths, in the assembly mode of the guess.
 
-    Newton on L(pose) = L_wanted with the leg Jacobian: J [δt; δφ] = L_wanted − L, t ← t + δt, R ← exp(δφ~) R;
-    quadratic near the solution. Steps are shortened while they would not reduce the residual, so that a far guess
-    creeps rather than jumps; the iteration never crosses a singular pose, beyond which another assembly mode lies.
+    Newton's method for L(pose) = L_given with the leg Jacobian: J [δt; δφ] = L_given − L, t ← t + δt, R ← exp(δφ~) R;
+    quadratic convergence near the solution. Steps that do not reduce the residual are shortened, which makes the
+    iteration robust for distant guesses. It never crosses a singular pose, so it stays in the assembly mode.
 
     Parameters
     ----------
     leg_length
-        Wanted lengths (6,) [m].
+        Leg lengths (6,) [m].
     position, orientation
         Guess; the home pose by default.
     tolerance
-        Converged when every length is met to this share of the longest wanted leg.
+        Largest error of a leg length, relative to the longest leg.
 
     Raises
     ------
     NoPoseError
-        No pose near this guess; the error's `result` says where the iteration stopped.
+        No pose found near the guess; the error's `result` has the last iterate.
     OrientationError
-        The guess, or a pose on the way, has a pitch of ±90°.
+        The guess or an iterate has a pitch of ±90°.
     InterfaceError
-        Lengths or guess of a wrong shape, not finite, lengths ≤ 0, or a tolerance that is none.
+        Lengths or guess with a wrong shape or not finite, lengths ≤ 0, or an invalid tolerance.
 
     Examples
     --------
@@ -68,29 +68,29 @@ def forward_kinematics(
     >>> found.position, found.orientation, found.residual
     """
     if not 0 < tolerance <= 1e-3:
-        raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-3], say 1e-12")
+        raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-3], for example 1e-12")
     if max_iterations < 0:
         raise InterfaceError("max_iterations", f"is {max_iterations!r}; expected at least 0")
-    wanted = interface.checked_value(interface.BY_NAME["leg_length"], leg_length)
-    if wanted.min() <= 0:
-        raise InterfaceError("leg_length", f"is {wanted.tolist()} m; expected lengths > 0")
+    target = interface.checked_value(interface.BY_NAME["leg_length"], leg_length)
+    if target.min() <= 0:
+        raise InterfaceError("leg_length", f"is {target.tolist()} m; expected lengths > 0")
     t = platform.home_position if position is None else position
     o = platform.home_orientation if orientation is None else orientation
     t = interface.checked_value(interface.BY_NAME["position"], t)
     R = matrix_from_orientation(interface.checked_value(interface.BY_NAME["orientation"], o))
     o = orientation_from_matrix(R)
     legs = leg_geometry(platform, t, o)
-    side, error = handedness_of_legs(legs), wanted - legs.length
+    side, error = handedness_of_legs(legs), target - legs.length
     history = [float(np.abs(error).max())]
-    close = tolerance * float(wanted.max())
+    close = tolerance * float(target.max())
 
     while history[-1] > close:
         if len(history) > max_iterations:
-            raise _no_pose(f"not met after {max_iterations} iterations", t, o, history)
+            raise _no_pose(f"no convergence after {max_iterations} iterations", t, o, history)
         if not conditioning(platform, t, o).condition_number < SINGULAR_CONDITION_NUMBER:
             raise _no_pose("the leg Jacobian is singular there", t, o, history)
         step = np.linalg.solve(leg_jacobian(platform, t, o), error)
-        # as far as the platform's size allows, then back until the lengths improve on this side of singular poses
+        # limit the step by the platform's size, then halve it until the lengths improve without a singular pose between
         size = max(np.linalg.norm(step[:3]) / platform.characteristic_length, np.linalg.norm(step[3:]))
         share = min(1.0, LARGEST_STEP / float(size))
         while share > SMALLEST_SHARE:
@@ -98,13 +98,13 @@ def forward_kinematics(
             R_next = Rotation.from_rotvec(share * step[3:]).as_matrix() @ R
             o_next = orientation_from_matrix(R_next)
             legs = leg_geometry(platform, t_next, o_next)
-            error_next = wanted - legs.length
-            falls = np.linalg.norm(error_next) < (1 - 1e-4 * share) * np.linalg.norm(error)
-            if falls and handedness_of_legs(legs) == side:
+            error_next = target - legs.length
+            improves = np.linalg.norm(error_next) < (1 - 1e-4 * share) * np.linalg.norm(error)
+            if improves and handedness_of_legs(legs) == side:
                 break
             share /= 2
         else:
-            raise _no_pose("no step reduces the error in the lengths", t, o, history)
+            raise _no_pose("no step reduces the length errors", t, o, history)
         t, R, o, error = t_next, R_next, o_next, error_next
         history.append(float(np.abs(error).max()))
     return ForwardKinematics(t, o, True, len(history) - 1, history[-1], tuple(history))
@@ -113,8 +113,8 @@ def forward_kinematics(
 def _no_pose(reason: str, t: FloatArray, o: FloatArray, history: list[float]) -> NoPoseError:
     result = ForwardKinematics(t, o, False, len(history) - 1, history[-1], tuple(history))
     return NoPoseError(
-        f"no pose near this guess: {reason}; lengths are off by {history[-1]:.3g} m at position "
+        f"no pose near this guess: {reason}; the largest length error is {history[-1]:.3g} m at position "
         f"{np.round(t, 6).tolist()} m, orientation {np.round(o, 6).tolist()} rad after {result.iterations} "
-        "iterations; check the lengths, or start nearer",
+        "iterations; check the lengths or use a closer guess",
         result,
     )

@@ -2,7 +2,7 @@
 
 Inputs, states, outputs and locals are declared here; a platform's parameters in `gough_stewart.model.parameters`.
 
-Names are a promise to users. Arrays are also reachable element by element under their FMI 2.0 names, 1-based:
+The names are part of the public interface. Elements of arrays have their FMI 2.0 names, 1-based:
 `leg_length[3]`, `joint_force[2,1]`.
 """
 
@@ -36,10 +36,10 @@ class Variable:
     causality: Causality
     variability: Variability
     description: str
-    # A number for every element, the name of the `Platform` attribute that holds it, or None where it is computed.
+    # A number for all elements, the name of a `Platform` attribute, or None for computed variables.
     start: float | str | None = None
     is_state: bool = False
-    # Values below (or, for "> 0", at) this bound are refused where they are set; None is any finite number.
+    # Values below (or, for "> 0", at) this bound are rejected when set; None allows any finite number.
     lower_bound: Bound = None
 
     @property
@@ -56,7 +56,7 @@ class Variable:
         return tuple(f"{self.name}[{','.join(map(str, index))}]" for index in indices)
 
     def element(self, flat_index: int) -> "Variable":
-        """The scalar variable that one element is, under its FMI 2.0 name."""
+        """One element as a scalar variable with its FMI 2.0 name."""
         return replace(self, name=self.scalar_names[flat_index], shape=())
 
 
@@ -125,7 +125,7 @@ VARIABLES: tuple[Variable, ...] = (
         "s",
         "parameter",
         "fixed",
-        "of the FMU: 0 for error-controlled steps, > 0 for classical RK4 with that step",
+        "of the FMU: 0 for error-controlled steps, > 0 for classical RK4 with this step size",
         start=0.0,
         lower_bound=">= 0",
     ),
@@ -137,10 +137,10 @@ INPUTS = tuple(v for v in VARIABLES if v.causality == "input")
 STATES = tuple(v for v in VARIABLES if v.is_state)
 OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
 LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
-# Those that may change during a run.
+# Parameters that may change during a run.
 TUNABLE = tuple(v for v in VARIABLES if v.variability == "tunable")
 RESULTS = OUTPUTS + LOCALS
-# The platform's own parameters, which the kernel takes as run-time inputs; `fixed_step_size` is the FMU's.
+# The parameters of the platform, arguments of the kernel; `fixed_step_size` belongs to the FMU only.
 PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL)
 
 RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
@@ -150,7 +150,7 @@ _ELEMENTS: Mapping[str, tuple[Variable, int]] = {
 
 
 def start_value(variable: Variable, platform: object) -> Array | None:
-    """Start of a variable, in its shape, with what the table takes from a `Platform`; None for what is computed."""
+    """Start value of a variable for a `Platform`, in its shape; None for computed variables."""
     if variable.start is None:
         return None
     value = getattr(platform, variable.start) if isinstance(variable.start, str) else variable.start
@@ -158,13 +158,13 @@ def start_value(variable: Variable, platform: object) -> Array | None:
 
 
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:
-    """Start values by name, of those that have one."""
+    """Start values by name, for the variables that have one."""
     starts = {v.name: start_value(v, platform) for v in variables}
     return {name: start for name, start in starts.items() if start is not None}
 
 
 def size_of(variables: Iterable[Variable]) -> int:
-    """Length of the vector that `pack` makes of these variables."""
+    """Length of the vector from `pack` for these variables."""
     return sum(v.size for v in variables)
 
 
@@ -183,12 +183,12 @@ def unpack(variables: Iterable[Variable], vector: Array) -> dict[str, Array]:
 
 
 def find(name: str) -> tuple[Variable, int | None]:
-    """The variable of a name, and which flat element, or None for the whole of it.
+    """The variable of a name, and the flat index of an element, or None for the whole variable.
 
     Raises
     ------
     InterfaceError
-        No such name; the nearest known one is suggested.
+        Unknown name; the nearest known one is suggested.
     """
     if not isinstance(name, str):
         raise InterfaceError(repr(name), "expected the name of a variable, a text")
@@ -200,7 +200,7 @@ def find(name: str) -> tuple[Variable, int | None]:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A hint for an unknown name: '; did you mean …?', or the names there are."""
+    """A hint for an unknown name: '; did you mean …?', or the known names."""
     known = list(known)
     close = get_close_matches(name, known, n=1, cutoff=0.5)
     if close:

@@ -1,21 +1,20 @@
-"""Ctrl-C where a library would swallow it."""
+"""Ctrl-C while a library runs that would lose it."""
 
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# SIGTERM and SIGHUP only where somebody handles them in Python, as the command line does
+# SIGTERM and SIGHUP only if they have a Python handler, as in the command line
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 @contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Handle the signals of a block at its end; also a decorator.
+    """Defer signals to the end of a block; also a decorator.
 
-    CasADi's operators on single symbols lose exceptions that a handler raises inside of them, `KeyboardInterrupt`
-    among them. A second signal of the block counts no more than the first. Other threads than the main one never
-    handle signals.
+    CasADi's operators on single symbols lose exceptions that a signal handler raises in them, such as
+    `KeyboardInterrupt`. Several signals in one block count as one. Only the main thread handles signals.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

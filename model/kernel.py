@@ -1,12 +1,12 @@
 """The kernel: the task-space dynamics traced once into CasADi Functions, parameters as run-time inputs.
 
-    ẋ = f(x, u, p),  y = g(x, u, p),  and the exact Jacobians A, B, C, D of (ẋ, y) by (x, u)
+    ẋ = f(x, u, p),  y = g(x, u, p),  and the exact Jacobians A, B, C, D of (ẋ, y) with respect to (x, u)
 
 x (12): position, orientation, velocity, angular_velocity. u (12): the inputs of the interface table. p: its
 platform parameters. y: its outputs and locals. Every vector in table order (`gough_stewart.model.interface`).
 
-The Functions are made by calling the very functions of `dynamics`, `kinematics` and `energy` with object arrays of
-`casadi.SX` scalars; a leading axis of length 1 is kept, since NumPy turns 0-d object arrays into bare scalars.
+The Functions are traced by calling the functions of `dynamics`, `kinematics` and `energy` with object arrays of
+`casadi.SX` scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arrays into scalars.
 """
 
 from collections.abc import Iterable
@@ -29,7 +29,7 @@ N_STATES = interface.size_of(interface.STATES)
 N_INPUTS = interface.size_of(interface.INPUTS)
 N_PARAMETERS = interface.size_of(interface.PLATFORM_PARAMETERS)
 N_RESULTS = interface.size_of(interface.RESULTS)
-# What results begin with, and what no force changes at once.
+# The first results, without direct feedthrough from the forces.
 SIGNALS = interface.RESULTS[: interface.RESULTS.index(interface.BY_NAME["leg_velocity"]) + 1]
 
 
@@ -43,7 +43,7 @@ class Linearisation(NamedTuple):
 
 
 def parameter_vector(parameters: Parameters) -> NDArray[np.float64]:
-    """The kernel's p of a platform: its parameters in table order, flat, row by row."""
+    """The kernel's parameter vector p of a platform: its parameters in table order, flat, row by row."""
     names = [v.name for v in interface.PLATFORM_PARAMETERS]
     return interface.pack(interface.PLATFORM_PARAMETERS, {n: getattr(parameters, n) for n in names})
 
@@ -107,7 +107,7 @@ def reverse_function() -> casadi.Function:
 def legs_function() -> casadi.Function:
     """CasADi Function `legs`: (x, p) -> length (6), length_rate (6), jacobian (36, row by row), rho.
 
-    What tells whether a pose can be passed, at a fifth of the cost of the derivatives. Row i of the Jacobian is
+    For checks of the pose limits, at a fifth of the cost of the derivatives. Row i of the Jacobian is
     (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length.
     """
     x, _, p = _arguments()
@@ -122,7 +122,7 @@ def legs_function() -> casadi.Function:
 @cache
 @interrupts_held_back()
 def signals_function() -> casadi.Function:
-    """CasADi Function `signals`: (x, p) -> y, the head of `outputs` that no force changes at once: `SIGNALS`."""
+    """CasADi Function `signals`: (x, p) -> y, the first of the `outputs`, without direct feedthrough: `SIGNALS`."""
     x, u, p = _arguments()
     _, y = _trace(x, u, p)
     return casadi.Function("signals", [x, p], casadi.cse([y[: interface.size_of(SIGNALS)]]), ["x", "p"], ["y"])
@@ -131,10 +131,10 @@ def signals_function() -> casadi.Function:
 @cache
 @interrupts_held_back()
 def margins_function() -> casadi.Function:
-    """CasADi Function `margins`: (x, p) -> square (6), determinant, size: how far from poses that none may pass.
+    """CasADi Function `margins`: (x, p) -> square (6), determinant, size; distances to the pose limits.
 
-    L_i², det K, and ρ²: K has the rows (l_i, c_i × l_i), so that det K = det J L_1 ⋯ L_6. No root and no quotient: for
-    a test at the end of every integration step.
+    L_i², det K and ρ². K has the rows (l_i, c_i × l_i), so det K = det J L_1 ⋯ L_6. Without roots and quotients, for a
+    fast check after every integration step.
     """
     x, _, p = _arguments()
     state, parameters = State.from_vector(_symbols(x)), _parameters(p)
@@ -148,11 +148,11 @@ def margins_function() -> casadi.Function:
 
 
 class Kernel:
-    """The traced Functions behind fixed buffers: calls copy into them and allocate nothing.
+    """The traced Functions with fixed buffers: calls copy into the buffers and allocate nothing.
 
-    Every method returns a view of a buffer that its next call overwrites: copy what is to be kept. The arguments
-    are the state x (12,), the inputs u (12,), and the parameters p (`parameter_vector`). Not for use from two
-    threads at once: make a Kernel each; the Functions behind are shared.
+    Every method returns a view of a buffer that its next call overwrites: copy the results that you keep. The
+    arguments are the state x (12,), the inputs u (12,), and the parameters p (`parameter_vector`). Not thread-safe:
+    use one Kernel per thread; they share the Functions.
     """
 
     def __init__(self) -> None:
@@ -169,7 +169,7 @@ class Kernel:
         self._buffers: list[Any] = []
         self._call_derivatives = self._bind(derivatives_function(), [self._xdot])
         self._call_outputs = self._bind(outputs_function(), [self._y])
-        self._call_jacobians: Any = None  # traced when first asked for
+        self._call_jacobians: Any = None  # traced on first use
 
     def derivatives(self, x: Array, u: Array, p: Array) -> NDArray[np.float64]:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
@@ -214,7 +214,7 @@ def _function(name: str, arguments: Iterable[Any], results: list[Any], names: li
 
 
 def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
-    """The equations with symbols in the place of numbers: (ẋ, y)."""
+    """The equations with symbols instead of numbers: (ẋ, y)."""
     state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
     parameters = _parameters(p)
     a = dynamics.forward_dynamics(parameters, state, inputs, solve=_solve_symbolically)
@@ -250,7 +250,7 @@ def _column(array: Array) -> Any:
 
 
 def _determinant(left: list[list[Any]], right: list[list[Any]]) -> Any:
-    """Of [left, right], each (6, 3), by Laplace: Σ ± (minor of three rows of left) (that of the others of right)."""
+    """Determinant of [left, right], each (6, 3), by Laplace: Σ ± (minor of three rows of left) (rest of right)."""
     terms = []
     for rows in combinations(range(6), 3):
         others = [i for i in range(6) if i not in rows]
@@ -260,7 +260,7 @@ def _determinant(left: list[list[Any]], right: list[list[Any]]) -> Any:
 
 
 def _minor(m: list[list[Any]]) -> Any:
-    """Determinant of (3, 3), from 2×2 minors of the first two columns, which others share."""
+    """Determinant of (3, 3), from 2×2 minors of the first two columns, which several determinants share."""
 
     def second(i: int, k: int) -> Any:
         return m[i][0] * m[k][1] - m[k][0] * m[i][1]

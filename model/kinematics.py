@@ -56,7 +56,7 @@ def leg_geometry(parameters: Parameters, position: Array, orientation: Array) ->
     c = np.asarray((R * parameters.platform_points[..., None, :]).sum(axis=-1))
     l = np.asarray(position)[..., None, :] + c - parameters.base_points
     L = np.sqrt(dot(l, l))
-    # a reciprocal once, since the compiled kernel pays for every division
+    # one reciprocal, since divisions are expensive in the compiled kernel
     return LegGeometry(c, l, L, l * (1 / L)[..., None])
 
 
@@ -70,7 +70,7 @@ def leg_rates(parameters: Parameters, state: State) -> LegRates:
 
 @without_warnings
 def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
-    """`leg_rates` where the geometry is known already."""
+    """`leg_rates` for known leg geometry."""
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
     length_rate = dot(legs.direction, velocity)
     direction_rate = (velocity - length_rate[..., None] * legs.direction) * (1 / legs.length)[..., None]
@@ -108,7 +108,7 @@ def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def jacobian_of_legs(legs: LegGeometry) -> Array:
-    """`leg_jacobian` where the geometry is known already."""
+    """`leg_jacobian` for known leg geometry."""
     return np.concatenate([legs.direction, cross(legs.arm, legs.direction)], axis=-1)
 
 
@@ -122,7 +122,7 @@ def conditioning(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
-    """`conditioning` where the geometry is known already; infinite and 0 where a leg of length 0 has no direction."""
+    """`conditioning` for known leg geometry; infinite and 0 where a leg of length 0 has no direction."""
     scaled, rho = scaled_jacobian_of_legs(legs)
     known = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
     sigma = np.linalg.svd(np.where(known[..., None, None], scaled, 0.0), compute_uv=False)
@@ -132,9 +132,9 @@ def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
 
 
 def condition_number_bound(matrix: Array) -> Array:
-    """‖A‖ ‖A⁻¹‖ (...) in Frobenius norms of matrices (..., n, n): at least the condition number, for far less work.
+    """‖A‖ ‖A⁻¹‖ (...) in Frobenius norms of matrices (..., n, n): a cheap upper bound of the condition number.
 
-    At most n times as much; infinite if one of the matrices is singular.
+    At most n times the condition number; infinite for all matrices if one is singular.
     """
     try:
         inverse = np.linalg.inv(matrix)
@@ -145,7 +145,7 @@ def condition_number_bound(matrix: Array) -> Array:
 
 @without_warnings
 def handedness_of_legs(legs: LegGeometry) -> Array:
-    """sign(det J) (...): constant within an assembly mode, changes at singular poses; else 0 or not a number."""
+    """sign(det J) (...): constant within an assembly mode, changes at singular poses; 0 or NaN there."""
     return np.asarray(np.sign(np.linalg.det(jacobian_of_legs(legs))))
 
 
@@ -159,7 +159,7 @@ def scaled_jacobian_of_legs(legs: LegGeometry) -> tuple[Array, Array]:
 def joint_angles(
     parameters: Parameters, position: Array, orientation: Array, home_position: Array, home_orientation: Array
 ) -> tuple[Array, Array]:
-    """Angles of the base and of the platform joints from their directions in the home pose, each (..., 6) [rad].
+    """Angles of the base and platform joints from their directions in the home pose, each (..., 6) [rad].
 
     At B_i the angle between u_i and its home direction in world, at P_i the same in platform axes; NumPy only.
     """
@@ -173,7 +173,7 @@ def joint_angles(
 
 
 def _angle_between(a: Array, b: Array) -> Array:
-    """Of unit vectors (..., 3), exact also near 0: 2 atan2(|a − b|, |a + b|)."""
+    """Angle between unit vectors (..., 3), accurate near 0: 2 atan2(|a − b|, |a + b|)."""
     minus, plus = a - b, a + b
     return np.asarray(2 * np.arctan2(np.sqrt(dot(minus, minus)), np.sqrt(dot(plus, plus))))
 

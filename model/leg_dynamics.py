@@ -1,9 +1,9 @@
-"""One leg seen from its platform joint: the force it needs there, and its energy.
+"""Dynamics of one leg, reduced to its platform joint: the force that the leg needs there.
 
-A leg is two slender parts that turn together about B and slide on each other along u, without spin about u
+A leg is two slender parts that rotate together about B and slide on each other along u, without spin about u
 (paper, eq. (25)). Its inertia about B is I = m1 r1² + J1 + J2 + m2 (L − d)², its first moment
-h = m1 r1 + m2 (L − d), with r1 = `leg_lower_com`, d = `leg_upper_com`. The rotor and screw of an electric actuator turn
-in proportion to L̇ and oppose L̈ by m_a L̈, m_a = `leg_armature`: an inertia without weight, and none across u.
+h = m1 r1 + m2 (L − d), with r1 = `leg_lower_com`, d = `leg_upper_com`. The rotor and screw of an electric actuator
+rotate in proportion to L̇ and oppose L̈ with m_a L̈, m_a = `leg_armature`, an inertia along u without weight.
 
 Transverse, from the angular momentum I u×u̇ about B:   I ü⊥ + İ u̇ − h g⊥ = L f⊥,  İ = 2 m2 (L − d) L̇
 Axial, upper part alone:   m2 (u·P̈ + d |u̇|² − u·g) = f∥ + F − friction − m_a L̈,  L̈ = u·P̈ + L |u̇|²
@@ -46,17 +46,17 @@ def friction_force(parameters: Parameters, length_rate: Array) -> Array:
 
 
 def transverse_mass(parameters: Parameters, length: Array) -> Array:
-    """Mass (..., 6) [kg] that a leg opposes to acceleration of its platform joint across u: t = I/L²."""
+    """Apparent mass (..., 6) [kg] of a leg for acceleration of its platform joint across u: t = I/L²."""
     return np.asarray(leg_moments(parameters, length).second * (1 / length) * (1 / length))
 
 
 def axial_mass(parameters: Parameters) -> Array:
-    """Mass (..., 1) [kg] that a leg opposes to acceleration of its platform joint along u: m2 + m_a."""
+    """Apparent mass (..., 1) [kg] of a leg for acceleration of its platform joint along u: m2 + m_a."""
     return np.asarray(per_leg(parameters.leg_upper_mass) + per_leg(parameters.leg_armature))
 
 
 def inertia_force(parameters: Parameters, legs: LegGeometry, joint_acceleration: Array) -> Array:
-    """Force (..., 6, 3) [N] that accelerates the legs' platform joints by P̈ (..., 6, 3) [m/s²].
+    """Force (..., 6, 3) [N] for an acceleration P̈ (..., 6, 3) [m/s²] of the legs' platform joints.
 
     E P̈ with E = t 1 + (m2 + m_a − t) u uᵀ: transverse mass across u, axial mass along u.
     """

@@ -1,7 +1,7 @@
 """The ONE table of a platform's parameters: name, shape, unit, default, bound, meaning. All else derives from it.
 
-A parameter is added by one entry at the end of `ParametersOf`, so that older ones keep their value references in the
-FMU; its physics goes into `leg_dynamics`, `dynamics`, `energy`, and into the formulations that check them. A limit that
+To add a parameter, add one entry at the end of `ParametersOf`, so that older ones keep their value references in the
+FMU. Its physics belongs in `leg_dynamics`, `dynamics`, `energy` and the formulations that check them. A limit that
 the dynamics ignore is one entry in `PlatformFields`.
 """
 
@@ -27,26 +27,26 @@ class Parameter:
     shape: tuple[int, ...]
     unit: str
     description: str
-    # Values below (or, for "> 0", at) this bound are refused; None is any finite number.
+    # Values below (or, for "> 0", at) this bound are rejected; None allows any finite number.
     lower_bound: Bound
     # Whether it may change during a run.
     is_tunable: bool
-    # Whether a platform may be made without naming it.
+    # Whether it has a default value.
     has_default: bool
-    # Whether a platform may have none: a limit that is not stated.
+    # Whether it can be None: a limit that is not stated.
     is_optional: bool
 
 
 def _row(
     unit: str, description: str, bound: Bound = None, *, shape: tuple[int, ...] = (), tunable: bool = False
 ) -> dict[str, Any]:
-    """What the table says of a field beside its name, type and default."""
+    """The metadata of a field, besides name, type and default."""
     return {
         "row": {"unit": unit, "description": description, "lower_bound": bound, "shape": shape, "is_tunable": tunable}
     }
 
 
-# Defaults are of type Any, since the fields' types are open until `PlatformFields` closes them.
+# Defaults have type Any, since the types of the fields are generic until `PlatformFields`.
 def _number(value: float) -> Any:
     return value
 
@@ -59,8 +59,8 @@ def _vector(*values: float) -> Callable[[], Any]:
 class ParametersOf(Generic[_Array_co, _Number_co]):
     """The physical parameters, as arrays of type `_Array_co` and numbers of type `_Number_co`; unchecked.
 
-    Leading axes `...` broadcast against those of the state. The kernel's p and the parameters of the FMU are these, in
-    this order.
+    Leading axes `...` broadcast against those of the state. The kernel's p and the FMU have these parameters in this
+    order.
     """
 
     base_points: _Array_co = field(metadata=_row("m", "base joints in world", shape=(6, 3)))
@@ -79,7 +79,7 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         metadata=_row("m", "lower part's centre of mass, from the base joint along the leg", ">= 0")
     )
     leg_upper_com: _Number_co = field(
-        metadata=_row("m", "upper part's centre of mass, from the platform joint back", ">= 0")
+        metadata=_row("m", "upper part's centre of mass, from the platform joint along the leg", ">= 0")
     )
     leg_lower_inertia: _Number_co = field(
         metadata=_row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")
@@ -115,15 +115,15 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
     )
 
 
-# What the equations take: a `Platform`, a batch of platforms, or CasADi symbols.
+# The argument of the equations: a `Platform`, a batch of platforms, or CasADi symbols.
 Parameters = ParametersOf[Array, Scalars]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlatformFields(ParametersOf[FloatArray, float]):
-    """What describes a platform: physical parameters, home pose, limits, texts; unchecked.
+    """All fields of a platform: physical parameters, home pose, limits, texts; unchecked.
 
-    The dynamics ignore the limits; reach, workspace, metrics and figures use them.
+    The dynamics ignore the limits; motion checks, workspace, metrics and figures use them.
     """
 
     home_position: FloatArray = field(
@@ -133,16 +133,16 @@ class PlatformFields(ParametersOf[FloatArray, float]):
         default_factory=_vector(0.0, 0.0, 0.0),
         metadata=_row("rad", "roll, pitch, yaw in the home pose, the start value of orientation", shape=(3,)),
     )
-    leg_length_min: float | None = field(default=None, metadata=_row("m", "shortest leg", "> 0"))
-    leg_length_max: float | None = field(default=None, metadata=_row("m", "longest leg", "> 0"))
-    leg_velocity_max: float | None = field(default=None, metadata=_row("m/s", "leg velocity, at most", "> 0"))
-    actuator_force_max: float | None = field(default=None, metadata=_row("N", "actuator force, at most", "> 0"))
-    actuator_power_max: float | None = field(default=None, metadata=_row("W", "actuator power, at most", "> 0"))
+    leg_length_min: float | None = field(default=None, metadata=_row("m", "minimum leg length", "> 0"))
+    leg_length_max: float | None = field(default=None, metadata=_row("m", "maximum leg length", "> 0"))
+    leg_velocity_max: float | None = field(default=None, metadata=_row("m/s", "maximum leg velocity", "> 0"))
+    actuator_force_max: float | None = field(default=None, metadata=_row("N", "maximum actuator force", "> 0"))
+    actuator_power_max: float | None = field(default=None, metadata=_row("W", "maximum actuator power", "> 0"))
     joint_angle_max: float | None = field(
         default=None,
-        metadata=_row("rad", "joint angle from home, at most", "> 0"),
+        metadata=_row("rad", "maximum joint angle from home", "> 0"),
     )
-    leg_acceleration_max: float | None = field(default=None, metadata=_row("m/s2", "leg acceleration, at most", "> 0"))
+    leg_acceleration_max: float | None = field(default=None, metadata=_row("m/s2", "maximum leg acceleration", "> 0"))
     name: str = "unnamed"
     source: str = ""
 
@@ -165,18 +165,18 @@ def _rows(of: type[ParametersOf[Any, Any]]) -> Mapping[str, Parameter]:
     }
 
 
-# Every number of a platform by name; texts are not among them.
+# All numeric fields of a platform by name.
 TABLE = _rows(PlatformFields)
 LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
 PHYSICAL = tuple(_rows(ParametersOf).values())
 _FACTOR = "_factor"
-# Numbers that may be six, one a leg, by the parameter that then holds how the legs differ: see `by_leg`.
+# Numbers that can also be given per leg, with the parameter of their factors: see `by_leg`.
 FACTOR_OF = {name.removesuffix(_FACTOR): name for name in TABLE if name.endswith(_FACTOR)}
 
 
 def stack(parameters: Sequence[Parameters]) -> Parameters:
-    """Many platforms as one batch: every parameter gets a leading axis of their number.
+    """Many platforms as one batch: every parameter gets a leading axis over the platforms.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The platform: geometry, masses, friction, gravity, home pose and limits; frozen, and checked when made."""
+"""The platform: geometry, masses, friction, gravity, home pose and limits; frozen and validated."""
 
 from dataclasses import dataclass, fields
 from inspect import cleandoc
@@ -15,7 +15,7 @@ from gough_stewart.model.platform_display import platform_html, platform_text
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
-# Far beyond any machine, and still safe to square and cube.
+# Far beyond any real machine, but its square and cube do not overflow.
 LARGEST_NUMBER = 1e30
 
 
@@ -23,13 +23,13 @@ LARGEST_NUMBER = 1e30
 class Platform(PlatformFields):
     """A Gough–Stewart platform with six identical legs; every parameter by name, in SI units.
 
-    Arrays are copied, converted to float64 and read-only. To change something, `dataclasses.replace` makes a new
-    platform, checked again. Parameters, frames and signs: docs/notation.md.
+    Arrays are copied, converted to float64 and read-only. To change a parameter, make a new platform with
+    `dataclasses.replace`, which validates it again. Parameters, frames and signs: docs/notation.md.
 
     Raises
     ------
     PlatformError
-        A parameter that no platform can have; its `field` names it, its text tells value, expectation and remedy.
+        An invalid parameter; `field` has its name, the text has value, expectation and remedy.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class Platform(PlatformFields):
         return hash((self.name, self.base_points.tobytes(), self.platform_mass))
 
     def __repr__(self) -> str:
-        """Name, masses, geometry, home pose and limits, a line each."""
+        """Name, masses, geometry, home pose and limits, one line each."""
         return platform_text(self)
 
     def _repr_html_(self) -> str:
@@ -70,7 +70,7 @@ class Platform(PlatformFields):
         return platform_html(self)
 
     def __setstate__(self, fields_by_name: dict[str, Any]) -> None:
-        """Copies and unpickled platforms are read-only, too."""
+        """Restore with read-only arrays."""
         self.__dict__.update(fields_by_name)
         for value in fields_by_name.values():
             if isinstance(value, np.ndarray):
@@ -78,15 +78,15 @@ class Platform(PlatformFields):
 
     @property
     def home_actuator_force(self) -> FloatArray:
-        """Actuator forces (6,) [N] that hold the platform at rest in its home pose: start values of plant and FMU."""
+        """Actuator forces (6,) [N] that hold the home pose at rest: the start values of plant and FMU."""
         return np.asarray(static_leg_forces(self, self.home_position, self.home_orientation))
 
     def as_dict(self) -> dict[str, Any]:
-        """Every field by name, in file order: texts, floats, arrays; limits that are not set are left out."""
+        """All fields by name, in file order: texts, floats, arrays; without limits that are not set."""
         return {name: getattr(self, name) for name in (*TEXTS, *TABLE) if getattr(self, name) is not None}
 
 
-# help() lists the parameters, as the table has them
+# help() lists the parameters from the table
 Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n----------\n" + "\n".join(
     f"{name} : {row.shape or 'number'} [{row.unit}]\n    {row.description}" for name, row in TABLE.items()
 )
@@ -94,7 +94,7 @@ Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n---------
 
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:
     """A float, or a read-only float64 array of this shape."""
-    if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, at once
+    if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, a shortcut
         return value
     try:
         array = real_array(value, shape)

@@ -1,4 +1,4 @@
-"""What makes a platform impossible: every check with its own message (value, expectation, remedy)."""
+"""Validation of platforms: every check has its own message (value, expectation, remedy)."""
 
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -11,22 +11,22 @@ from gough_stewart.model.parameters import TABLE, PlatformFields
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.vectors import Array, FloatArray, dot
 
-# Rounding of published inertias: relative slack of symmetry and of the triangle inequality.
+# Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.
 INERTIA_SLACK = 1e-9
-# Joints closer than this fraction of their circle are one joint.
+# Joints closer than this fraction of the largest joint distance coincide.
 COINCIDENCE = 1e-6
 _BOUNDED = [name for name, row in TABLE.items() if row.lower_bound is not None]
 
 
 class _Joints(NamedTuple):
-    """What the geometry of legs takes of a platform."""
+    """The parameters that the leg geometry needs."""
 
     base_points: FloatArray
     platform_points: FloatArray
 
 
 def check(platform: PlatformFields) -> None:
-    """Raise `PlatformError` at the first thing that no platform can have."""
+    """Raise `PlatformError` for the first invalid parameter."""
     check_bounds(platform)
     check_inertia(platform)
     check_joints(platform)
@@ -36,7 +36,7 @@ def check(platform: PlatformFields) -> None:
 
 
 def check_bounds(platform: PlatformFields) -> None:
-    """No number lies below the bound that the table gives it."""
+    """All numbers satisfy the bounds of the table."""
     for name in _BOUNDED:
         value = getattr(platform, name)
         if value is not None:
@@ -44,9 +44,9 @@ def check_bounds(platform: PlatformFields) -> None:
 
 
 def check_bound(name: str, value: float | FloatArray) -> None:
-    """Raise `PlatformError` at the first number of a parameter below the bound that the table gives it."""
+    """Raise `PlatformError` for the first number of a parameter that violates the bound of the table."""
     row = TABLE[name]
-    if row.lower_bound is None or (type(value) is float and value > 0):  # the usual case, at once
+    if row.lower_bound is None or (type(value) is float and value > 0):  # the usual case, a shortcut
         return
     numbers = np.ravel(value)
     for k, number in enumerate(numbers.tolist()):
@@ -58,7 +58,7 @@ def check_bound(name: str, value: float | FloatArray) -> None:
 
 
 def check_inertia(platform: PlatformFields) -> None:
-    """The platform's inertia is symmetric, positive definite, and that of a body with positive mass."""
+    """The platform's inertia is symmetric, positive definite and satisfies the triangle inequality."""
     J, field = platform.platform_inertia, "platform_inertia"
     size = np.abs(J).max()
     asymmetry = np.abs(J - J.T)
@@ -67,7 +67,7 @@ def check_inertia(platform: PlatformFields) -> None:
         raise PlatformError(
             field,
             f"is not symmetric: [{a},{b}] = {J[a - 1, b - 1]:g} but [{b},{a}] = {J[b - 1, a - 1]:g} kg m²; "
-            "give both the same value (minus the product of inertia)",
+            "set both to the same value (minus the product of inertia)",
         )
     moments = _principal_moments(J.tobytes())
     if not moments[0] > 0:
@@ -77,26 +77,26 @@ def check_inertia(platform: PlatformFields) -> None:
     if moments[2] > (moments[0] + moments[1]) * (1 + INERTIA_SLACK):
         raise PlatformError(
             field,
-            f"no body has principal moments {_list(moments)} kg m²: the largest exceeds the sum of the others "
-            "(triangle inequality); check units, and that they are about the centre of mass",
+            f"is unphysical: principal moments {_list(moments)} kg m², the largest exceeds the sum of the others "
+            "(triangle inequality); check the units and that they are about the centre of mass",
         )
 
 
 def check_joints(platform: PlatformFields) -> None:
-    """No two joints of one side are in the same place."""
+    """No two joints of base or platform coincide."""
     for field in ("base_points", "platform_points"):
         points = getattr(platform, field)
         i, j, share = _closest_joints(points.tobytes())
         if share <= COINCIDENCE:
             raise PlatformError(
                 field,
-                f"joints {i + 1} and {j + 1} coincide at {_list(points[i])} m; expected six places apart "
+                f"joints {i + 1} and {j + 1} coincide at {_list(points[i])} m; expected six different points "
                 "(an idealised double joint needs a small offset)",
             )
 
 
 def check_home_pose(platform: PlatformFields) -> None:
-    """The home pose has legs of some length, a pitch well below 90°, and a regular leg Jacobian."""
+    """The home pose has legs of nonzero length, a pitch below 90° and a regular leg Jacobian."""
     pitch = platform.home_orientation[1]
     if not abs(pitch) < LARGEST_PITCH:
         raise PlatformError("home_orientation", f"has pitch {pitch:g} rad; expected less than ±90°")
@@ -111,13 +111,13 @@ def check_home_pose(platform: PlatformFields) -> None:
         raise PlatformError(
             "base_points, platform_points, home_position, home_orientation",
             f"the leg Jacobian is singular at the home pose (condition number {worst:.3g}, expected below "
-            f"{SINGULAR_CONDITION_NUMBER:g}): the legs cannot hold the platform there; give base and platform "
-            "joints different azimuths or choose another home pose",
+            f"{SINGULAR_CONDITION_NUMBER:g}): the legs cannot hold the platform there; choose different azimuths for "
+            "base and platform joints or another home pose",
         )
 
 
 def check_com_offsets(platform: PlatformFields) -> None:
-    """Centres of mass lie on the legs, and near the platform."""
+    """Centres of mass are on the legs and near the platform."""
     check_leg_com_offsets(platform, float(_home_pose(platform)[0].min()), "home")
     reach = float(np.sqrt(dot(platform.platform_points, platform.platform_points)).max())
     offset = float(np.sqrt(dot(platform.platform_com, platform.platform_com)))
@@ -129,7 +129,7 @@ def check_com_offsets(platform: PlatformFields) -> None:
 
 
 def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) -> None:
-    """The centres of mass of both parts lie on every leg, the shortest [m] of a pose included: the legs are alike."""
+    """The centres of mass of both parts are on the leg, also on the shortest one [m] of a pose."""
     for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
         value = getattr(platform, name)
         if not 0 <= value <= shortest:
@@ -141,7 +141,7 @@ def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) 
 
 
 def check_limits(platform: PlatformFields) -> None:
-    """Limits of stroke and joints admit the home pose."""
+    """The home pose is within the stroke and joint limits."""
     low, high = platform.leg_length_min, platform.leg_length_max
     lengths, _ = _home_pose(platform)
     if low is not None and high is not None and not low < high:
@@ -157,8 +157,7 @@ def check_limits(platform: PlatformFields) -> None:
         )
 
 
-# Many platforms in a row differ in some parameters only: what follows from equal ones is computed once. By their bytes,
-# since arrays are no keys.
+# Successive platforms often differ in a few parameters only, so results are cached by the bytes of the arrays.
 _REMEMBERED = 64
 
 
@@ -170,14 +169,14 @@ def _home_pose(platform: PlatformFields) -> tuple[FloatArray, float]:
 
 @lru_cache(_REMEMBERED)
 def _pose(base: bytes, platform: bytes, position: bytes, orientation: bytes) -> tuple[FloatArray, float]:
-    joints: Any = _Joints(_points(base), _points(platform))  # all that the geometry looks at
+    joints: Any = _Joints(_points(base), _points(platform))  # all that the geometry needs
     legs = leg_geometry(joints, np.frombuffer(position), np.frombuffer(orientation))
     return np.asarray(legs.length), float(conditioning_of_legs(legs).condition_number)
 
 
 @lru_cache(_REMEMBERED)
 def _closest_joints(joints: bytes) -> tuple[int, int, float]:
-    """The two joints (6, 3) that are closest to each other, and their distance as a share of the largest."""
+    """The two closest of the joints (6, 3), and their distance as a fraction of the largest distance."""
     points = _points(joints)
     distance = np.linalg.norm(points[:, None] - points[None, :], axis=-1)
     i, j = divmod(int((distance + np.diag(np.full(6, np.inf))).argmin()), 6)

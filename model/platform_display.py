@@ -1,4 +1,4 @@
-"""A platform in a few lines for a terminal, and as a table for a notebook."""
+"""A platform as a few lines for a terminal and as a table for a notebook."""
 
 import html
 from typing import Any
@@ -11,7 +11,7 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def platform_text(platform: PlatformFields) -> str:
-    """Name, masses, geometry, home pose and limits, a line each."""
+    """Name, masses, geometry, home pose and limits, one line each."""
     legs = leg_geometry(platform, platform.home_position, platform.home_orientation).length
     limits = [f"{name} {_text(getattr(platform, name))} {row.unit}" for name, row in _limits(platform).items()]
     return "\n".join(
@@ -47,7 +47,7 @@ def _limits(platform: PlatformFields) -> dict[str, Any]:
 
 
 def _radii(points: FloatArray) -> str:
-    """Distances of points from their middle."""
+    """Distances of points from their centroid."""
     return _range(np.linalg.norm(points - points.mean(axis=0), axis=1))
 
 

@@ -1,7 +1,7 @@
 """Platforms as TOML files, and the presets that ship with the package.
 
-A file is flat: the parameters of `gough_stewart.model.parameters` by name, SI units. Numbers are written with the
-shortest digits that read back to the same float, so that TOML → Platform → TOML changes nothing.
+A file is flat: the parameters of `gough_stewart.model.parameters` by name, in SI units. Numbers are written with the
+fewest digits that give the same float, so TOML → Platform → TOML is lossless.
 """
 
 from pathlib import Path
@@ -24,21 +24,23 @@ _PRESETS = ("gough_stewart.model", "presets")
 
 
 def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
-    """The platform that a TOML text describes; `where` names the text in errors.
+    """The platform in a TOML text; errors refer to the text as `where`.
 
     Raises
     ------
     PlatformFileError
-        Not TOML, an unknown key (the nearest known one is named), or a missing one.
+        Not TOML, an unknown key (with a suggestion), or a missing one.
     PlatformError
-        Values that no platform can have.
+        Invalid values.
     """
     try:
         values = toml_values(text)
     except ValueError as error:
         raise PlatformFileError(where, str(error)) from error
     if "controller" in values and "loop" in values:
-        raise PlatformFileError(where, "is an experiment; expected a platform file, as `gough-stewart presets` prints")
+        raise PlatformFileError(
+            where, "is an experiment; expected a platform file, as printed by `gough-stewart presets`"
+        )
     for key in values:
         if key not in KEYS:
             raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, KEYS)}")
@@ -55,11 +57,11 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 
 
 def platform_to_toml(platform: Platform) -> str:
-    """TOML text of a platform, units and meanings in comments; reads back to an equal one. Factors of 1 go without."""
+    """TOML text of a platform, with units and descriptions as comments; lossless. Factors of 1 are left out."""
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
         if key in FACTOR_OF.values() and np.all(value == 1):
-            continue  # legs that are alike
+            continue  # identical legs
         item = _item(value)
         if key in TABLE:
             item.comment(f"[{TABLE[key].unit}] {TABLE[key].description}")
@@ -73,7 +75,7 @@ def load_platform(path: Path | str) -> Platform:
     Raises
     ------
     PlatformFileError
-        The file cannot be read, is not TOML, has an unknown key, misses one, or says what no platform can have.
+        The file cannot be read, is not TOML, has an unknown or a missing key, or describes an invalid platform.
 
     Examples
     --------
@@ -90,7 +92,7 @@ def load_platform(path: Path | str) -> Platform:
 
 
 def save_platform(platform: Platform, path: Path | str) -> None:
-    """Write a platform as TOML that `load_platform` reads back to an equal one; whole or not at all.
+    """Write a platform as a TOML file, which `load_platform` reads without loss; atomic.
 
     Raises
     ------
@@ -104,12 +106,12 @@ def save_platform(platform: Platform, path: Path | str) -> None:
 
 
 def preset_names() -> tuple[str, ...]:
-    """Names of the platforms that ship with the package, for `load_preset`."""
+    """Names of the presets for `load_preset`."""
     return shipped.names(*_PRESETS)
 
 
 def preset_text(name: str) -> str:
-    """The TOML file of a preset as it ships, with its comments: a start for a platform file of your own.
+    """The TOML file of a preset with its comments, as a template for your own platform file.
 
     Raises
     ------
@@ -122,12 +124,12 @@ def preset_text(name: str) -> str:
 
 
 def load_preset(name: str) -> Platform:
-    """The platform that ships under a name: the paper's `liu2000`, `desktop_hexapod` or `motion_base`.
+    """A preset by name: the paper's `liu2000`, `desktop_hexapod` or `motion_base`.
 
     Raises
     ------
     PlatformFileError
-        No preset of that name; the nearest is suggested.
+        No preset has this name; the nearest one is suggested.
 
     Examples
     --------
@@ -137,14 +139,14 @@ def load_preset(name: str) -> Platform:
 
 
 def _holds_other_than_numbers(value: object) -> bool:
-    """TOML has texts, truth values and dates, which NumPy would turn into numbers or fail on obscurely."""
+    """Whether a value consists of numbers: NumPy would convert TOML's texts, booleans and dates, or fail obscurely."""
     if isinstance(value, list):
         return any(_holds_other_than_numbers(v) for v in value)
     return isinstance(value, bool) or not isinstance(value, int | float)
 
 
 def _item(value: Any) -> Any:
-    """Matrices with one row a line."""
+    """TOML of a value, with one line per row of a matrix."""
     if not isinstance(value, np.ndarray):
         return tomlkit.item(value)
     array = tomlkit.array()

@@ -1,4 +1,4 @@
-"""Poses that no motion may pass: a collapsed leg, a pitch of ±90°, a singular leg Jacobian."""
+"""Limits of the pose: leg length 0, a pitch of ±90°, a singular leg Jacobian."""
 
 import numpy as np
 
@@ -7,34 +7,34 @@ from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, ha
 from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.vectors import Array, FloatArray
 
-# 0.06° short of the singularity of roll and yaw [rad].
+# 0.06° below the singular pitch of 90° [rad].
 LARGEST_PITCH = np.pi / 2 - 1e-3
-# A leg this short has collapsed; as a share of the platform's characteristic length.
+# A shorter leg has collapsed; as a fraction of the platform's characteristic length.
 SHORTEST_LEG = 1e-3
-# Of the leg Jacobian with angles scaled to lengths; a larger one is singular for every practical purpose.
+# Of the leg Jacobian with angles scaled to lengths; above this, the pose is practically singular.
 SINGULAR_CONDITION_NUMBER = 1e8
 
 
 def check_pose(platform: PlatformFields, x: Array, time: float, handedness: float | None = None) -> float:
-    """Sign of det J at a state x (12,), which tells the sides of a singular pose apart.
+    """Check the pose limits at a state x (12,); returns the sign of det J, which changes at singular poses.
 
     Parameters
     ----------
     time
-        For the error [s].
+        Time for the error message [s].
     handedness
-        The sign at an earlier state of the same motion, if there is one: a change means that a singular pose lies
-        between.
+        The sign at an earlier state of the same motion, if any: a change means that the motion has passed a singular
+        pose.
 
     Raises
     ------
     StepError
-        The pose is one that no motion may pass; says which quantity has which value.
+        The pose is beyond a limit; has the quantity and its value.
     """
     position, orientation = x[0:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:
         raise pitch_reached(float(orientation[1]), time)
-    with np.errstate(all="ignore"):  # a leg of length 0 has no direction; that is for the next line to say
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction; checked below
         legs = leg_geometry(platform, position, orientation)
     leg = int(legs.length.argmin())
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
@@ -48,31 +48,31 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
 
 
 def pitch_reached(pitch: float, time: float) -> StepError:
-    """The error of a pitch [rad] of ±90°."""
+    """The error for a pitch [rad] of ±90°."""
     return StepError("orientation[2]", pitch, time, "the pitch has reached ±90°")
 
 
 def leg_collapsed(leg: int, length: float, time: float) -> StepError:
-    """The error of a leg, from 0, without length [m]."""
+    """The error for a leg, counted from 0, of zero length [m]."""
     return StepError(f"leg_length[{leg + 1}]", length, time, "the leg has collapsed")
 
 
 def singular_pose(condition_number: float, time: float, *, passed: bool) -> StepError:
-    """The error of a singular pose, or of one that was `passed` since the last integration step."""
+    """The error for a singular pose, or for one that was `passed` since the last integration step."""
     since = " (passed since the last internal step)" if passed else ""
     return StepError(
         "condition number of the leg Jacobian",
         condition_number,
         time,
-        f"the platform has reached a singular pose, where the legs cannot hold it{since}",
+        f"the platform has reached a singular pose{since}; the legs cannot hold it there",
     )
 
 
 def side_of_singular_poses(platform: PlatformFields, legs: LegGeometry) -> FloatArray:
-    """Sign of det J against that at home (...): 1 on home's side of the singular poses, −1 beyond.
+    """Sign of det J relative to that at home (...): 1 for the same sign, −1 for the opposite.
 
-    0 at a singular pose, not a number where a leg has no direction. The same side is necessary, not sufficient, for a
-    way from home that passes no singular pose.
+    0 at a singular pose, NaN if a leg has no direction. The same sign is necessary, not sufficient, for a path from
+    home without a singular pose.
     """
     home = leg_geometry(platform, platform.home_position, platform.home_orientation)
     return np.asarray(handedness_of_legs(legs) * handedness_of_legs(home))

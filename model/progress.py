@@ -1,8 +1,8 @@
-"""How long work says how far it is."""
+"""Types of progress callbacks."""
 
 from collections.abc import Callable
 
-# Called with the simulated time [s] that has been reached.
+# Called with the simulation time [s].
 TimeProgress = Callable[[float], None]
 # Called with the name of the step that begins.
 StepProgress = Callable[[str], None]

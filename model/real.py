@@ -1,4 +1,4 @@
-"""Numbers from users: real and of a wanted shape, or a clear refusal. NumPy alone would take '3', True and None."""
+"""Validation of users' numbers: real, with the expected shape. NumPy alone would accept '3', True and None."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ def real_array(value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        Texts, truth values, None, complex or ragged input, another shape, or NaN and infinities; the text says what
-        was found and what was expected.
+        Texts, booleans, None, complex or ragged input, another shape, NaN or infinity; the message has the value found
+        and the expectation.
     """
     expected = "one number" if shape == () else f"numbers of shape {shape}"
     try:
@@ -24,4 +24,4 @@ def real_array(value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
         raise ValueError(f"has shape {array.shape}; expected {expected}")
     if not np.isfinite(array).all():
         raise ValueError(f"is {array.tolist()}; expected finite numbers only")
-    return array.astype(np.float64, copy=False)  # which is a copy already
+    return array.astype(np.float64, copy=False)  # already a copy

@@ -9,7 +9,7 @@ import numpy as np
 from gough_stewart.model.errors import OrientationError
 from gough_stewart.model.vectors import Array, cross, dot, skew, transpose
 
-# Closer to ±90° than this, roll and yaw can no longer be told apart in double precision [rad].
+# Closer to ±90° than this, double precision cannot separate roll and yaw [rad].
 PITCH_MARGIN = 1e-6
 
 
@@ -46,7 +46,7 @@ def angular_acceleration_from_orientation_rates(orientation: Array, rate: Array,
     """Angular acceleration in world components from first and second rates of roll, pitch and yaw.
 
     ω̇ = γ̈ e_z + β̈ y + α̈ x + γ̇ e_z × (β̇ y + α̇ x) + β̇ y × α̇ x, with y = Rz e_y and x = Rz Ry e_x the axes that
-    yaw, and yaw and pitch, have turned; orientation [rad], rate [rad/s] and acceleration [rad/s²] (..., 3).
+    yaw, and yaw and pitch, have rotated; orientation [rad], rate [rad/s] and acceleration [rad/s²] (..., 3).
     """
     da, db, dg = (rate[..., i, None] for i in range(3))
     zero = 0 * rate
@@ -105,8 +105,8 @@ def orientation_from_matrix(rotation: Array) -> Array:
 def matrix_from_quaternion(quaternion: Array) -> Array:
     """Rotation matrix (..., 3, 3) of quaternions (..., 4), scalar last, of any length but zero.
 
-    R = 1 + 2 (w ṽ + ṽ ṽ)/|q|² for q = (v, w): the unit quaternion's matrix, so that a drift of |q| in an
-    integration turns nothing.
+    R = 1 + 2 (w ṽ + ṽ ṽ)/|q|² for q = (v, w): the matrix of the unit quaternion, so a drift of |q| in an
+    integration has no effect.
     """
     v, w = quaternion[..., :3], quaternion[..., 3]
     x = skew(v)

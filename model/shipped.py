@@ -1,4 +1,4 @@
-"""TOML files that ship with a package: their names, and their texts."""
+"""Names and texts of the TOML files that ship with the package."""
 
 from importlib import resources
 
@@ -10,5 +10,5 @@ def names(package: str, folder: str) -> tuple[str, ...]:
 
 
 def text(package: str, folder: str, name: str) -> str:
-    """The file of that name as it ships, with its comments."""
+    """The text of a file, with its comments."""
     return resources.files(package).joinpath(folder, f"{name}.toml").read_text(encoding="utf-8")

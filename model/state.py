@@ -1,4 +1,4 @@
-"""State and inputs of the platform as the equations take them."""
+"""State and inputs of the platform, the arguments of the equations."""
 
 from typing import NamedTuple, Self
 
@@ -26,7 +26,7 @@ class State(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """Forces that act from outside: six actuators and one wrench at Op in world components."""
+    """External forces: six actuators and one wrench at Op in world components."""
 
     actuator_force: Array  # (..., 6) [N], positive extends the leg
     external_force: Array  # (..., 3) [N]
@@ -39,7 +39,7 @@ class Inputs(NamedTuple):
 
     @classmethod
     def from_actuators(cls, actuator_force: Array) -> Self:
-        """Actuator forces (..., 6) alone; no external wrench."""
+        """Actuator forces (..., 6) without an external wrench."""
         f = np.asarray(actuator_force)
         return cls(f, 0 * f[..., 0:3], 0 * f[..., 0:3])
 

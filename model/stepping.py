@@ -1,6 +1,6 @@
-"""The stepping model: the platform as a plant with FMI-style inputs, steps and outputs, in process.
+"""The stepping model: the platform as a plant with FMI-style inputs, steps and outputs, in Python.
 
-It is to Python what the FMU is to a simulator; both share names, meaning and failure behaviour.
+It has the same variable names, semantics and failure behaviour as the FMU.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Everything that a stepping model needs to go on as if it had never left; made by `save_state`."""
+    """The complete state of a stepping model, from `save_state`."""
 
     time: float
     x: tuple[float, ...]
@@ -37,42 +37,42 @@ class Snapshot:
 
 
 class SteppingModel:
-    """The platform as a plant that is stepped from outside.
+    """The platform as a plant that is stepped with FMI-style calls.
 
     The contract:
 
-    1. A model starts at time 0 in the home pose of its platform, at rest, under the actuator forces that hold it there
-       (`Platform.home_actuator_force`) and no external wrench: with nothing set it stands still.
-    2. Variables go by the names of the interface table, whole (`actuator_force`) or one element by its FMI 2.0 name
+    1. A model starts at time 0 in the home pose of its platform, at rest, with the actuator forces that hold it there
+       (`Platform.home_actuator_force`) and no external wrench: with these defaults it stands still.
+    2. Variables have the names of the interface table, whole (`actuator_force`) or by element with the FMI 2.0 name
        (`actuator_force[3]`, 1-based).
     3. `set` takes inputs and tunable parameters (payload, friction, gravity) at any time; states (`position`,
        `orientation`, `velocity`, `angular_velocity`) and the other parameters only before the first step.
-       Values are checked where they are set: shape, finite, and, for parameters, a platform that can exist. A
-       refused value changes nothing.
-    4. `get` returns any variable of the table, as a copy: outputs and locals at the present time under the present
+       Values are checked when they are set: shape, finite and, for parameters, a valid platform. A rejected value
+       changes nothing.
+    4. `get` returns any variable of the table as a copy: outputs and locals at the current time with the current
        inputs. It changes nothing.
-    5. `do_step(time, step)` goes from `time`, which must be the model's time, to `time + step`, with inputs and
-       parameters held constant. The step is free to vary from call to call.
-    6. Integration is error-controlled (Dormand–Prince 8(5,3)) with `tolerance` relative, and absolute in SI units;
-       the internal step size carries over between calls, so that short communication steps cost little.
-    7. A step fails, with `StepError`, when at an internal step a leg has collapsed, |pitch| reaches 90°, the leg
-       Jacobian is singular (or was passed through singularity), the tolerance cannot be held, or more than
-       `integrator.MOST_INTERNAL_STEPS` would be needed. The error names quantity, value and time. Wrong arguments
-       (step ≤ 0, another time, not finite) are errors too, and a start pose with a leg so short that the centre of
-       mass of a part does not lie on it.
-       Poses are checked at internal steps: at a loose tolerance a motion may touch a singular pose and come back
-       between two of them.
-    8. A failed call leaves the model exactly as before it.
-    9. `save_state` and `restore_state` take and bring back everything; a restored model repeats its future to the
-       last bit. `reset` goes back to 1., with the platform the model was made with.
-    10. The limits of a platform (stroke, force, joint angle) are not enforced: that is for who drives the plant.
+    5. `do_step(time, step)` integrates from `time`, which must be the model's time, to `time + step`, with inputs and
+       parameters held constant. The step can vary from call to call.
+    6. Integration is error-controlled (Dormand–Prince 8(5,3)) with `tolerance`, relative, and absolute in SI units.
+       The internal step size carries over between calls, so short communication steps cost little.
+    7. A step fails with `StepError` if at an internal step a leg has collapsed, |pitch| reaches 90° or the leg
+       Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, or if more than
+       `integrator.MOST_INTERNAL_STEPS` would be needed. The error has quantity, value and time. Wrong arguments
+       (step ≤ 0, another time, not finite) are also errors, and so is a start pose with a leg too short to contain
+       the centre of mass of a part.
+       Poses are checked at internal steps: with a loose tolerance a motion can reach a singular pose and return
+       between two of them undetected.
+    8. A failed call leaves the model unchanged.
+    9. `save_state` and `restore_state` save and restore the complete state; a restored model repeats its results bit
+       by bit. `reset` returns to rule 1, with the platform from the constructor.
+    10. The limits of a platform (stroke, force, joint angle) are not enforced; that is up to the caller.
 
     Parameters
     ----------
     platform
-        The plant's parameters and home pose.
+        Parameters and home pose of the plant.
     tolerance
-        Of the integration, from 1e-13 to 1e-2.
+        Integration tolerance, from 1e-13 to 1e-2.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class SteppingModel:
     >>> plant.get("position"), plant.get("leg_length[3]")
     """
 
-    # sign of det J of the present pose, None where it has to be checked anew
+    # sign of det J at the current pose, None if it must be checked again
     _handedness: float | None
 
     def __init__(self, platform: Platform, tolerance: float = DEFAULT_TOLERANCE) -> None:
@@ -92,14 +92,14 @@ class SteppingModel:
         low, high = TOLERANCES
         if not low <= self._tolerance <= high:
             raise InterfaceError(
-                "tolerance", f"is {tolerance!r}; expected from {low:g} to {high:g}, say {DEFAULT_TOLERANCE:g}"
+                "tolerance", f"is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}"
             )
         self._initial_platform = platform
         self._kernel = Kernel()
         self.reset()
 
     def __repr__(self) -> str:
-        """Platform, time and pose, in a line."""
+        """Platform, time and pose, on one line."""
         pose = ", ".join(f"{value:.6g}" for value in self._x[:3]), ", ".join(f"{value:.6g}" for value in self._x[3:6])
         return (
             f"<SteppingModel of {self._platform.name} at {self._time:.6g} s: position ({pose[0]}) m, orientation "
@@ -107,7 +107,7 @@ class SteppingModel:
         )
 
     def reset(self) -> None:
-        """Back to time 0 in the home pose, held at rest, parameters as at construction (rules 1, 9)."""
+        """Return to time 0 and the home pose at rest, with the parameters from the constructor (rules 1, 9)."""
         self._time = 0.0
         self._started = False
         self._internal_step: float | None = None
@@ -117,12 +117,12 @@ class SteppingModel:
 
     @property
     def time(self) -> float:
-        """Present time [s]."""
+        """Current time [s]."""
         return self._time
 
     @property
     def platform(self) -> Platform:
-        """The platform with the parameters as they are now."""
+        """The platform with its current parameters."""
         return self._platform
 
     @property
@@ -133,19 +133,19 @@ class SteppingModel:
     # --- variables ---------------------------------------------------------------------------------------------
 
     def set(self, name: str, value: object) -> None:
-        """Set an input, a parameter, or before the first step a state (rules 2, 3).
+        """Set an input, a parameter or, before the first step, a state (rules 2, 3).
 
         Raises
         ------
         InterfaceError
             Unknown name, a variable that cannot be set (now), a wrong shape, or a value that is not finite.
         PlatformError
-            A parameter that no platform can have.
+            An invalid parameter.
         """
         self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """`set` several variables at once: all of them, or on an error none.
+        """`set` several variables at once; on an error, none of them.
 
         Parameters are checked together, so that elements of an inertia can be changed one by one.
         """
@@ -186,31 +186,31 @@ class SteppingModel:
         return whole if variable.shape else float(whole)
 
     def results(self) -> dict[str, NDArray[np.float64]]:
-        """All outputs and locals at the present time, by name; one evaluation."""
+        """All outputs and locals at the current time, by name, in one evaluation."""
         y = self._kernel.outputs(self._x, self._u, self._p).copy()
         return interface.unpack(interface.RESULTS, y)
 
     def result_vector(self) -> NDArray[np.float64]:
-        """As `results`, one vector in the order of `interface.RESULT_COLUMNS`."""
+        """`results` as one vector, in the order of `interface.RESULT_COLUMNS`."""
         return self._kernel.outputs(self._x, self._u, self._p).copy()
 
     def linearise(self) -> Linearisation:
-        """Exact Jacobians of state derivatives and results by states and inputs, here and now."""
+        """Exact Jacobians of state derivatives and results with respect to states and inputs, at the current state."""
         return Linearisation(*(block.copy() for block in self._kernel.jacobians(self._x, self._u, self._p)))
 
     # --- time --------------------------------------------------------------------------------------------------
 
     def do_step(self, time: float, step: float) -> None:
-        """Go from `time` to `time + step` with inputs held constant (rules 5 to 8); both in s.
+        """Integrate from `time` to `time + step` with inputs held constant (rules 5 to 8); both in s.
 
         Raises
         ------
         StepError, InterfaceError
-            Rule 7; the model is as before.
+            Rule 7; the model is unchanged.
         """
         time, step = _number("time", time), _number("step", step)
         end = end_of_step(time, step, self._time)
-        # known from the step before, unless somebody has set something since
+        # known from the step before, unless a state or parameter has been set since
         handedness = self._handedness or check_pose(self._platform, self._x, self._time)
         if not self._started:
             legs = leg_geometry(self._platform, self._x[0:3], self._x[3:6])
@@ -227,7 +227,7 @@ class SteppingModel:
         self._time, self._started = end, True
 
     def save_state(self) -> Snapshot:
-        """Everything, to come back to (rule 9)."""
+        """Save the complete state (rule 9)."""
         return Snapshot(
             self._time,
             tuple(self._x.tolist()),
@@ -238,24 +238,24 @@ class SteppingModel:
         )
 
     def restore_state(self, snapshot: Snapshot) -> None:
-        """Back to a snapshot of this model, or of any other of the same tolerance (rule 9)."""
+        """Restore a snapshot of this model, or of another one with the same tolerance (rule 9)."""
         if not isinstance(snapshot, Snapshot):
-            raise InterfaceError("snapshot", f"is {snapshot!r}; expected what save_state() gave")
+            raise InterfaceError("snapshot", f"is {snapshot!r}; expected a snapshot from save_state()")
         self._use(snapshot.platform)
         self._time, self._started = snapshot.time, snapshot.started
         self._x, self._u = np.array(snapshot.x), np.array(snapshot.u)
         self._internal_step = snapshot.internal_step
 
     def __getstate__(self) -> dict[str, Any]:
-        """Copies and pickles carry everything but the kernel, which each model has for itself."""
+        """Copy and pickle everything but the kernel, which models do not share."""
         return {name: value for name, value in self.__dict__.items() if name != "_kernel"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Undo `__getstate__`, with a new kernel and vectors of its own."""
+        """Restore from `__getstate__`, with a new kernel and copied vectors."""
         self.__dict__.update(state)
         self._x, self._u, self._kernel = self._x.copy(), self._u.copy(), Kernel()
 
-    # --- inside ------------------------------------------------------------------------------------------------
+    # --- private -----------------------------------------------------------------------------------------------
 
     def _use(self, platform: Platform) -> None:
         self._platform = platform
@@ -276,11 +276,13 @@ class SteppingModel:
         if variable.name == "fixed_step_size":
             raise InterfaceError(name, "is a parameter of the FMU; the stepping model is error-controlled")
         if variable in interface.RESULTS and not variable.is_state:
-            raise InterfaceError(name, f"is computed ({variable.causality}); only inputs, parameters and states")
+            raise InterfaceError(name, f"is computed ({variable.causality}); set inputs, parameters or states instead")
         if self._started and variable.is_state:
-            raise InterfaceError(name, "is a state and only settable before the first step; call reset() first")
+            raise InterfaceError(name, "is a state, which can only be set before the first step; call reset() first")
         if self._started and variable.variability == "fixed":
-            raise InterfaceError(name, "is a fixed parameter, only settable before the first step; call reset()")
+            raise InterfaceError(
+                name, "is a fixed parameter, which can only be set before the first step; call reset() first"
+            )
 
 
 def _number(name: str, value: object) -> float:
@@ -295,6 +297,6 @@ def _starts(variables: tuple[Variable, ...], platform: Platform) -> NDArray[np.f
 
 
 def _position_in(variables: tuple[Variable, ...], variable: Variable) -> slice:
-    """Where a variable lies in the packed vector of these variables."""
+    """The slice of a variable in the packed vector of these variables."""
     before = interface.size_of(variables[: variables.index(variable)])
     return slice(before, before + variable.size)

@@ -1,4 +1,4 @@
-"""TOML, with errors that name the line and the key."""
+"""TOML parsing with errors that name line and key."""
 
 import re
 import tomllib
@@ -15,14 +15,14 @@ def toml_values(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        Not TOML; one line that names the place and what stands there, and a key that is there twice.
+        Not TOML; one line with the place, the text found there, or the duplicate key.
     """
     try:
-        # with an end, so that errors in the last line have a place, too
+        # with a final newline, so that errors in the last line have a position, too
         return tomllib.loads(f"{text}\n")
     except RecursionError:
-        raise ValueError("is not TOML: its values lie too deep in each other") from None
-    except ValueError as error:  # beside decoding errors: endless digits
+        raise ValueError("is not TOML: its values are nested too deeply") from None
+    except ValueError as error:  # decoding errors, and integers with too many digits
         raise ValueError(f"is not TOML: {_explained(str(error), text.splitlines())}") from error
 
 
@@ -31,13 +31,13 @@ def _explained(message: str, lines: list[str]) -> str:
     if found is None:
         return message
     number = int(found[1])
-    # of a value over several lines the key is above
+    # the key of a value with several lines is in a line above
     before = enumerate(reversed(lines[:number]))
     key = next(((number - k, match[1]) for k, line in before if (match := _KEY.match(line))), None)
     if message.startswith("Cannot overwrite a value") and key is not None:
-        return f"the key '{key[1]}' in line {key[0]} is there already; expected every key once"
+        return f"the key '{key[1]}' in line {key[0]} is a duplicate; expected every key once"
     if declared := _TABLE_TWICE.match(message):
         name = ".".join(re.findall(r"'([^']*)'", declared[1]))
-        return f"the table [{name}] in line {number} is there already; expected every table once"
+        return f"the table [{name}] in line {number} is a duplicate; expected every table once"
     line = lines[number - 1].strip() if number <= len(lines) else ""
     return f"{message}: {line[:60]}" if line else message

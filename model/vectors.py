@@ -1,4 +1,4 @@
-"""Vector algebra over leading axes, the same for NumPy floats and for CasADi symbols in object arrays."""
+"""Vector algebra over leading axes, for NumPy floats and for CasADi symbols in object arrays."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Numbers or CasADi symbols: the algebra is the same, so the element type stays open.
+# Numbers or CasADi symbols; the algebra is the same for both.
 Array = NDArray[Any]
 Scalars = Array | float
-# Numbers alone.
+# Numbers only.
 FloatArray = NDArray[np.float64]
-# A decorator: a leg of length 0 has no direction, and what follows from it is infinite or not a number, without a word.
+# A decorator: a leg of length 0 has no direction, so its results are infinite or NaN, without warnings.
 without_warnings = np.errstate(divide="ignore", invalid="ignore")
 
 
@@ -56,7 +56,7 @@ def concatenate(parts: Sequence[Array]) -> Array:
     """Join (..., n_k) vectors along their last axis; leading axes broadcast against each other."""
     parts = [np.asarray(part) for part in parts]
     shapes = {part.shape[:-1] for part in parts}
-    if len(shapes) == 1:  # the usual case, at a third of the cost
+    if len(shapes) == 1:  # the usual case, a shortcut at a third of the cost
         return np.concatenate(parts, axis=-1)
     leading = np.broadcast_shapes(*shapes)
     return np.concatenate([np.broadcast_to(part, (*leading, part.shape[-1])) for part in parts], axis=-1)
@@ -68,5 +68,5 @@ def transpose(matrix: Array) -> Array:
 
 
 def per_leg(value: Scalars) -> Array:
-    """One value for all six legs: (...) to (..., 1), ready to broadcast against (..., 6)."""
+    """One value for all six legs: (...) to (..., 1), which broadcasts against (..., 6)."""
     return np.asarray(value)[..., None]

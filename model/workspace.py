@@ -1,4 +1,4 @@
-"""Where a platform can go, how well, and how strongly: reach, conditioning and static strength at poses.
+"""Workspace analysis at poses: reachability, conditioning and static load capacity.
 
 All functions are NumPy only and broadcast over leading axes of poses.
 """
@@ -24,12 +24,12 @@ from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
 
-# Poses computed together: enough for NumPy's loops, and a few ten MB of intermediate results.
+# Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.
 CHUNK = 4096
 
 
 class Limit(IntEnum):
-    """What keeps a platform from a pose; where several do, the first of them in this order."""
+    """The limit that makes a pose unreachable; if there are several, the first in this order."""
 
     NONE = 0
     PITCH = 1
@@ -41,7 +41,7 @@ class Limit(IntEnum):
 
     @property
     def text(self) -> str:
-        """In words."""
+        """Description of the limit."""
         return _TEXTS[self]
 
 
@@ -57,42 +57,42 @@ _TEXTS = {
 
 
 class PoseQualities(NamedTuple):
-    """What a platform can do at poses, each (...); None where the platform states no limit to compare with."""
+    """Results at poses, each (...); None if the platform does not state the limit."""
 
-    limit: NDArray[np.int8]  # a `Limit`, 0 where the pose can be reached
+    limit: NDArray[np.int8]  # a `Limit`, 0 if the pose is reachable
     leg_length_margin: FloatArray | None  # of the leg nearest to an end of its stroke [m], negative beyond
     joint_angle_margin: FloatArray | None  # of the joint nearest to `joint_angle_max` [rad], negative beyond
     singular_margin: FloatArray  # smallest singular value of the scaled leg Jacobian, negative beyond a singular pose
     condition_number: FloatArray  # of the same; infinite at a singular pose
     payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
     force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
-    largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction that `leg_velocity_max` admits [m/s]
+    largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction, limited by `leg_velocity_max` [m/s]
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
-        """No limit is passed."""
+        """Whether the pose is within all limits."""
         return np.asarray(self.limit == Limit.NONE)
 
 
 def evaluate_poses(
     platform: Platform, position: Array, orientation: Array, progress: Callable[[int], None] | None = None
 ) -> PoseQualities:
-    """Reach, conditioning and static strength at poses.
+    """Reachability, conditioning and static load capacity at poses.
 
-    A pose can be reached if its legs are from `leg_length_min` to `leg_length_max` long, no joint is further than
-    `joint_angle_max` from its direction in the home pose, |pitch| is below 90°, and det J has the sign that it has at
-    home: else every way from home passes a singular pose. Payload and force margin are those of leg forces within
-    ±`actuator_force_max` at rest; 0 where the actuators cannot hold the platform, and at poses with a condition number
-    of J above `LARGEST_CONDITION_NUMBER`. The largest speed s is such that no leg is faster than V = `leg_velocity_max`
-    in whatever direction the platform moves and turns with √(|v|² + ρ² |ω|²) = s: V/max_i |row_i|, rows of the scaled
-    leg Jacobian. Without turning it would be V at every pose.
+    A pose is reachable if all leg lengths are between `leg_length_min` and `leg_length_max`, no joint deviates more
+    than `joint_angle_max` from its direction in the home pose, |pitch| is below 90°, and det J has the same sign as at
+    home (otherwise every path from home passes a singular pose). Payload and force margin are static, for leg forces
+    within ±`actuator_force_max`; they are 0 where the actuators cannot hold the platform, and at poses with a condition
+    number of J above `LARGEST_CONDITION_NUMBER`. The largest speed is the s for which no leg exceeds
+    V = `leg_velocity_max` in any direction of motion with √(|v|² + ρ² |ω|²) = s: s = V/max_i |row_i|, with the rows of
+    the scaled leg Jacobian. For translation alone it would be V at every pose.
 
     Parameters
     ----------
     position, orientation
         Poses (..., 3) [m], [rad]; they broadcast.
     progress
-        Called with the number of poses that are done.
+        Called with the number of completed poses.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def evaluate_poses(
     shape = position.shape[:-1]
     positions, orientations = position.reshape(-1, 3), orientation.reshape(-1, 3)
     parts = []
-    # no poses at all are one empty chunk
+    # without poses, there is one empty chunk
     for first in range(0, max(len(positions), 1), CHUNK):
         here = slice(first, first + CHUNK)
         parts.append(_evaluated(platform, positions[here], orientations[here]))
@@ -114,7 +114,7 @@ def evaluate_poses(
 
 
 def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArray[np.int8]:
-    """The `Limit` that keeps a platform from poses (..., 3), and no more: a third of the cost of `evaluate_poses`."""
+    """The `Limit` at poses (..., 3) only, at a third of the cost of `evaluate_poses`."""
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
@@ -125,14 +125,14 @@ def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArra
 
 
 class Strength(NamedTuple):
-    """What the actuators hold at rest, each (...)."""
+    """Static load capacity of the actuators, each (...)."""
 
     payload: FloatArray  # [kg]
     force_margin: FloatArray  # [N]
 
 
 def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
-    """Of poses (n, 3)."""
+    """Results at poses (n, 3)."""
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
         side = side_of_singular_poses(platform, legs)
@@ -156,7 +156,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
 
 
 def _largest_speed(legs: LegGeometry, fastest: float) -> FloatArray:
-    """Of poses (n, 3) [m/s]; 0 where a leg has no direction."""
+    """Largest speed at poses (n, 3) [m/s]; 0 if a leg has no direction."""
     with np.errstate(all="ignore"):
         rows, _ = scaled_jacobian_of_legs(legs)
         speed = fastest / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1)
@@ -178,7 +178,7 @@ def _first_limit(
 
 
 def _leg_margins(platform: Platform, legs: LegGeometry) -> dict[Limit, FloatArray]:
-    """Of the worst leg [m]."""
+    """Stroke margin of the worst leg [m]."""
     margins = {}
     if platform.leg_length_min is not None:
         margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
@@ -188,7 +188,7 @@ def _leg_margins(platform: Platform, legs: LegGeometry) -> dict[Limit, FloatArra
 
 
 def _joint_margins(platform: Platform, position: FloatArray, orientation: FloatArray) -> dict[Limit, FloatArray]:
-    """Of the worst joint [rad]."""
+    """Angle margin of the worst joint [rad]."""
     if platform.joint_angle_max is None:
         return {}
     angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
@@ -208,16 +208,16 @@ def _strength(
     regular: NDArray[np.bool_],
     largest_force: float,
 ) -> Strength:
-    """Largest payload, and largest force in any direction, that leg forces within ±`largest_force` hold at rest.
+    """Largest payload and largest force in any direction that leg forces within ±`largest_force` hold at rest.
 
-    With A = J⁻ᵀ[:, :3] and f0 the static leg forces, a force f at Op asks for f0 − A f. A point mass m at Op adds m f1,
-    f1 = −A g, so that m = min_i (F − sign(f1_i) f0_i)/|f1_i|, infinite where no leg feels it; and the worst direction
-    for leg i is ±A_i, so that the margin is min_i (F − |f0_i|)/|A_i|. Both are 0 where |f0_i| > F for some leg, and at
-    poses that are not `regular`.
+    With A = J⁻ᵀ[:, :3] and the static leg forces f0, a force f at Op requires leg forces f0 − A f. A point mass m at Op
+    adds m f1, f1 = −A g, so m = min_i (F − sign(f1_i) f0_i)/|f1_i|, which is infinite if no leg force changes. The
+    worst direction for leg i is ±A_i, so the force margin is min_i (F − |f0_i|)/|A_i|. Both are 0 where |f0_i| > F for
+    some leg, and at poses that are not `regular`.
     """
     payload, margin = np.zeros(regular.shape), np.zeros(regular.shape)
     rest = np.zeros((np.count_nonzero(regular), 3))
-    # at rest the bias wrench is what the actuators hold: the weights of platform and legs
+    # at rest the bias wrench is the weight of platform and legs, which the actuators hold
     held = bias_wrench(platform, State(position[regular], orientation[regular], rest, rest))
     unit_forces = np.broadcast_to(np.eye(6)[:, :3], (len(rest), 6, 3))
     J = jacobian_of_legs(LegGeometry(*(part[regular] for part in legs)))
@@ -226,7 +226,7 @@ def _strength(
     f1 = -apply(A, platform.gravity)
     holds = (np.abs(f0) <= largest_force).all(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # 0/0: the leg is at its limit already, and feels nothing of the load
+        # 0/0: the leg is already at its limit, and the load does not change its force
         masses = np.where(f1 == 0, np.inf, (largest_force - np.sign(f1) * f0) / np.abs(f1))
         reserves = (largest_force - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
     payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)

@@ -1,4 +1,4 @@
-"""A grid of poses over two or three coordinates of the platform, and what it can do there."""
+"""Workspace analysis on a grid of poses over two or three coordinates."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from gough_stewart.model.workspace import Limit, PoseQualities, evaluate_poses, 
 # In the order of position and orientation, with their units.
 COORDINATES: Mapping[str, str] = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
 LARGEST_ANGLES: Mapping[str, float] = {"roll": np.pi, "pitch": np.pi / 2, "yaw": np.pi}
-# Per coordinate, unless told otherwise, for two and three swept coordinates.
+# Default number of points per coordinate, for two and three swept coordinates.
 POINTS = {2: 101, 3: 31}
-# More make files that no program opens.
+# Larger results would give files that programs cannot open.
 LARGEST_GRID = 250_000
-# Where nothing bounds a platform: about home, in characteristic lengths, and in rad.
+# Ranges for unbounded platforms: about home, in characteristic lengths and in rad.
 UNBOUNDED_LENGTH, UNBOUNDED_ANGLE = 1.0, np.pi / 4
-# Of the search for a range: points per coordinate, and how often it is repeated on what was found.
+# Search for a range: points per coordinate, and number of refinements.
 _SEARCH, _ROUNDS = {2: 101, 3: 21}, 3
-# What is seen beyond the reachable region, as a share of its size on either side.
+# Margin around the reachable region, as a fraction of its size on either side.
 _BEYOND = 0.06
-# A range whose parts on either side of home differ by less than this is made symmetric.
+# A range is made symmetric if its parts on either side of home differ by less than this.
 _NEARLY = 0.75
 
 Range = tuple[float, float]
@@ -33,13 +33,13 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Workspace:
-    """Poses on a grid, and what the platform can do there; arrays have one axis per swept coordinate, in order."""
+    """Workspace results on a grid of poses; arrays have one axis per swept coordinate, in order."""
 
     platform: Platform
     swept: Mapping[str, FloatArray]  # the grid's values by coordinate, two or three [m or rad]
-    fixed: Mapping[str, float]  # all the others
-    found: tuple[str, ...]  # swept coordinates whose range was found from the platform's limits
-    assumed: tuple[str, ...]  # those for which nothing bounds the platform: it is a range about home
+    fixed: Mapping[str, float]  # all other coordinates
+    found: tuple[str, ...]  # swept coordinates with a range derived from the platform's limits
+    assumed: tuple[str, ...]  # swept coordinates without limits, with a default range about home
     qualities: PoseQualities
 
     @property
@@ -48,7 +48,7 @@ class Workspace:
         return tuple(len(values) for values in self.swept.values())
 
     def __repr__(self) -> str:
-        """What was swept, and how much of it can be reached, in a line."""
+        """The swept ranges and the reachable share, on one line."""
         ranges = ", ".join(f"{name} {v[0]:.4g} to {v[-1]:.4g} {COORDINATES[name]}" for name, v in self.swept.items())
         reachable = self.qualities.reachable
         share = f"{100 * reachable.mean():.3g} % of {reachable.size} poses can be reached"
@@ -66,25 +66,26 @@ def sweep(
     points: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Workspace:
-    """Where a platform can go, how well and how strongly: `evaluate_poses` on a grid.
+    """Workspace of a platform: `evaluate_poses` on a grid.
 
     Parameters
     ----------
     platform
-        Whose limits count; those that it does not state keep it from nothing.
+        The platform with its limits; limits that it does not state are not checked.
     over
-        Two or three coordinates and their ranges [m or rad]; None lets the range be found. Default: x and y.
+        Two or three coordinates and their ranges [m or rad]; with None the range is derived from the limits. Default:
+        x and y.
     at
-        Values of other coordinates [m or rad]; those of the home pose if they are not given.
+        Values of other coordinates [m or rad]; by default those of the home pose.
     points
-        Per swept coordinate; by default 101, of three coordinates 31.
+        Number of points per swept coordinate; by default 101 for two coordinates, 31 for three.
     progress
-        Called with the number of poses that are done.
+        Called with the number of completed poses.
 
     Raises
     ------
     WorkspaceError
-        Coordinates, ranges or a number of points that make no grid.
+        Coordinates, ranges or a number of points that do not define a grid.
 
     Examples
     --------
@@ -97,8 +98,9 @@ def sweep(
     count = _checked_points(points, len(over))
     home = home_of(platform)
     fixed = {name: float(at.get(name, home[name])) for name in COORDINATES if name not in over}
-    assumed = tuple(name for name, given in over.items() if given is None and not _is_bounded(platform, name))
-    found = tuple(name for name, given in over.items() if given is None and name not in assumed)
+    without_range = [name for name, limits in over.items() if limits is None]
+    assumed = tuple(name for name in without_range if not _is_bounded(platform, name))
+    found = tuple(name for name in without_range if name not in assumed)
     ranges = default_ranges(platform, over, fixed)
     swept = {name: np.linspace(*ranges[name], count) for name in over}
     poses = _poses(swept, fixed)
@@ -117,10 +119,10 @@ def default_ranges(
     """Ranges [m or rad] about the reachable region with the other coordinates fixed, rounded outward.
 
     P_i stays within `leg_length_max` of B_i, which bounds Op by a box; angles are bounded by half turns. A coarse
-    grid over that finds the region, and two finer ones its ends; a tip thinner than a step of the coarse grid, a
-    hundredth of the box (a twentieth for three coordinates), may be cut. Where the platform states no limit that
-    would bound a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Ranges that are given
-    stay.
+    grid over this box finds the region, and two finer ones its ends. A tip thinner than a step of the coarse grid, a
+    hundredth of the box (a twentieth for three coordinates), can be missed. If no limit of the platform
+    bounds a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Given ranges are not
+    changed.
     """
     home = home_of(platform)
     free = [name for name, given in over.items() if given is None and _is_bounded(platform, name)]
@@ -128,7 +130,7 @@ def default_ranges(
     ranges = dict(box)
     for _ in range(_ROUNDS if free else 0):
         swept = {name: np.linspace(*ranges[name], _SEARCH[len(over)]) for name in over}
-        # a region too thin for the grid is still met at home
+        # a region too thin for the grid still contains home
         swept |= {name: np.union1d(swept[name], home[name]) for name in free if _within(home[name], ranges[name])}
         poses = _poses(swept, fixed)
         reached = limits_at(platform, poses[..., :3], poses[..., 3:]) == Limit.NONE
@@ -150,14 +152,14 @@ def _within(value: float, given: Range) -> bool:
 
 
 def _ends(values: FloatArray, reached: NDArray[np.bool_], axis: int) -> Range:
-    """Of what is reached, one point further on either side."""
+    """Ends of the reachable region, extended by one point on either side."""
     others = tuple(k for k in range(reached.ndim) if k != axis)
     rows = np.flatnonzero(reached.any(axis=others))
     return float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
 
 
 def _about(home: float, low: float, high: float) -> Range:
-    """Symmetric about home if it nearly is, so that home is in the middle, and on the grid."""
+    """The range, made symmetric about home if it nearly is, so that home is in the middle and on the grid."""
     below, above = home - low, high - home
     if min(below, above) < _NEARLY * max(below, above):
         return low, high
@@ -187,12 +189,12 @@ def _outer_range(
         R = matrix_from_orientation(np.array([fixed[angle] for angle in LARGEST_ANGLES]))
         centres, radii = (platform.base_points - platform.platform_points @ R.T)[:, k], np.full(6, longest)
     low, high = float((centres - radii).max()), float((centres + radii).min())
-    # no pose fits all legs: something to look at none the less
+    # no pose fits all legs: use a range to display anyway
     return (low, high) if low < high else (home - platform.characteristic_length, home + platform.characteristic_length)
 
 
 def _rounded(name: str, low: float, high: float) -> Range:
-    """Outward, to 1, 2 or 5 times a power of ten, of degrees for angles."""
+    """Round outward to 1, 2 or 5 times a power of ten, in degrees for angles."""
     unit = np.pi / 180 if name in LARGEST_ANGLES else 1.0
     rough = (high - low) / unit / 40
     decade = 10.0 ** np.floor(np.log10(rough))
@@ -236,7 +238,7 @@ def _check_value(name: str, value: float) -> None:
     if name in LARGEST_ANGLES and abs(value) > LARGEST_ANGLES[name] * (1 + 1e-12):
         degrees = np.degrees(LARGEST_ANGLES[name])
         raise WorkspaceError(
-            f"{name} is {value:g} rad; expected from −{degrees:g}° to {degrees:g}°; degrees are written as {value:g}deg"
+            f"{name} is {value:g} rad; expected from −{degrees:g}° to {degrees:g}°; write degrees as {value:g}deg"
         )
 
 

@@ -1,4 +1,4 @@
-"""A sampled controller as a component: from its signals, parameters and plain C."""
+"""A sampled controller as a component, from its signals, parameters and plain C."""
 
 import hashlib
 
@@ -9,7 +9,7 @@ from gough_stewart.fmu_build.controller.controller import Controller, Parameter
 from gough_stewart.fmu_build.controller.documentation import documentation_page
 from gough_stewart.fmu_build.controller.tables import controller_header
 from gough_stewart.fmu_build.layout import Layout
-from gough_stewart.fmu_build.sources import room
+from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.vectors import Array
 
@@ -26,12 +26,12 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
     controller
         Its signals, parameters and plain C.
     file_stem
-        How the names of the archives begin.
+        Beginning of the archives' names.
     """
     layout = controller.layout
     starts = {row.variable.name: _zeros(row.variable) for row in layout.rows if row.variable.causality == "input"}
     starts |= {p.variable.name: _start(p) for p in controller.parameters}
-    own = room("controller")
+    own = c_folder("controller")
     texts = "".join((*controller.code.units.values(), *controller.code.headers.values()))
     return Component(
         identifier=IDENTIFIER,
@@ -53,7 +53,7 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
         icon=controller.icon,
         terminals=lambda fmi_version: _terminals(layout, fmi_version),
         documents=lambda fmi_version: {"documentation/index.html": documentation_page(controller, starts, fmi_version)},
-        # what the memory means is in the plain C
+        # the plain C defines the meaning of the memory
         saved_form=hashlib.sha256(texts.encode()).hexdigest(),
     )
 
@@ -68,15 +68,15 @@ def _start(parameter: Parameter) -> Array:
 
 
 def _dependencies(layout: Layout) -> dict[int, dict[int, Kind]]:
-    """Before the first sample the forces are the start forces; later they are those of an earlier time."""
+    """Until sample 1 the forces are the start forces; later they do not depend on current inputs."""
     forces, starts = layout.by_name["actuator_force"], layout.by_name["start_force"]
     return {slot: {start: "constant"} for slot, start in zip(forces.slots, starts.slots, strict=True)}
 
 
 def _terminals(layout: Layout, fmi_version: str) -> tuple[Terminal, ...]:
-    """The actuators, as the plant has them; what is measured of the pose; the reference."""
+    """Terminals: the actuators, as in the plant; the measured pose; the reference."""
     names: list[str] = [row.variable.name for row in layout.rows if row.variable.causality in ("input", "output")]
     actuators, pose = ([name for name in group.split() if name in names] for group in (_ACTUATOR, _POSE))
     reference = [name for name in names if name.startswith("reference_")]
-    groups = (("pose", "pose and its rates", pose), ("reference", "where the platform should be", reference))
+    groups = (("pose", "pose and its rates", pose), ("reference", "reference of the platform", reference))
     return terminals_of(layout, fmi_version, actuators, groups)

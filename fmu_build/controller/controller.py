@@ -1,4 +1,4 @@
-"""What a unit has to know of a controller: signals, parameters, plain C; and its layout."""
+"""The description of a controller for its unit: signals, parameters, plain C; and its layout."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,29 +10,29 @@ from gough_stewart.model.vectors import Array
 
 OUTPUTS = (
     Variable("actuator_force", (6,), "N", "output", "continuous", "force of each actuator, positive extends the leg"),
-    Variable("force_limited", (6,), "", "output", "continuous", "1 where the force limit cuts the force, else 0"),
+    Variable("force_limited", (6,), "", "output", "continuous", "1 if the force limit is active, else 0"),
 )
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of the controller; in the plain C one field of its struct."""
+    """A parameter of the controller, a field of its struct in the plain C."""
 
     variable: Variable
-    value: Array  # infinite where there is none
-    is_none_at_zero: bool = False  # a limit: infinite in C, which a unit writes as 0
-    expected: str = "another value"  # what the plain C asks for, beside the variable's bound
+    value: Array  # infinite if there is no limit
+    is_none_at_zero: bool = False  # a limit: no limit is infinity in C and 0 in the unit
+    expected: str = "another value"  # the condition in the plain C, in addition to the variable's bound
 
 
 @dataclass(frozen=True)
 class Controller:
-    """What a unit has to know of a controller."""
+    """The description of a controller for its unit."""
 
     title: str
     sample_time: float  # [s]
-    stop_time: float  # of an experiment that asks for nothing [s]
+    stop_time: float  # of the default experiment [s]
     measured: tuple[Variable, ...]  # in the order of the plain C
-    reference: tuple[Variable, ...]  # what comes in of the reference; none where it is inside
+    reference: tuple[Variable, ...]  # reference inputs; empty if the reference is part of the unit
     parameters: tuple[Parameter, ...]  # in the order of the struct; sample_time and start_force are among them
     code: Code  # controller.c and controller.h
     icon: Icon
@@ -41,7 +41,7 @@ class Controller:
     def layout(self) -> Layout:
         """Inputs, outputs, parameters, time."""
         inputs = [_input(v, v.name, v.description) for v in self.measured]
-        inputs += [_input(v, f"reference_{v.name}", f"where it should be: {v.description}") for v in self.reference]
+        inputs += [_input(v, f"reference_{v.name}", f"reference: {v.description}") for v in self.reference]
         return laid_out((*inputs, *OUTPUTS, *map(_described, self.parameters)), {})
 
 
@@ -54,5 +54,5 @@ def _input(variable: Variable, name: str, description: str) -> Variable:
 def _described(parameter: Parameter) -> Variable:
     if not parameter.is_none_at_zero:
         return parameter.variable
-    description = f"{parameter.variable.description}; 0: none"
+    description = f"{parameter.variable.description}; 0: no limit"
     return replace(parameter.variable, lower_bound=">= 0", description=description)

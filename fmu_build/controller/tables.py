@@ -1,11 +1,11 @@
-"""`controller_table.h`: where the controller's variables are, and what its parameters may be."""
+"""`controller_table.h`: the slots of the controller's variables and the conditions on its parameters."""
 
 import json
 
 from gough_stewart.fmu_build.controller.controller import Controller
 from gough_stewart.fmu_build.tables import GENERATED, defines
 
-# In one communication step: about a second of computing.
+# In one communication step; takes about 1 s.
 MOST_SAMPLES = 1_000_000
 
 
@@ -25,10 +25,10 @@ def controller_header(controller: Controller) -> str:
 
 {defines(facts)}
 
-/* limits: infinite in the controller, 0 in the unit */
+/* limits: no limit is infinity in the controller and 0 in the unit */
 #define IS_NONE_AT_ZERO(slot) ({" || ".join(f"(slot) == {slot}" for slot in limits) or "0"})
 
-/* of each parameter, where the controller refuses its value */
+/* for each parameter, what the controller expects if it rejects the value */
 #define EXPECTATIONS \\
     {{ \\
 {expectations} \\

@@ -1,4 +1,4 @@
-"""The plant as a component: a platform gives its start values, its pictures and its documents."""
+"""The plant as a component, with start values, pictures and documents of a platform."""
 
 from functools import cache
 
@@ -14,7 +14,7 @@ from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
 from gough_stewart.fmu_build.plant.reference_results import reference_files, reference_runs
 from gough_stewart.fmu_build.plant.tables import plant_header
-from gough_stewart.fmu_build.sources import room
+from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
@@ -43,18 +43,18 @@ def plant_component(
     Parameters
     ----------
     platform
-        Gives the parameters, and home as the start.
+        The platform with the parameters and the default start pose, home.
     start
-        Another start.
+        Start state, if not home.
     actuator_force
-        Other forces at the start (6,) [N], positive extends the leg.
+        Start values of the forces (6,) [N], if not those that hold the home pose; positive extends the leg.
     tolerance, fixed_step_size
-        Other ones where nobody sets them.
+        Default values of the unit.
     file_stem
-        How the names of the archives begin.
+        Beginning of the archives' names.
     is_in_a_system
-        For a place beside its controller: without reference results, and with actuator forces that are all 0 in the
-        first step taken for those of the start, since some masters hand on no start values.
+        Whether the unit is for a system with its controller: without reference results, and in the first step,
+        actuator forces that are all 0 are replaced by their start values, which some masters do not propagate.
     """
     starts = interface.start_values(interface.VARIABLES, platform)
     own: dict[str, Array] = {"fixed_step_size": np.array(fixed_step_size)}
@@ -88,7 +88,7 @@ def plant_component(
 
 @cache
 def _code(fixed_step_size: float, is_in_a_system: bool) -> Code:
-    own = room("plant")
+    own = c_folder("plant")
     header = plant_header(fixed_step_size, is_in_a_system=is_in_a_system)
     return Code({**own.units, "kernel.c": kernel_source()}, {**own.headers, "plant_table.h": header})
 

@@ -13,9 +13,9 @@ from gough_stewart.model import interface, kernel
 
 @cache
 def slot_dependencies() -> SlotDependencies:
-    """Of derivatives, outputs and locals on inputs, states and parameters.
+    """Dependencies of derivatives, outputs and locals on inputs, states and parameters.
 
-    An entry of the Jacobian that is a plain number makes the dependency `constant`.
+    A dependency is `constant` if its entry of the Jacobian is a plain number.
     """
     x, u, p = kernel.derivatives_function().sx_in()
     f = casadi.vertcat(kernel.derivatives_function()(x, u, p), kernel.outputs_function()(x, u, p))

@@ -20,16 +20,16 @@ from gough_stewart.model.vectors import Array
 
 
 def documentation_page(platform: Platform, fmi_version: str, starts: Mapping[str, Array] | None = None) -> bytes:
-    """The page as well-formed HTML, with nothing that is fetched from elsewhere.
+    """The page as well-formed, self-contained HTML.
 
     Parameters
     ----------
     platform
-        Gives the drawing.
+        The platform of the drawing.
     fmi_version
-        "2.0" or "3.0"; decides names, example and what is said of the interface.
+        "2.0" or "3.0"; determines names, example and the description of the interface.
     starts
-        Start values in the table by name, if they are not all the platform's.
+        Start values in the table by name; by default those of the platform.
 
     Raises
     ------
@@ -59,24 +59,24 @@ def _heading(platform: Platform, fmi_version: str) -> str:
     source = f" ({escape(platform.source)})" if platform.source else ""
     return f"""
 <h1>Gough–Stewart platform</h1>
-<p>Functional mock-up unit for FMI {fmi_version}, Co-Simulation and Model Exchange: six actuator forces in; pose, motion
-and leg lengths out. Start values are those of the platform <b>{escape(platform.name)}</b>{source}; any other platform
-can be set through the parameters.</p>
+<p>Functional mock-up unit for FMI {fmi_version}, Co-Simulation and Model Exchange. Inputs are six actuator forces;
+outputs are pose, motion and leg lengths. Start values are those of the platform
+<b>{escape(platform.name)}</b>{source}; parameters can be set to those of any other platform.</p>
 """
 
 
 _MODEL = """
-<h2>What is modelled</h2>
+<h2>Model</h2>
 <ul>
 <li>A platform and six identical legs of two rigid parts each, which slide along the leg; base joints and platform
-joints may lie anywhere.</li>
+joints can be anywhere.</li>
 <li>Ideal universal joints at the base, ideal spherical joints at the platform. Legs do not spin about their axis, so
-that their axial inertia plays no part.</li>
-<li>Rotors and screws of electric actuators, by their inertia reflected along the leg.</li>
+their axial inertia has no effect.</li>
+<li>Rotors and screws of electric actuators, as an inertia reflected along the leg.</li>
 <li>Friction between the two parts of a leg: viscous, and Coulomb friction smoothed by a hyperbolic tangent.</li>
 <li>Gravity, and an external force and torque on the platform.</li>
 </ul>
-<p>Not modelled: friction in the joints, elasticity, dynamics of the actuators, contact. Strokes and force limits are
+<p>Not modelled: friction in the joints, elasticity, actuator dynamics, contact. Stroke and force limits are
 not enforced.</p>
 """
 
@@ -87,30 +87,30 @@ def _frames(platform: Platform) -> str:
 {drawing_svg(platform).decode()}
 <ul>
 <li>World frame X<sub>0</sub>Y<sub>0</sub>Z<sub>0</sub>: fixed at the base, Z up. The platform's own frame has its
-origin at O<sub>p</sub>; platform joints, centre of mass and inertia are given in it.</li>
+origin at O<sub>p</sub>; platform joints, centre of mass and inertia are expressed in it.</li>
 <li><code>orientation</code>: roll α, pitch β, yaw γ about the <em>fixed</em> world axes X, then Y, then Z, so that
 R = R<sub>z</sub>(γ) R<sub>y</sub>(β) R<sub>x</sub>(α) maps platform to world components.</li>
 <li><code>angular_velocity</code>: world components; not the rates of roll, pitch and yaw.</li>
 <li>Leg i goes from base joint B<sub>i</sub> to platform joint P<sub>i</sub>, in the direction u<sub>i</sub>.
-<code>actuator_force</code> &gt; 0 pushes both parts apart: it extends the leg.</li>
-<li><code>joint_force</code>: of leg i on the platform at P<sub>i</sub>, world components.</li>
+<code>actuator_force</code> &gt; 0 extends the leg.</li>
+<li><code>joint_force</code>: force of leg i on the platform at P<sub>i</sub>, world components.</li>
 <li>All quantities are in SI units, all angles in radians.</li>
 </ul>
 """
 
 
 def _variables(starts: Mapping[str, Array], fmi_version: str, stands_still: bool) -> str:
-    own_weight = """ The actuator forces start with what holds the platform
-at home: a unit that is told nothing stands still."""
+    own_weight = """ The start values of the actuator forces hold the home pose:
+with all defaults, the platform stands still."""
     return f"""
-{variables_table(PLANT, starts, fmi_version, "Matrices of joints have a row for every leg.")}
+{variables_table(PLANT, starts, fmi_version, "Matrices of joints have one row per leg.")}
 <p>Outputs with a start value are the continuous states: their start is exact and can be set. Fixed parameters can be
 set until initialization ends, tunable ones also during the run.{own_weight if stands_still else ""}</p>
 """
 
 
 def _equations() -> str:
-    """The page beside the code: one source for it, the site and this."""
+    """The equations from the file beside the code, which the site also shows."""
     return to_html(files("gough_stewart.model").joinpath("task_space.md").read_text(encoding="utf-8"))
 
 
@@ -118,13 +118,13 @@ def _behaviour(fmi_version: str) -> str:
     lowest, highest = (_power(t) for t in TOLERANCES)
     if fmi_version == "2.0":
         inputs = """In Co-Simulation inputs are held over a communication step, or change linearly if their first
-derivative is set by <code>fmi2SetRealInputDerivatives</code>; a derivative stays until it is set anew. First
+derivative is set by <code>fmi2SetRealInputDerivatives</code>; a derivative stays in effect until it is set again. First
 derivatives of outputs are available."""
         step, event = "between communication steps", "event and continuous-time mode"
     else:
-        inputs = """In Co-Simulation inputs are held over a communication step. With an intermediate update the importer
-is called after every internal step: it may read outputs, set inputs and, if early return is allowed, end the step there
-or before its planned end. First derivatives of outputs are available."""
+        inputs = """In Co-Simulation inputs are held over a communication step. The intermediate-update callback is
+called after every internal step. It can read outputs, set inputs and, if early return is allowed, end the step there.
+First derivatives of outputs are available."""
         step, event = "in step mode", "event mode"
     tunable = ", ".join(f"<code>{row.variable.name}</code>" for row in PLANT.of_role(Role.TUNABLE_PARAMETER))
     jacobians = "directional derivatives" if fmi_version == "2.0" else "directional and adjoint derivatives"
@@ -132,18 +132,18 @@ or before its planned end. First derivatives of outputs are available."""
 <h2>Behaviour</h2>
 <ul>
 <li>Co-Simulation integrates by the Dormand–Prince pair of order 5(4) with error control. The tolerance is that of the
-experiment, {_power(DEFAULT_TOLERANCE)} if none is given, from {lowest} to {highest}; relative, and absolute in SI
-units. The internal step size is carried over from one communication step to the next, so that short ones cost
+experiment, from {lowest} to {highest}, by default {_power(DEFAULT_TOLERANCE)}; it is relative, and absolute in SI
+units. The internal step size carries over from one communication step to the next, so short steps cost
 little.</li>
-<li><code>fixed_step_size</code> &gt; 0 replaces this by the classical Runge–Kutta method of order 4, in equal steps
-that are not above that size and end on the communication point: constant cost, for hardware in the loop. It has no
+<li><code>fixed_step_size</code> &gt; 0 selects the classical Runge–Kutta method of order 4 instead, in equal steps
+not above that size that end at the communication point: constant cost, for hardware in the loop. It has no
 effect on Model Exchange, where the importer integrates.</li>
 <li>{inputs}</li>
 <li>All parameters can be set before initialization ends. During the run ({step} in Co-Simulation, in {event} in Model
 Exchange): {tunable}.</li>
-<li>The communication step may change from step to step. There are no events and no discrete states.</li>
-<li>The state can be saved, restored and serialized; a restored unit repeats its future to the last bit. Exact
-{jacobians} by inputs, states and parameters are available.</li>
+<li>The communication step size can vary. There are no events and no discrete states.</li>
+<li>The state can be saved, restored and serialized; after a restore, the unit repeats its results bit by bit. Exact
+{jacobians} with respect to inputs, states and parameters are available.</li>
 </ul>
 """
 
@@ -151,36 +151,35 @@ Exchange): {tunable}.</li>
 def _failures(fmi_version: str) -> str:
     prefix = f"fmi{fmi_version[0]}"
     last = (
-        "<code>fmi2LastSuccessfulTime</code> is the start of the step, and <code>fmi2Terminated</code> true"
+        "<code>fmi2LastSuccessfulTime</code> is the start of the step, and <code>fmi2Terminated</code> is true"
         if fmi_version == "2.0"
         else "<code>lastSuccessfulTime</code> is the start of the step"
     )
     exited = f"<code>{prefix}ExitInitializationMode</code>"
     completed = f"<code>{prefix}CompletedIntegratorStep</code>"
-    # FMI 2.0 names the functions that may answer Discard
+    # FMI 2.0 lists the functions that may return Discard
     unlisted = ""
     if fmi_version == "2.0":
-        unlisted = ", and results or sensitivities that are not finite where FMI 2.0 has no Discard"
+        unlisted = ", and results or derivatives that are not finite where FMI 2.0 does not allow Discard"
     return f"""
 <h2>Limits and failures</h2>
 <ul>
-<li><code>{prefix}Discard</code>: the platform cannot do this. Of a value that is set: not finite, or out of its range.
-Of a communication step: a collapsed leg, a pitch that reaches ±90°, a singular leg Jacobian or one that was passed
-through, forces or motions that are not finite, a <code>platform_inertia</code> that no body has, a tolerance that
-cannot be held, or more than {MOST_INTERNAL_STEPS:,} internal steps ({MOST_FIXED_STEPS:,} fixed ones). Of results that
-are read: not finite.</li>
-<li>After a discarded call the unit is as it was before the call; {last}. Other inputs, another step, or
-the end of the simulation are up to the importer.</li>
-<li><code>{prefix}Error</code>: misuse, such as a call that is not allowed in the present mode, an unknown value
-reference, a communication point that is not the present time, or a step beyond the stop time. Also a start that the
-platform cannot take ({exited}){unlisted}.</li>
-<li>A pose beyond the limits in Model Exchange: {completed} asks for the end (<code>terminateSimulation</code>) and logs
-the reason.</li>
-<li>Poses are checked at internal steps: at a loose tolerance a motion may touch a singular pose and come back between
-two of them.</li>
+<li><code>{prefix}Discard</code> from a setting function: a value is not finite or out of range.
+From a communication step: a leg of zero length, a pitch of ±90°, a singular pose reached or passed,
+forces or motions that are not finite, an unphysical <code>platform_inertia</code>, a tolerance that
+cannot be met, or more than {MOST_INTERNAL_STEPS:,} internal steps ({MOST_FIXED_STEPS:,} fixed ones). From a getting
+function: a result is not finite.</li>
+<li>A discarded call leaves the unit in its state before the call; {last}. The importer can try other inputs or
+another step, or end the simulation.</li>
+<li><code>{prefix}Error</code>: misuse, such as a call that is not allowed in the current mode, an unknown value
+reference, a communication point that is not the current time, or a step beyond the stop time. Also an invalid start
+pose ({exited}){unlisted}.</li>
+<li>A pose beyond the limits in Model Exchange: {completed} requests termination (<code>terminateSimulation</code>) and
+logs the reason.</li>
+<li>Poses are checked at internal steps. With a loose tolerance a motion can reach a singular pose and return between
+two of them undetected.</li>
 <li>Messages name quantity, value and time. Errors are always logged, other messages while logging is on; categories are
 <code>logStatusWarning</code>, <code>logStatusDiscard</code>, <code>logStatusError</code> and <code>logAll</code>.</li>
-<li>The strokes and the force limits of a machine are not enforced.</li>
 </ul>
 """
 
@@ -226,7 +225,7 @@ def _example(platform: Platform, fmi_version: str) -> str:
     code = _EXAMPLES[fmi_version].format(force=force, mass=f"{platform.platform_mass:.17g}")
     return f"""
 <h2>Example with FMPy</h2>
-<p>From rest in the start pose, under 5 % more than the actuator forces that would hold the platform there:</p>
+<p>From rest in the start pose, under 5 % more than the holding forces of that pose:</p>
 <pre><code>{escape(code, quote=False)}</code></pre>
 """
 
@@ -235,12 +234,12 @@ _SOURCE = """
 <h2>Source</h2>
 <p>M.-J. Liu, C.-X. Li, C.-N. Li, “Dynamics Analysis of the Gough–Stewart Platform Manipulator”, <cite>IEEE Transactions
 on Robotics and Automation</cite> 16(1), 2000, pp. 94–98. The unit evaluates an equivalent form of its equations in the
-six coordinates of the platform.</p>
+platform's six coordinates.</p>
 """
 
 
 def _power(value: float) -> str:
-    """A number such as 1e-08 with its exponent raised."""
+    """A number such as 1e-08 as a power of ten in HTML."""
     mantissa, exponent = f"{value:.0e}".split("e")
     factor = "" if mantissa == "1" else f"{mantissa}·"
     return f"{factor}10<sup>{str(int(exponent)).replace('-', '−')}</sup>"

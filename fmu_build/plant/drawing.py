@@ -23,11 +23,11 @@ DRAWING_SIZE = (760, 480)
 
 _INK, _BASE, _TOP, _FORCE = "#222222", "#55606C", "#0072B2", "#C0392B"
 _BASE_FILL, _TOP_FILL, _LOWER, _UPPER = "#DDE3E8", "#A9CFE8", "#8A6D3B", "#D9A441"
-# left, top, right, bottom of the mechanism on paper; labels need the rest
+# left, top, right, bottom of the mechanism on paper; the rest is for labels
 _DRAWING_BOX = (60.0, 40.0, 520.0, 440.0)
 _ICON_BOX = (9.0, 9.0, 119.0, 119.0)
 _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(24.0)
-# where the lower part of a leg ends, as a share of the leg
+# length of the lower part of a leg, as a fraction of the leg length
 _SLEEVE = 0.54
 _OVERSAMPLING = 8
 
@@ -58,7 +58,7 @@ class Dot(NamedTuple):
 
 
 class Label(NamedTuple):
-    """A short text, vertically centred; what follows the first `_` of a symbol stands lower."""
+    """A short text, vertically centred; the part of a symbol after the first `_` is a subscript."""
 
     at: Points  # (2,)
     text: str
@@ -81,7 +81,7 @@ class _Home(NamedTuple):
 
 
 def drawing_svg(platform: Platform) -> bytes:
-    """The platform in its home pose with its frames, and one leg with its names and signs: an `svg` element."""
+    """The platform in its home pose with its frames, and names and signs at one leg, as an `svg` element."""
     home = _home(platform)
     # short enough not to reach the platform
     gap = float(np.abs(home.P.mean(axis=0) - home.B.mean(axis=0)).max())
@@ -116,7 +116,7 @@ def icon_png(platform: Platform) -> bytes:
     return stream.getvalue()
 
 
-# --- what is drawn -------------------------------------------------------------------------------------------------
+# --- content -------------------------------------------------------------------------------------------------------
 
 
 def _home(platform: Platform) -> _Home:
@@ -132,7 +132,7 @@ def _icon(platform: Platform) -> list[Shape]:
 
 
 def _base_and_legs(home: _Home, to_paper: ToPaper, outline: float, lower: float, upper: float) -> list[Line | Area]:
-    """Base, then the legs from the far ones to the near ones."""
+    """The base, then the legs from back to front."""
     shapes: list[Line | Area] = [Area(to_paper(_around(home.B)), _BASE_FILL, _BASE, outline)]
     middle = home.B + _SLEEVE * (home.P - home.B)
     for i in np.argsort(middle @ _toward_viewer(), kind="stable"):
@@ -151,7 +151,7 @@ def _joints(home: _Home, to_paper: ToPaper, radius: float) -> list[Dot]:
 
 
 def _frame(points: Points, names: tuple[str, str, str]) -> list[Shape]:
-    """Axes from the first point to the others; an axis that points at the viewer gets no arrow."""
+    """Axes from the first point to the others; an axis toward the viewer has no arrow."""
     shapes: list[Shape] = []
     for tip, name in zip(points[1:], names, strict=True):
         shapes += _arrow(points[0], tip, _INK)
@@ -172,7 +172,7 @@ def _one_leg(home: _Home, to_paper: ToPaper) -> list[Shape]:
         return np.asarray(B + share * length * along + distance * across)
 
     reach = min(0.2 * length, 50.0) / length
-    beside = 54 + 14 * abs(float(along[0]))  # texts clear a leaning line
+    beside = 54 + 14 * abs(float(along[0]))  # keep texts clear of an inclined line
     shapes: list[Shape] = [
         *_arrow(at(_SLEEVE + 0.02, 15), at(_SLEEVE + 0.02 + reach, 15), _FORCE),
         *_arrow(at(_SLEEVE - 0.02, 15), at(_SLEEVE - 0.02 - reach, 15), _FORCE),
@@ -215,7 +215,7 @@ def _projected(points: Points) -> Points:
 
 
 def _fitted(points: Points, box: tuple[float, float, float, float]) -> ToPaper:
-    """The view, scaled and moved so that the points fill a box on paper."""
+    """The view, scaled and shifted so that the points fill a box on paper."""
     seen = _projected(points)
     low, high = seen.min(axis=0), seen.max(axis=0)
     corner, opposite = np.array(box[:2]), np.array(box[2:])
@@ -225,12 +225,12 @@ def _fitted(points: Points, box: tuple[float, float, float, float]) -> ToPaper:
 
 
 def _tips(origin: Points, axes: Points, length: float) -> Points:
-    """Origin and the three ends of a frame's axes, which are the columns (4, 3)."""
+    """Origin and ends of the axes of a frame, whose axes are the columns, (4, 3)."""
     return np.concatenate([origin[None], origin + length * axes.T])
 
 
 def _around(points: Points) -> Points:
-    """Points in the order in which they lie around their middle, in plan."""
+    """Points sorted by their angle around the centre, in plan view."""
     x, y, _ = (points - points.mean(axis=0)).T
     return points[np.argsort(np.arctan2(y, x), kind="stable")]
 
@@ -275,7 +275,7 @@ def _element(shape: Shape) -> str:
 
 
 def _text(label: Label) -> str:
-    """Twice: a white edge that keeps it readable on lines, then the letters."""
+    """The text twice: a white outline that keeps it readable on lines, then the letters."""
     text, (x, y) = escape(label.text), label.at
     if label.is_symbol:
         symbol, index = text.split("_")
@@ -290,7 +290,7 @@ def _points(points: Points) -> str:
 
 
 def _number(value: float) -> str:
-    """Two decimals at most, and no minus zero."""
+    """At most two decimals, and no negative zero."""
     return f"{round(float(value), 2) + 0.0:g}"
 
 

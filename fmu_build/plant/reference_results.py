@@ -1,7 +1,7 @@
-"""Reference results in the form of the FMI cross-check, for whoever wants to try the unit in another importer.
+"""Reference results in the format of the FMI cross-check, for testing the unit in other importers.
 
 For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_ref.opt` (experiment), and
-`_start.csv` (start values to be set, where they differ from those of modelDescription.xml).
+`_start.csv` (start values to set, if they differ from those in modelDescription.xml).
 """
 
 from dataclasses import dataclass
@@ -17,27 +17,27 @@ from gough_stewart.model.state import State
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
-# The reference is ten thousand times finer than the unit's default.
+# Ten thousand times smaller than the unit's default.
 TOLERANCE = 1e-12
 FOLDER = "extra/gough_stewart"
 
 
 @dataclass(frozen=True)
 class ReferenceCase:
-    """Inputs over time on a platform from a start."""
+    """A platform, its start state and inputs over time."""
 
     name: str
     platform: Platform
     start: State
     time: FloatArray  # (n,) [s]
-    inputs: FloatArray  # (n, N_INPUTS), linear in between
+    inputs: FloatArray  # (n, N_INPUTS), linear between the times
 
 
 ReferenceRuns = tuple[tuple[ReferenceCase, FloatArray], ...]
 
 
 def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
-    """The paper's open loop on this platform, and inputs that vary, from the start values of the description."""
+    """The paper's open loop on this platform, and varying inputs from the start values of the description."""
     case = case_of(platform)
     constant = np.tile(case.inputs.to_vector(), (len(case.time), 1))
     home = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
@@ -48,7 +48,7 @@ def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
 
 
 def _varying(case: OpenLoopCase) -> FloatArray:
-    """Static leg forces ± 10 %, every leg at its own frequency, under a wrench that comes and goes."""
+    """Static leg forces ± 10 %, each leg at its own frequency, with an external wrench that rises and falls."""
     platform = case.platform
     turns = case.time[:, None] / case.duration * np.arange(1, 7)
     actuators = platform.home_actuator_force * (1 + 0.1 * np.sin(2 * np.pi * turns))
@@ -60,7 +60,7 @@ def _varying(case: OpenLoopCase) -> FloatArray:
 
 
 def reference_results(case: ReferenceCase) -> FloatArray:
-    """Results (n, N_RESULTS) at the case's times: the kernel under DOP853, row to row.
+    """Results (n, N_RESULTS) at the case's times: the kernel with DOP853, from row to row.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def reference_results(case: ReferenceCase) -> FloatArray:
         u0, u1 = case.inputs[k : k + 2]
 
         def derivatives(t: float, x: FloatArray) -> FloatArray:
-            share = (t - t0) / (t1 - t0)  # noqa: B023 - used up before the next row
+            share = (t - t0) / (t1 - t0)  # noqa: B023 - used only within this row
             return kernel.derivatives(x, u0 + share * (u1 - u0), p).copy()  # noqa: B023
 
         x = solve_ivp(derivatives, (t0, t1), x, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE).y[:, -1]
@@ -84,7 +84,7 @@ def reference_results(case: ReferenceCase) -> FloatArray:
 
 
 def reference_runs(platform: Platform) -> ReferenceRuns:
-    """All cases with their results, which are the same for every FMI version."""
+    """All cases with their results, which are the same for both FMI versions."""
     return tuple((case, reference_results(case)) for case in reference_cases(platform))
 
 
@@ -105,7 +105,7 @@ def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> d
 
 
 def _csv(time: FloatArray, columns: dict[str, FloatArray], fmi_version: str) -> bytes:
-    """A column for every scalar in FMI 2.0, for every array with blanks between its elements in FMI 3.0."""
+    """A column per scalar in FMI 2.0, a column per array with blanks between its elements in FMI 3.0."""
     names, texts = ["time"], [[repr(float(t)) for t in time]]
     for name, values in columns.items():
         flat = values.reshape(len(time), -1)
@@ -130,14 +130,14 @@ def _options(time: FloatArray) -> bytes:
     return "".join(f"{name}, {float(value)!r}\n" for name, value in options.items()).encode()
 
 
-_README = """Reference results of the unit, in the form of the FMI cross-check.
+_README = """Reference results of the unit, in the format of the FMI cross-check.
 
-open_loop        the simulation of Liu, Li & Li (2000), on another platform scaled to its size; needs the start
-                 values of {identifier}_start.csv
-varying_inputs   forces and a wrench that vary, from the start values of modelDescription.xml
+open_loop        the simulation of Liu, Li & Li (2000), scaled to the size of the platform; needs the start
+                 values in {identifier}_start.csv
+varying_inputs   varying forces and a varying external wrench, from the start values in modelDescription.xml
 
 *_in.csv    inputs, linear between the rows
-*_ref.csv   results: the equations under SciPy's DOP853 at tolerance {tolerance:g}
+*_ref.csv   results: the equations integrated by SciPy's DOP853 at tolerance {tolerance:g}
 *_ref.opt   experiment
 *_start.csv start values of the states
 """

@@ -1,4 +1,4 @@
-"""`plant_table.h`: where the plant's variables lie in the kernel's vectors, and what limits it."""
+"""`plant_table.h`: offsets of the plant's variables in the kernel's vectors, and its limits."""
 
 from gough_stewart.fmu_build.layout import Role
 from gough_stewart.fmu_build.plant.layout import PLANT
@@ -6,7 +6,7 @@ from gough_stewart.fmu_build.tables import GENERATED, defines, places
 from gough_stewart.model import integrator, interface, platform_checks, pose_limits
 from gough_stewart.model.tolerance import TOLERANCES
 
-# A second in steps of a microsecond: four seconds of computing.
+# 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000
 
 
@@ -36,13 +36,13 @@ def plant_header(fixed_step_size: float, *, is_in_a_system: bool) -> str:
 #define FIXED_STEP_SIZE {fixed_step.first} /* its slot */
 #define START_FIXED_STEP_SIZE {fixed_step_size!r}
 
-/* whether actuator forces of 0 in the first step of all stand for those of the start */
+/* whether actuator forces of 0 in the very first step are replaced by their start values */
 #define ZEROS_ARE_UNSET_AT_START {int(is_in_a_system)}
 
-/* places in the vectors of states, results and parameters */
+/* offsets in the vectors of states, results and parameters */
 {defines(places_of_all)}
 
-/* as in gough_stewart.model: lengths in m, angles in rad, the shortest leg relative to the size of the platform */
+/* as in gough_stewart.model: lengths in m, angles in rad, SHORTEST_LEG relative to the size of the platform */
 {defines(limits)}
 
 #endif

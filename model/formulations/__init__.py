@@ -1,1 +1,1 @@
-"""Formulations of the dynamics that check the task-space form and know nothing of it, and the cases they run."""
+"""Independent formulations of the dynamics that verify the task-space form, and their test cases."""

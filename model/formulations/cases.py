@@ -26,7 +26,7 @@ _PAPER_DURATION = 1.0
 
 @dataclass(frozen=True)
 class OpenLoopCase:
-    """Constant forces on a platform from a given start."""
+    """Constant forces on a platform from a start state."""
 
     title: str
     platform: Platform
@@ -43,7 +43,7 @@ class OpenLoopCase:
 
     @property
     def inputs(self) -> Inputs:
-        """Actuator forces, and no external wrench."""
+        """Actuator forces without an external wrench."""
         return Inputs.from_actuators(self.actuator_force)
 
 
@@ -60,13 +60,13 @@ def paper_case(minus_first: bool = False) -> OpenLoopCase:
 
 
 def case_of(platform: Platform) -> OpenLoopCase:
-    """The paper's case on another platform, scaled to its size.
+    """The paper's case, scaled to the size of another platform.
 
-    Froude's rule, with λ the mean home leg length over that of the paper's platform: start in the home pose turned by
-    the paper's yaw, velocities × √λ, angular velocities / √λ, duration × √λ. Even legs push with their static force
-    in the home pose and odd legs with 55/49.5 of it, the ratio of the published forces; the published forces
-    themselves, at twice their static value, would throw most platforms beyond their singular poses. The paper's own
-    platform gives its own case.
+    Froude's rule, with λ the mean home leg length over that of the paper's platform: the start is the home pose rotated
+    by the paper's yaw, velocities × √λ, angular velocities / √λ, duration × √λ. Even legs push with their static force
+    in the home pose and odd legs with 55/49.5 of it, the ratio of the published forces. The published forces are about
+    twice the static ones, with which most platforms would pass a singular pose. For the paper's platform this is the
+    paper's case.
     """
     paper = paper_case()
     if _same_plant(platform, paper.platform):
@@ -90,7 +90,7 @@ def case_of(platform: Platform) -> OpenLoopCase:
 
 
 def with_pairs_swapped(platform: Platform) -> Platform:
-    """Legs 1 and 2, 3 and 4, 5 and 6 change names; the mechanism is the same."""
+    """Swap the numbers of legs 1 and 2, 3 and 4, 5 and 6; the mechanism is the same."""
     order = [1, 0, 3, 2, 5, 4]
     return replace(platform, base_points=platform.base_points[order], platform_points=platform.platform_points[order])
 

@@ -1,11 +1,11 @@
-"""Kane's equations in Huston's form as in Liu, Li & Li (2000), equation by equation; numbers are the paper's.
+"""Kane's equations in Huston's form as in Liu, Li & Li (2000); equation numbers are those of the paper.
 
 Each leg and the platform are substructures with their own generalized speeds,
 
     y_i = (ω_i, ṡ_i),  y_p = (ω_p, v_p),  y = (y_1, …, y_6, y_p), 30 numbers,            (6), (16), (30)
 
-tied together by 24 velocity constraints with Lagrange multipliers. Written for checking, not for speed: the
-run-time model is `gough_stewart.model.dynamics`, and neither module knows the other.
+coupled by 24 velocity constraints with Lagrange multipliers. Written for verification, not for speed: the
+run-time model is `gough_stewart.model.dynamics`, and neither module uses the other.
 
 Frames of a leg: both local frames are parallel, x along u_i. The origin O_i,1 is at B_i and O_i,2 at P_i, so that
 q_i = 0, s_i = (L_i, 0, 0), r_i,1 = (`leg_lower_com`, 0, 0) and r_i,2 = (−`leg_upper_com`, 0, 0). Everything below
@@ -21,7 +21,7 @@ from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg
 
 
 class Configuration(NamedTuple):
-    """Positions of the substructures: what the paper integrates beside y."""
+    """Positions of the substructures, which the paper integrates together with y."""
 
     leg_rotation: Array  # R_i (..., 6, 3, 3), leg frame to world; its first column is u_i
     slide: Array  # s_i (..., 6) [m], from O_i,1 to O_i,2 along u_i
@@ -43,13 +43,13 @@ class Solution(NamedTuple):
 
 
 def leg_speeds(y: Array) -> tuple[Array, Array]:
-    """ω_i (..., 6, 3) and ṡ_i (..., 6) out of y; (6), (7)."""
+    """ω_i (..., 6, 3) and ṡ_i (..., 6) from y; (6), (7)."""
     legs = y[..., :24].reshape(*y.shape[:-1], 6, 4)
     return legs[..., :3], legs[..., 3]
 
 
 def platform_speeds(y: Array) -> tuple[Array, Array]:
-    """ω_p and v_p (..., 3) out of y; (16)."""
+    """ω_p and v_p (..., 3) from y; (16)."""
     return y[..., 24:27], y[..., 27:30]
 
 
@@ -94,8 +94,8 @@ def leg_equations(
     A_i = Σ_k m_k v_kᵀ v_k + wᵀ J_k w,  D_i = f_i − b_i y_i,  f_i = Σ_k v_kᵀ F_k,
     b_i = Σ_k m_k v_kᵀ v̇_k + wᵀ ω~ J_k w, over the lower (k = 1) and the upper part (k = 2).
     F_k is weight, and along u the actuator force less friction: −F + friction on the lower part, the opposite on
-    the upper part. Rotor and screw, which the paper lacks, turn 2π/lead times as fast as ṡ_i: reflected to that speed,
-    their inertia is `leg_armature`. `axial_inertia` [kg m²] of either part plays no part in the motion, by (25).
+    the upper part. Rotor and screw, which are not in the paper, rotate at 2π/lead · ṡ_i; their inertia, reflected to
+    ṡ_i, is `leg_armature`. `axial_inertia` [kg m²] of either part has no effect on the motion, by (25).
     """
     u, omega, slide_rate = _leg_axes(configuration), *leg_speeds(y)
     g = parameters.gravity[..., None, :]
@@ -192,7 +192,7 @@ def constraint_jacobian_rate(parameters: Parameters, configuration: Configuratio
 def constraint_residual(parameters: Parameters, configuration: Configuration) -> Array:
     """Φ (..., 24): closure gaps B_i + s_i u_i − (t + 0_R_p r_p,i) [m]; zero for the spin rows.
 
-    The spin rows are nonholonomic in these coordinates: they bound a velocity and have no position to violate.
+    The spin rows are nonholonomic in these coordinates: they constrain a velocity and have no position residual.
     """
     on_leg = parameters.base_points + configuration.slide[..., None] * _leg_axes(configuration)
     on_platform = configuration.position[..., None, :] + _platform_arms(parameters, configuration)
@@ -295,7 +295,7 @@ def consistent_start(
 
 
 def _frame_with_x_axis(u: Array) -> Array:
-    """A rotation whose first column is u: the turn about the leg is free, since legs do not spin."""
+    """A rotation with first column u; the angle about the leg is arbitrary, since legs do not spin."""
     helper = np.eye(3)[np.argmin(np.abs(u), axis=-1)]
     y_axis = cross(u, helper)
     y_axis = y_axis / np.sqrt(dot(y_axis, y_axis))[..., None]

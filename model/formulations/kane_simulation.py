@@ -1,4 +1,4 @@
-"""The paper's simulation: Kane's equations as an index-1 DAE with its own 67 states, by SciPy's RK45.
+"""The paper's simulation: Kane's equations as an index-1 DAE with 67 states, integrated by SciPy's RK45.
 
 States: six leg orientations and the platform's as quaternions (so that the paper's d(R)/dt = ω~ R, eq. (3), keeps
 R a rotation), six slides, the position of Op, and the 30 generalized speeds y. RK45 is the Dormand–Prince pair
@@ -29,7 +29,7 @@ N_STATES = 67
 
 @dataclass(frozen=True)
 class KaneTrajectory:
-    """Motion of all substructures at the wanted times; leading axis is time."""
+    """Motion of all substructures at the output times; the leading axis is time."""
 
     time: Array  # (n,) [s]
     configuration: kane.Configuration
@@ -78,21 +78,21 @@ def integrate(
     Parameters
     ----------
     time
-        Increasing times (n,) [s]; the first is that of the start.
+        Increasing output times (n,) [s], beginning with the start time.
     baumgarte
         (α, β) [1/s]; the paper takes both between 1 and 20.
     rtol
         Relative tolerance, and absolute in SI units.
     own_steps
-        Report at the integrator's own steps, free in size, between the first and the last time: shows the drift
-        of the constraints unspoilt by interpolation.
+        Output at the integrator's own steps between the first and the last time, which shows the drift
+        of the constraints without interpolation errors.
     progress
-        Called with the time that is reached.
+        Called with the simulation time.
 
     Raises
     ------
     StepError
-        The integration cannot be continued.
+        The integration failed.
     """
     wrench = np.concatenate([inputs.external_force, inputs.external_torque])
 
@@ -114,7 +114,7 @@ def integrate(
         t_eval=None if own_steps else time,
         rtol=rtol,
         atol=rtol,
-        # dense output between steps is of lower order than the steps: keep them short
+        # dense output has a lower order than the steps: keep the steps short
         max_step=np.inf if own_steps else float(np.diff(time).max()),
     )
     if not solution.success:

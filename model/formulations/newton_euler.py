@@ -1,7 +1,7 @@
-"""Newton–Euler check: thirteen free bodies, every constraint force an unknown, one linear system of 150.
+"""Newton–Euler check: thirteen free bodies with all constraint forces as unknowns, a linear system of size 150.
 
-Written from free-body diagrams; shares nothing with the task-space dynamics or with Kane's equations but the
-parameters. Unknowns per leg (24): accelerations of the centres of mass G1, G2 and angular accelerations of both
+Derived from free-body diagrams; shares only the parameters with the task-space dynamics and with Kane's
+equations. Unknowns per leg (24): accelerations of the centres of mass G1, G2 and angular accelerations of both
 parts, joint force at B, torque along u in the universal joint, guide force across u (2), guide moment about G2,
 joint force at P. For the platform (6): acceleration of G and angular acceleration. Balance of force and moment
 gives 13·6 = 78 equations, the joints 12 per leg.
@@ -173,12 +173,12 @@ def _leg_equations(legs: _Legs, r_G: Array, omega_p: Array, gravity: Array) -> t
     own[..., 9:12, _M_GUIDE] = -one
     own[..., 9:12, _F_P] = _tilde(legs.G2_P)
     right[..., 9:12] = -_gyroscopic(legs.J2, w)
-    # universal joint: B stays; no acceleration of spin, d/dt (u·ω) = u·α + (ω×u)·ω = u·α
+    # universal joint: B is fixed; no spin acceleration, d/dt (u·ω) = u·α + (ω×u)·ω = u·α
     own[..., 12:15, _A1] = one
     own[..., 12:15, _ALPHA1] = -_tilde(legs.G1_B)
     right[..., 12:15] = -_centripetal(w, legs.G1_B)
     own[..., 15, _ALPHA1] = legs.axis
-    # guide: the parts turn together; across u, G2 moves with the lower part, and Coriolis 2 ω×(L̇ u)
+    # guide: the parts rotate together; across u, G2 moves with the lower part, with Coriolis term 2 ω×(L̇ u)
     own[..., 16:19, _ALPHA2] = one
     own[..., 16:19, _ALPHA1] = -one
     own[..., 19:21, _A2] = onto
@@ -186,8 +186,8 @@ def _leg_equations(legs: _Legs, r_G: Array, omega_p: Array, gravity: Array) -> t
     own[..., 19:21, _ALPHA1] = onto @ _tilde(legs.G1_G2)
     relative = _centripetal(w, legs.G1_G2) + 2 * legs.sliding[..., None] * np.cross(w, legs.axis)
     right[..., 19:21] = (onto @ relative[..., None])[..., 0]
-    # rotor and screw turn with the slide: what accelerates them, m_a L̈ along u, is missing from the push on both parts;
-    # L̈ = u·(a2 − a1 − relative), since α×(G2 − G1) has no part along u
+    # rotor and screw rotate with the slide: the force that accelerates them, m_a L̈ along u, reduces the push on both;
+    # L̈ = u·(a2 − a1 − relative), since α×(G2 − G1) has no component along u
     reflected = legs.armature[..., None, None] * legs.axis[..., :, None] * legs.axis[..., None, :]
     missing = (reflected @ relative[..., None])[..., 0]
     for rows, sign in ((slice(0, 3), -1), (slice(6, 9), 1)):

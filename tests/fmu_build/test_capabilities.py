@@ -91,9 +91,9 @@ def test_a_state_of_fmi_2_continues_in_fmi_3(fmu2: Fmu, fmu3: Fmu) -> None:
 def _damaged(blob: bytes) -> list[tuple[bytes, str]]:
     """Blobs with what their message has to say; bytes 8 to 11 are the format, 24 to 31 the variables."""
     return [
-        (b"", "no state"),
-        (blob[:20], "no state"),
-        (b"x" * len(blob), "no state"),
+        (b"", "not a state"),
+        (blob[:20], "not a state"),
+        (b"x" * len(blob), "not a state"),
         (blob[:-1], "bytes; expected"),
         (blob + b"\0", "bytes; expected"),
         (blob[:8] + b"\2" + blob[9:], "version"),
@@ -569,7 +569,7 @@ def test_a_singular_pose_asks_for_the_end_of_model_exchange_and_says_why(fmu: Fm
         p.fmu.setContinuousStates(x, 12)
         assert tuple(p.fmu.completedIntegratorStep()) == (0, 1)
         (message,) = p.messages
-        assert "has to end" in message.text
+        assert "must end" in message.text
         assert "singular" in message.text
         assert (message.status, message.category) == (OK, "logStatusWarning")
         x[5] = home

@@ -165,8 +165,8 @@ def test_a_full_temporary_folder_is_named_with_the_compilers_words(
     monkeypatch.setattr(shutil, "disk_usage", lambda _folder: Usage(64_000, 0, 64_000))
     with pytest.raises(BuildError) as caught:
         compiled(monkeypatch, compiler)
-    assert (words or "ended with 1 and said nothing") in str(caught.value)
-    assert "room for 0.064 MB" in str(caught.value)
+    assert (words or "exit code 1 without a message") in str(caught.value)
+    assert "Only 0.064 MB are free" in str(caught.value)
     assert "set TMPDIR" in str(caught.value)
     assert compiler.runs == 1
     assert (cache / OBJECT).exists()

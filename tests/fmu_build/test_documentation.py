@@ -123,7 +123,7 @@ def test_it_says_what_an_importer_has_to_know(preset_and_version: tuple[Platform
     prefix = f"fmi{version[0]}"
     for words in (
         *(f"{prefix}Discard", f"{prefix}Error", f"FMI {version}", platform.name),
-        *("10−8 if none is given, from 10−13 to 10−2", "20,000 internal steps", "Dormand–Prince", "fixed_step_size"),
+        *("from 10−13 to 10−2, by default 10−8", "20,000 internal steps", "Dormand–Prince", "fixed_step_size"),
         *("logStatusDiscard", "logAll", "are not enforced", "16(1), 2000"),
     ):
         assert words in text

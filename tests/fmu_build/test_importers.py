@@ -51,7 +51,7 @@ def test_fmpy_ends_model_exchange_at_a_singular_pose_with_what_was_reached(fmu: 
     signs = np.sign(np.linalg.det(jacobians))
     assert (signs == signs[0]).all()
     (message,) = messages
-    assert "has to end" in message
+    assert "must end" in message
     assert "singular" in message
 
 

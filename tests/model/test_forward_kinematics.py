@@ -115,7 +115,7 @@ def test_negative_iterations_are_refused(paper: Platform) -> None:
 
 
 def test_too_few_iterations_raise(paper: Platform) -> None:
-    with pytest.raises(NoPoseError, match="not met after 1 iterations"):
+    with pytest.raises(NoPoseError, match="no convergence after 1 iterations"):
         forward_kinematics(paper, np.full(6, 3.5), max_iterations=1)
 
 

@@ -147,10 +147,10 @@ def test_whole_numbers_are_read_as_floats() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("gravity = [0, 0, -9]\nname = 'a'\ngravity = [0, 0, -1]", "the key 'gravity' in line 3 is there already"),
-        ("a = 1\ngravity = [\n0,\n0]\ngravity = [\n1,\n2]\nb = 1", "the key 'gravity' in line 5 is there already"),
-        ("[leg]\n[leg]\n", r"the table \[leg\] in line 2 is there already; expected every table once"),
-        ("[a.b]\nc = 1\n[a.b]\n", r"the table \[a\.b\] in line 3 is there already"),
+        ("gravity = [0, 0, -9]\nname = 'a'\ngravity = [0, 0, -1]", "the key 'gravity' in line 3 is a duplicate"),
+        ("a = 1\ngravity = [\n0,\n0]\ngravity = [\n1,\n2]\nb = 1", "the key 'gravity' in line 5 is a duplicate"),
+        ("[leg]\n[leg]\n", r"the table \[leg\] in line 2 is a duplicate; expected every table once"),
+        ("[a.b]\nc = 1\n[a.b]\n", r"the table \[a\.b\] in line 3 is a duplicate"),
         ("name = 'a'\nmass 10\n", r"\(at line 2, column \d+\): mass 10"),
     ],
 )

@@ -180,7 +180,7 @@ def test_rule_5_inputs_are_held_over_a_step() -> None:
     [
         (0.0, 0.0, "step = 0 .*expected a communication step > 0"),
         (0.0, -0.1, "expected a communication step > 0"),
-        (0.5, 0.1, "expected the model's present time"),
+        (0.5, 0.1, "expected the model's current time"),
     ],
 )
 def test_rule_5_refuses_wrong_times(time: float, step: float, message: str) -> None:
@@ -206,7 +206,7 @@ def test_rule_5_a_stale_time_is_refused_also_late_and_for_tiny_steps() -> None:
     model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)))
     model.do_step(0.0, 1000.0)
     model.do_step(1000.0, 1e-6)
-    refused(model, lambda: model.do_step(1000.0, 1e-6), StepError, "present time")
+    refused(model, lambda: model.do_step(1000.0, 1e-6), StepError, "current time")
     model.do_step(1000.0 + 1e-6, 1e-6)
 
 
@@ -225,7 +225,7 @@ CLOCKS = [
 def test_rule_5_a_clock_may_round_a_little(now: float, step: float, inside: float, outside: float, side: int) -> None:
     model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)))
     model.do_step(0.0, now)
-    refused(model, lambda: model.do_step(now + side * outside, step), StepError, "present time")
+    refused(model, lambda: model.do_step(now + side * outside, step), StepError, "current time")
     model.do_step(now + side * inside, step)
 
 
@@ -244,7 +244,7 @@ def test_rule_9_copies_go_their_own_way(copied: Any) -> None:
 
 def test_rule_9_only_snapshots_are_restored() -> None:
     model = started()
-    refused(model, lambda: model.restore_state(None), InterfaceError, "expected what save_state")  # type: ignore[arg-type]
+    refused(model, lambda: model.restore_state(None), InterfaceError, "expected a snapshot from save_state")  # type: ignore[arg-type]
 
 
 def test_a_platform_is_asked_for_by_name_of_its_loader() -> None:

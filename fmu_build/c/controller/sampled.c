@@ -54,7 +54,7 @@ outcome component_check(component *c, int slot, double value)
     if (!expected)
         return DONE;
     write_slot_name(slot, name);
-    write_message(c->message, "%s = %g %s refused; expected %s", name, value, variable_of(slot)->unit, expected);
+    write_message(c->message, "%s = %g %s rejected; expected %s", name, value, variable_of(slot)->unit, expected);
     return NOT_POSSIBLE;
 }
 
@@ -88,7 +88,7 @@ outcome component_get(component *c, int slot, double *value)
 
 /* ---- parameters ----------------------------------------------------------------------------------------------- */
 
-/* The parameter that cannot be, its values and what is expected; `place` counts variables. */
+/* Message for an invalid parameter: its values and what is expected; `place` counts variables. */
 static void explain_parameter(component *c, int place)
 {
     static const char *const expectations[] = EXPECTATIONS;
@@ -98,7 +98,7 @@ static void explain_parameter(component *c, int place)
         size_t length = strlen(values);
         snprintf(values + length, sizeof values - length, " %g", get_parameter(c, v->first + k));
     }
-    write_message(c->message, "%s =%s%s %s refused; expected %s", v->name, values, v->size > 6 ? " ..." : "", v->unit,
+    write_message(c->message, "%s =%s%s %s rejected; expected %s", v->name, values, v->size > 6 ? " ..." : "", v->unit,
                   expectations[place]);
 }
 

@@ -1,9 +1,9 @@
-/* A sampled controller as a component: what the files of this room share. The controller itself is generated plain C,
-   controller.h and controller.c; controller_table.h says where its variables are.
+/* A sampled controller as a component: shared declarations. The controller itself is generated plain C,
+   controller.h and controller.c; controller_table.h has the slots of its variables.
 
-   Samples are due at start_time + k sample_time. What is read there decides the forces from sample k + 1 on, whatever
-   the communication steps are: no output depends on the inputs of its time. A sample at a communication point belongs
-   to the step that begins there, when the importer has set the inputs. */
+   Samples are due at start_time + k sample_time. The inputs at sample k determine the forces from sample k + 1 on,
+   independent of the communication steps: outputs have no direct feedthrough. A sample at a communication point belongs
+   to the step that begins there, after the importer has set the inputs. */
 #ifndef SAMPLED_H
 #define SAMPLED_H
 
@@ -16,15 +16,15 @@
 
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
 
-/* All that the future depends on. Doubles only: a saved state is these, in this order. */
+/* The complete state. Doubles only: a saved state is these, in this order. */
 typedef struct {
     double time;
     double start_time;
     double stop_time; /* infinite if there is none */
     double inputs[AT_LEAST_ONE(N_INPUTS)];
-    double input_rates[AT_LEAST_ONE(N_INPUTS)]; /* du/dt from the present time on */
-    double acting[N_RESULTS];                   /* the outputs from the last sample on */
-    double planned[N_RESULTS];                  /* those from the next one on */
+    double input_rates[AT_LEAST_ONE(N_INPUTS)]; /* du/dt from the current time on */
+    double acting[N_RESULTS];                   /* the outputs since the last sample */
+    double planned[N_RESULTS];                  /* the outputs from the next sample on */
     controller_memory memory;                   /* with the number of samples taken */
     controller_parameters p;
 } controller_state;
@@ -34,7 +34,7 @@ _Static_assert(sizeof(controller_memory) % sizeof(double) == 0, "the memory is a
 
 struct component {
     controller_state s;
-    /* what follows from the parameters */
+    /* derived from the parameters */
     int is_prepared;
     controller_coefficients coefficients;
     char message[MESSAGE_SIZE];

@@ -6,13 +6,13 @@
 #include "communication.h"
 #include "sampled.h"
 
-/* When the next sample is due. */
+/* Time of the next sample. */
 static double next_sample(const component *c)
 {
     return c->s.start_time + c->s.memory.samples * c->s.p.sample_time;
 }
 
-/* By which an importer's clock, which adds up steps, may miss a sample. */
+/* Tolerance for the accumulated rounding of an importer's clock. */
 static double slack_at(const component *c, double time)
 {
     double rounding = fmax(1e-6 * c->s.p.sample_time, 1e-9 * fmax(1, fabs(time)));
@@ -28,13 +28,13 @@ static outcome check_samples(component *c, double end)
 {
     double sample_time = c->s.p.sample_time, latest = fmax(fabs(c->s.start_time), fabs(end));
     if (sample_time < 1e3 * DBL_EPSILON * latest) {
-        write_message(c->message, "sample_time = %g s refused; too short to be told apart at time %g s", sample_time,
-                      latest);
+        write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
+                      sample_time, latest);
         return NOT_POSSIBLE;
     }
     if (!((end - next_sample(c)) / sample_time < MOST_SAMPLES)) {
-        write_message(c->message, "communication step to %.12g s refused: more than %d samples, sample_time = %g s; "
-                                  "expected shorter steps", end, MOST_SAMPLES, sample_time);
+        write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
+                                  "use shorter steps", end, MOST_SAMPLES, sample_time);
         return NOT_POSSIBLE;
     }
     return DONE;
@@ -44,7 +44,7 @@ static outcome check_inputs(component *c)
 {
     if (all_finite(c->s.inputs, N_INPUTS))
         return DONE;
-    write_message(c->message, "at time %.12g s: an input is not finite; its rate is too large", c->s.time);
+    write_message(c->message, "at time %.12g s: an input is not finite; its derivative is too large", c->s.time);
     return NOT_POSSIBLE;
 }
 
@@ -65,8 +65,8 @@ static outcome take_sample(component *c)
     controller_step(&c->s.p, &c->coefficients, &c->s.memory, c->s.inputs, force, limited);
 #endif
     if (!all_finite(force, 6)) {
-        write_message(c->message, "at time %.12g s: the forces are not finite; expected measurements of a platform in "
-                                  "its workspace", c->s.time);
+        write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are within "
+                                  "the platform's workspace", c->s.time);
         return NOT_POSSIBLE;
     }
     for (int k = 0; k < 6; k++) {
@@ -92,14 +92,14 @@ static outcome run(component *c, double end, const step_observer *observer)
         if (sampled != DONE)
             return sampled;
         double due = next_sample(c), time = due < end - slack_at(c, end) ? due : end;
-        if (time <= c->s.time) /* more than one are due */
+        if (time <= c->s.time) /* more than one sample is due */
             continue;
         advance(c, time);
         if (observer) {
-            double wanted = end;
-            observer->notice(observer->context, time, &wanted);
-            if (wanted < end)
-                end = fmax(wanted, time);
+            double requested_end = end;
+            observer->notice(observer->context, time, &requested_end);
+            if (requested_end < end)
+                end = fmax(requested_end, time);
         }
     }
     return check_inputs(c); /* a state that is not finite could not be restored */

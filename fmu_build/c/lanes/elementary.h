@@ -1,10 +1,10 @@
-/* Elementary functions of eight numbers at once, for the generated kernels. NaN stays NaN; no call, no branch.
+/* Elementary functions of eight numbers at once, for the generated kernels. NaN stays NaN; no calls, no branches.
 
    Errors, measured against long double over the ranges where they are used (tests/fmu_build/test_lanes.py), in units of
    2^-53 = 1.1e-16: sin and cos 1.5 absolute for angles up to LARGEST_ANGLE, NaN beyond; tanh 4 relative for all
    numbers; 1/x and sqrt 2 relative.
 
-   Polynomials: interpolation at Chebyshev nodes in exact fractions, rounded once. */
+   Polynomials: interpolation at Chebyshev nodes in rational arithmetic, rounded once. */
 #ifndef ELEMENTARY_H
 #define ELEMENTARY_H
 
@@ -16,9 +16,9 @@
 
 #define WIDTH 8
 typedef double lanes __attribute__((ext_vector_type(WIDTH)));
-typedef int64_t mask __attribute__((ext_vector_type(WIDTH))); /* -1 where something holds, 0 elsewhere */
+typedef int64_t mask __attribute__((ext_vector_type(WIDTH))); /* -1 where true, 0 elsewhere */
 
-/* beyond, a quarter of a turn could be miscounted */
+/* for larger angles the number of quarter turns could be wrong */
 #define LARGEST_ANGLE 1e6
 
 static inline mask bits(lanes x)
@@ -42,7 +42,7 @@ static inline lanes sq(lanes x)
 }
 
 #ifdef __AVX512F__
-/* an estimate of 14 bits, twice Newton's method: a division keeps the processor four times as long */
+/* an estimate of 14 bits and two Newton iterations; a division takes four times as long */
 static inline lanes reciprocal(lanes x)
 {
     lanes r = (lanes)_mm512_rcp14_pd((__m512d)x);
@@ -50,7 +50,7 @@ static inline lanes reciprocal(lanes x)
     return r + r * (1 - x * r);
 }
 
-/* 0 as it is, since its estimate is infinite */
+/* 0 is returned unchanged, since its estimate is infinite */
 static inline lanes square_root(lanes x)
 {
     lanes r = (lanes)_mm512_rsqrt14_pd((__m512d)x);
@@ -73,10 +73,10 @@ static inline lanes square_root(lanes x)
 }
 #endif
 
-/* The sum with it ends with the nearest whole number in its last bits. */
+/* Adding it leaves the nearest integer in the last bits of the sum. */
 #define ROUNDER 0x1.8p52
 
-/* x less the nearest quarters of a turn, |r| <= pi/4; how many, in the last bits */
+/* x minus the nearest multiple of a quarter turn, |r| <= pi/4; the multiple is in the last bits */
 static inline lanes without_quarters(lanes x, mask *quarters)
 {
     lanes sum = x * 0.6366197723675814 + ROUNDER, k = sum - ROUNDER;
@@ -87,7 +87,7 @@ static inline lanes without_quarters(lanes x, mask *quarters)
     return choose(__builtin_elementwise_abs(x) <= LARGEST_ANGLE, r, (lanes)NAN);
 }
 
-/* sin r + (number of quarters) pi/2 */
+/* sin(r + (number of quarter turns) pi/2) */
 static inline lanes wave(lanes r, mask quarters)
 {
     lanes z = r * r;
@@ -146,7 +146,7 @@ static inline lanes hyperbolic_tangent(lanes x)
     return number(bits(t) | (bits(x) & INT64_MIN));
 }
 
-/* the names in the generated text */
+/* the names in the generated code */
 #define sqrt(x) square_root(x)
 #define sin(x) sine(x)
 #define cos(x) cosine(x)

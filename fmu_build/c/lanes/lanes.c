@@ -4,7 +4,7 @@
 #include "elementary.h"
 #include "lanes_table.h"
 
-/* the generated kernels, of `lanes`; included, so that the functions above are compiled into them */
+/* the generated kernels on `lanes`; included so that the functions above are inlined */
 #include "lanes_kernel.h"
 
 typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
@@ -25,7 +25,7 @@ static int any(mask which)
     return __builtin_reduce_or(which) != 0;
 }
 
-/* Eight members on their way. */
+/* Eight members during a step. */
 typedef struct {
     const batch *of;
     int64_t first; /* member */
@@ -46,10 +46,10 @@ static void write_rows(double *to, int n, const lanes rows[], int64_t stride)
         put(to + i * stride, rows[i]);
 }
 
-/* How many parameters the geometry needs: those before the first that it does not. */
+/* Number of parameters of the geometry, which come first. */
 #define N_GEOMETRY P_PLATFORM_MASS
 
-/* The numbers of a block on their way from memory, while the one before it is computed. */
+/* Prefetches a block while the one before it is computed. */
 static void fetch(const batch *of, int64_t block, int parameters)
 {
     if (block >= of->blocks)
@@ -60,7 +60,7 @@ static void fetch(const batch *of, int64_t block, int parameters)
         __builtin_prefetch(of->states + i * of->stride + block * WIDTH);
 }
 
-/* All but the inputs; `parameters` of them will be needed. */
+/* Reads everything but the inputs; `parameters` is the number of parameters needed. */
 static void read_group(group *g, const batch *of, int64_t block, int parameters)
 {
     fetch(of, block + 1, parameters);
@@ -77,7 +77,7 @@ static void read_inputs(group *g)
     read_rows(g->u, N_INPUTS, g->of->inputs + g->first, g->of->stride);
 }
 
-/* As check_pose of c/plant/pose_limits.c, for one member: FAILURE_GOES_ON or why not. */
+/* Like check_pose of c/plant/pose_limits.c, for one member: FAILURE_GOES_ON or the reason. */
 static int64_t judge(const group *g, int lane, double *side)
 {
     double x[N_STATES], p[N_PARAMETERS], length[N_LEGS], rate[N_LEGS], jacobian[N_LEGS][N_LEGS], rho, determinant;
@@ -107,7 +107,7 @@ static int64_t judge(const group *g, int lane, double *side)
     return FAILURE_GOES_ON;
 }
 
-/* Members that may not be where they are stop running, with the reason. */
+/* Stops members beyond the pose limits and records the reason. */
 static void check(group *g, int64_t substep)
 {
     lanes square[N_LEGS], det, size;
@@ -146,7 +146,7 @@ static void check(group *g, int64_t substep)
     }
 }
 
-/* Classical RK4: one copy of the kernel in a loop, so that it stays in the cache of instructions. */
+/* Classical RK4: one copy of the kernel in a loop, so that it stays in the instruction cache. */
 static void substep(group *g, double size)
 {
     static const double NEXT[] = {0.5, 0.5, 1}, WEIGHT[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
@@ -165,7 +165,7 @@ static void substep(group *g, double size)
         g->x[i] = end[i];
 }
 
-/* What has become of those that ran: the ones that still do move on, the others are counted. */
+/* Writes the states of the members still running; returns the number that failed. */
 static int64_t settle(group *g, mask ran)
 {
     const batch *of = g->of;

@@ -5,7 +5,7 @@
 
 #define N N_LEGS
 
-/* LU factors in place with partial pivoting, rows swapped as `order` says; the determinant. */
+/* LU factors in place, with partial pivoting in `order`; returns the determinant. */
 static double factorise(double a[N][N], int order[N])
 {
     double determinant = 1;
@@ -17,7 +17,7 @@ static double factorise(double a[N][N], int order[N])
             if (fabs(a[i][j]) > fabs(a[pivot][j]))
                 pivot = i;
         if (!(fabs(a[pivot][j]) > 0))
-            return 0; /* also for a NaN */
+            return 0; /* also for NaN */
         if (pivot != j) {
             double row[N];
             memcpy(row, a[j], sizeof row);

@@ -1,4 +1,4 @@
-/* How near a leg Jacobian is to a singular one. */
+/* Condition number of the leg Jacobian. */
 #ifndef CONDITIONING_H
 #define CONDITIONING_H
 
@@ -6,8 +6,9 @@
 #include "plant_table.h"
 
 INTERNAL_BEGIN
-/* In Frobenius norms: between the spectral condition number and six times it; and det J. Any upper bound below the limit
-   may be given instead: kappa <= 2 / |det J| (|J|_F / sqrt n)^n (Guggenheimer, Edelman & Johnson 1995) costs less. */
+/* Condition number in Frobenius norms, which is one to six times the spectral one; and det J. Returns an upper bound
+   instead if that is below the limit: kappa <= 2 / |det J| (|J|_F / sqrt n)^n (Guggenheimer, Edelman & Johnson 1995),
+   which costs less. */
 double condition_number(const double jacobian[N_LEGS][N_LEGS], double *determinant);
 INTERNAL_END
 

@@ -10,7 +10,7 @@
 
 #define STAGES 7
 
-/* the last row is the solution of order 5, so that stage 7 is the first of the next step */
+/* the last row is the solution of order 5, so stage 7 is the first stage of the next step */
 static const double A[STAGES][STAGES - 1] = {
     {0},
     {1.0 / 5},
@@ -27,7 +27,7 @@ static const double E[STAGES] = {71.0 / 57600,      0,          -71.0 / 16695, 7
 
 static const double SAFETY = 0.9, SMALLEST_FACTOR = 0.2, LARGEST_FACTOR = 10;
 
-/* fmax as one instruction: it need not care for NaN here, a NaN in x makes the norm one anyway */
+/* fmax as one instruction; it need not handle NaN, since a NaN in x makes the norm NaN anyway */
 static double larger(double a, double b)
 {
     return a > b ? a : b;
@@ -44,7 +44,7 @@ static double scaled_norm(const double v[], const double x[], const double y[], 
     return sqrt(sum / N_STATES);
 }
 
-/* A first step from the size of x, f and a difference quotient of f. */
+/* First step size, from the magnitudes of x, f and a difference quotient of f. */
 static double first_step(const ode *problem, const integration_point *at, double span, double tolerance)
 {
     double x1[N_STATES], f1[N_STATES];
@@ -58,7 +58,7 @@ static double first_step(const ode *problem, const integration_point *at, double
         f1[i] -= at->xdot[i];
     double d2 = scaled_norm(f1, at->x, at->x, tolerance) / h0, d = fmax(d1, d2);
     double h1 = d <= 1e-15 ? fmax(1e-6, 1e-3 * h0) : pow(0.01 / d, 1.0 / 5);
-    /* not finite when the trial met a pole: then the small step has to do */
+    /* not finite if the trial step reached a pole: then use the small step */
     return h1 < 100 * h0 ? h1 : isfinite(h1) ? 100 * h0 : h0;
 }
 
@@ -68,7 +68,7 @@ static void add_multiple(double v[N_STATES], double factor, const double of[N_ST
         v[i] += factor * of[i];
 }
 
-/* One trial from `at` to x after h, with all stages; returns the error in units of the tolerance. */
+/* One trial step from `at` to x after h, with all stages; returns the error in units of the tolerance. */
 static double attempt(const ode *problem, const integration_point *at, double t, double h, double tolerance,
                       double k[STAGES][N_STATES], double x[N_STATES])
 {
@@ -93,13 +93,13 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
     for (long steps = 0; at->t < end; steps++) {
         if (steps == MOST_INTERNAL_STEPS)
             return TOO_MANY_STEPS;
-        /* no sliver is left for the last step */
+        /* avoid a very short last step */
         int last = at->t + 1.01 * proposal >= end;
         double h = last ? end - at->t : proposal, t = last ? end : at->t + h;
         if (!(h > 0) || !(t > at->t) || (!last && h < 16 * DBL_EPSILON * fabs(at->t)))
             return STEP_TOO_SMALL;
         double error = attempt(problem, at, t, h, tolerance, k, x);
-        if (!(error < 1)) { /* also when it is not a number */
+        if (!(error < 1)) { /* also for NaN */
             rejected = 1;
             double factor = isfinite(error) ? fmax(SMALLEST_FACTOR, SAFETY * pow(error, -1.0 / 5)) : SMALLEST_FACTOR;
             proposal = h * factor;
@@ -112,7 +112,7 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
             factor = fmin(factor, 1);
         rejected = 0;
         factor = fmax(factor, SMALLEST_FACTOR);
-        /* a step cut to end on time says little about what the next may be */
+        /* a step shortened to end on time is no estimate for the next one */
         proposal = last && h < proposal ? fmax(proposal, h * factor) : h * factor;
 
         int changed = 0;
@@ -128,7 +128,7 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
     return REACHED_END;
 }
 
-/* How many steps fit, give or take the rounding of times this late. */
+/* Number of steps, within the rounding of times of this magnitude. */
 static double number_of_steps(double start, double end, double size)
 {
     double slack = 1e-6 + 2 * DBL_EPSILON * fabs(start) / size;
@@ -140,7 +140,7 @@ integration integrate_fixed(const ode *problem, integration_point *at, double en
     double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
     long done = 0, total = 0;
     while (at->t < end) {
-        if (end != planned) { /* brought nearer */
+        if (end != planned) { /* the observer has reduced it */
             start = at->t;
             n = number_of_steps(start, end, size);
             span = end - start;

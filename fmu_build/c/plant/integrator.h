@@ -5,12 +5,12 @@
 #include "internal.h"
 #include "model.h"
 
-/* What is integrated. */
+/* The differential equation and the callback for accepted steps. */
 typedef struct {
     void *owner;
     void (*derivatives)(void *owner, double t, const double x[N_STATES], double xdot[N_STATES]);
-    /* Called at the end of every internal step with f there. Returns 0 to give up. It may bring `end` nearer, and
-       sets `changed` when f is no longer what it was. */
+    /* Called at the end of every internal step with the derivatives there. Returns 0 to stop. It may reduce `end`, and
+       sets `changed` if f has changed. */
     int (*accept)(void *owner, double t, const double x[N_STATES], const double xdot[N_STATES], double *end,
                   int *changed);
 } ode;
@@ -18,12 +18,12 @@ typedef struct {
 typedef enum {
     REACHED_END,
     GIVEN_UP,        /* by `accept` */
-    STEP_TOO_SMALL,  /* the tolerance cannot be held */
+    STEP_TOO_SMALL,  /* the tolerance cannot be met */
     TOO_MANY_STEPS,
     NOT_FINITE       /* in fixed steps */
 } integration;
 
-/* Where an integration stands. */
+/* The current point of an integration. */
 typedef struct {
     double t;
     double x[N_STATES];
@@ -32,9 +32,9 @@ typedef struct {
 } integration_point;
 
 INTERNAL_BEGIN
-/* Error per step below `tolerance` relative, and absolute in SI units. */
+/* Error per step below `tolerance`, relative and absolute in SI units. */
 integration integrate_controlled(const ode *problem, integration_point *at, double end, double tolerance);
-/* Equal steps, the largest that are not above `size`: constant cost. */
+/* Equal steps, the largest not above `size`: constant cost. */
 integration integrate_fixed(const ode *problem, integration_point *at, double end, double size);
 INTERNAL_END
 

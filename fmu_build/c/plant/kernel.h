@@ -1,6 +1,5 @@
-/* The equations, generated from the Python source of the physics (kernel.c). Vectors in the order of model.h.
-
-   x states, u inputs, p parameters; y results, of which the first N_STATES are the states themselves. */
+/* The equations, generated from the Python source of the physics (kernel.c). Vectors are in the order of model.h:
+   states x, inputs u, parameters p and results y, whose first N_STATES elements are the states. */
 #ifndef KERNEL_H
 #define KERNEL_H
 
@@ -15,7 +14,7 @@ void kernel_outputs(const double x[], const double u[], const double p[], double
 /* change of (xdot, y) when (x, u, p) change by (dx, du, dp) */
 void kernel_forward(const double x[], const double u[], const double p[], const double dx[], const double du[],
                     const double dp[], double dxdot[], double dy[]);
-/* gradient of wxdot.xdot + wy.y by (x, u, p) */
+/* gradient of wxdot.xdot + wy.y with respect to (x, u, p) */
 void kernel_reverse(const double x[], const double u[], const double p[], const double wxdot[], const double wy[],
                     double gx[], double gu[], double gp[]);
 /* leg lengths and rates, Jacobian with angles scaled by rho (6 rows of 6), rho */

@@ -24,7 +24,7 @@ int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
         for (int b = 0; b < a; b++)
             if (fabs(J[3 * a + b] - J[3 * b + a]) > INERTIA_SLACK * size) {
                 write_message(message,
-                              "platform_inertia is not symmetric: [%d,%d] = %g but [%d,%d] = %g kg.m2; give both the "
+                              "platform_inertia is not symmetric: [%d,%d] = %g but [%d,%d] = %g kg.m2; set both to the "
                               "same value (minus the product of inertia)",
                               b + 1, a + 1, J[3 * b + a], a + 1, b + 1, J[3 * a + b]);
                 return 0;
@@ -44,8 +44,8 @@ int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
             unit[a][b] = (a == b) * largest - unit[a][b];
     if (!is_positive_definite(unit)) {
         write_message(message,
-                      "platform_inertia: no body has these principal moments, the largest exceeds the sum of the "
-                      "others (triangle inequality); check units, and that they are about the centre of mass");
+                      "platform_inertia is unphysical: the largest principal moment exceeds the sum of the others "
+                      "(triangle inequality); check the units and that it is about the centre of mass");
         return 0;
     }
     return 1;
@@ -70,7 +70,7 @@ static int joints_are_apart(const double points[3 * N_LEGS], const char *name, c
         }
     if (nearest > COINCIDENCE * farthest)
         return 1;
-    write_message(message, "%s: joints %d and %d coincide; expected six places apart (a double joint needs a small "
+    write_message(message, "%s: joints %d and %d coincide; expected six different points (a double joint needs a small "
                            "offset)", name, one + 1, other + 1);
     return 0;
 }
@@ -85,8 +85,8 @@ int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS]
         shortest = fmin(shortest, leg_length[i]);
     const double com[2] = {p[P_LEG_LOWER_COM], p[P_LEG_UPPER_COM]};
     for (int part = 0; part < 2; part++)
-        if (com[part] > shortest) { /* the legs are alike: what is not on the shortest lies beside it */
-            write_message(message, "leg_%s_com is %g m; expected on the leg, at most the shortest one of the start, %g m",
+        if (com[part] > shortest) { /* the legs are identical, so the shortest one limits both values */
+            write_message(message, "leg_%s_com is %g m; expected at most the shortest leg length at the start, %g m",
                           part ? "upper" : "lower", com[part], shortest);
             return 0;
         }

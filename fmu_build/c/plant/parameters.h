@@ -1,4 +1,4 @@
-/* What makes a platform impossible: the checks of gough_stewart.model.platform_checks that concern the plant. */
+/* Validity of the parameters: the checks of gough_stewart.model.platform_checks that concern the plant. */
 #ifndef PARAMETERS_H
 #define PARAMETERS_H
 
@@ -8,9 +8,9 @@
 #include "plant_table.h"
 
 INTERNAL_BEGIN
-/* 1 if a body can have this mass distribution, else 0 and the reason. */
+/* 1 if the inertia is physically possible, else 0 and the reason. */
 int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
-/* 1 if no two joints of one side coincide and the centres of mass lie on the legs, else 0 and the reason. */
+/* 1 if no two joints of base or platform coincide and the centres of mass are on the legs, else 0 and the reason. */
 int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
 INTERNAL_END
 

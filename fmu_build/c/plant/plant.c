@@ -15,7 +15,7 @@ const size_t N_SAVED = sizeof(plant_state) / sizeof(double);
 
 /* ---- variables ------------------------------------------------------------------------------------------------ */
 
-/* Where the value of a slot that can be set lies; NULL for a computed one. */
+/* The memory of a slot that can be set; NULL for a computed one. */
 static double *place_of(component *c, int slot)
 {
     if (slot < FIRST_INPUT + N_INPUTS)
@@ -55,13 +55,13 @@ outcome component_check(component *c, int slot, double value)
     char name[NAME_SIZE], pitch[80];
     const char *expected = expected_of_slot(slot, value);
     if (!expected && slot == FIRST_STATE + X_PITCH && !(fabs(value) < LARGEST_PITCH)) {
-        snprintf(pitch, sizeof pitch, "a pitch well within 90 degrees, at most %.5g rad", LARGEST_PITCH);
+        snprintf(pitch, sizeof pitch, "a pitch below 90 degrees, at most %.5g rad", LARGEST_PITCH);
         expected = pitch;
     }
     if (!expected)
         return DONE;
     write_slot_name(slot, name);
-    write_message(c->message, "%s = %g %s refused; expected %s", name, value, variable_of(slot)->unit,
+    write_message(c->message, "%s = %g %s rejected; expected %s", name, value, variable_of(slot)->unit,
                   expected);
     return NOT_POSSIBLE;
 }
@@ -88,7 +88,7 @@ void component_put_input_rate(component *c, int slot, double rate)
 
 static outcome not_finite(component *c, const char *what)
 {
-    write_message(c->message, "%s not finite at time %.12g s: the pose is singular, or forces are too large", what,
+    write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large", what,
                   c->s.time);
     return NOT_POSSIBLE;
 }
@@ -110,7 +110,7 @@ static const leg_state *legs_of(component *c)
     return &c->legs;
 }
 
-/* Results beyond the states. Lengths and rates of the legs come without the dynamics, at a fifth of the cost. */
+/* Results other than the states. Leg lengths and rates do not need the dynamics, at a fifth of the cost. */
 static double find_result(component *c, int result)
 {
     if (c->has_legs || !c->has_results) {
@@ -187,7 +187,7 @@ outcome component_result_rates(component *c, double rates[])
 outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time)
 {
     if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE)) {
-        write_message(c->message, "tolerance = %g refused; expected from %g to %g, say %g", tolerance,
+        write_message(c->message, "tolerance = %g rejected; expected %g to %g, for example %g", tolerance,
                       SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE);
         return MISUSE;
     }
@@ -200,7 +200,7 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
     return DONE;
 }
 
-static outcome check_present_pose(component *c, double *handedness)
+static outcome check_current_pose(component *c, double *handedness)
 {
     char reason[MESSAGE_SIZE];
     if (check_pose(legs_of(c), c->s.x[X_PITCH], handedness, reason))
@@ -212,7 +212,7 @@ static outcome check_present_pose(component *c, double *handedness)
 outcome component_check_state(component *c)
 {
     double handedness = c->s.handedness;
-    return check_present_pose(c, &handedness);
+    return check_current_pose(c, &handedness);
 }
 
 outcome component_check_parameters(component *c)
@@ -228,7 +228,7 @@ outcome component_begin(component *c)
     double handedness = c->s.handedness;
     outcome checked = component_check_parameters(c);
     if (checked == DONE)
-        checked = check_present_pose(c, &handedness);
+        checked = check_current_pose(c, &handedness);
     if (checked == DONE && !check_geometry(c->s.p, legs_of(c)->length, c->message))
         checked = NOT_POSSIBLE;
     if (checked == DONE)
@@ -244,7 +244,7 @@ double component_time(const component *c)
 outcome component_set_time(component *c, double time)
 {
     if (!isfinite(time)) {
-        write_message(c->message, "time = %g s refused; expected a finite number", time);
+        write_message(c->message, "time = %g s rejected; expected a finite number", time);
         return MISUSE;
     }
     c->s.time = time;

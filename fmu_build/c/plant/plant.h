@@ -1,4 +1,4 @@
-/* The platform as a component: what the files of this room share. */
+/* The platform as a component: shared declarations. */
 #ifndef PLANT_H
 #define PLANT_H
 
@@ -8,24 +8,24 @@
 #include "model.h"
 #include "pose_limits.h"
 
-/* All that the future depends on. Doubles only: a saved state is these, in this order. */
+/* The complete state. Doubles only: a saved state is these, in this order. */
 typedef struct {
     double time;
     double start_time;
     double stop_time; /* infinite if there is none */
     double tolerance;
-    double internal_step; /* to go on with; 0 before the first */
-    double handedness;    /* side of the singular poses on which the motion began; 0 before it has */
+    double internal_step; /* size of the next one; 0 before the first */
+    double handedness;    /* sign of det J at the start of the motion; 0 before the start */
     double fixed_step_size;
     double inputs[N_INPUTS];
-    double input_rates[N_INPUTS]; /* du/dt from the present time on */
+    double input_rates[N_INPUTS]; /* du/dt from the current time on */
     double x[N_STATES];
     double p[N_PARAMETERS];
 } plant_state;
 
 struct component {
     plant_state s;
-    /* what follows from the state, computed when asked for */
+    /* derived from the state, computed on demand */
     int has_xdot, has_results, has_legs;
     double xdot[N_STATES];
     double results[N_RESULTS];
@@ -35,7 +35,7 @@ struct component {
 };
 
 INTERNAL_BEGIN
-/* After `s` has been replaced from outside. */
+/* To be called after `s` has been replaced. */
 void forget_results(component *c);
 INTERNAL_END
 

@@ -8,7 +8,7 @@
 #include "kernel.h"
 #include "plant_table.h"
 
-/* One communication step on its way. */
+/* The current communication step. */
 typedef struct {
     component *c;
     const step_observer *observer;
@@ -32,7 +32,7 @@ static void derivatives_in_step(void *owner, double t, const double x[N_STATES],
     kernel_derivatives(x, step->interpolates ? u : step->c->s.inputs, step->c->s.p, xdot);
 }
 
-/* The component goes along with the integration: time, states, inputs and derivatives are those of this point. */
+/* Updates the component to this point of the integration: time, states, inputs and derivatives. */
 static int accept_internal_step(void *owner, double t, const double x[N_STATES], const double xdot[N_STATES],
                                 double *end, int *changed)
 {
@@ -48,12 +48,12 @@ static int accept_internal_step(void *owner, double t, const double x[N_STATES],
     if (component_check_state(c) != DONE)
         return 0;
     if (step->observer) {
-        double wanted = *end, before[N_INPUTS];
+        double requested_end = *end, before[N_INPUTS];
         memcpy(before, c->s.inputs, sizeof before);
-        step->observer->notice(step->observer->context, t, &wanted);
-        if (wanted < *end)
-            *end = fmax(wanted, t);
-        /* not `!has_xdot`: the observer may have asked for derivatives after it had set inputs */
+        step->observer->notice(step->observer->context, t, &requested_end);
+        if (requested_end < *end)
+            *end = fmax(requested_end, t);
+        /* not `!has_xdot`: the observer may have read derivatives after setting inputs */
         *changed = memcmp(before, c->s.inputs, sizeof before) != 0;
         step->since = t;
         memcpy(step->from, c->s.inputs, sizeof step->from);
@@ -63,24 +63,24 @@ static int accept_internal_step(void *owner, double t, const double x[N_STATES],
 
 static void explain_failure(component *c, integration how, double time, double end)
 {
-    const char *remedy = "forces too large, friction too sharp (leg_friction_velocity), or nearly singular";
+    const char *cause = "forces too large, leg_friction_velocity too small, or pose nearly singular";
     int is_fixed = c->s.fixed_step_size > 0;
     if (is_fixed && (how == TOO_MANY_STEPS || how == STEP_TOO_SMALL))
         write_message(c->message, "at time %.12g s: fixed_step_size = %g s is too small for one step to time %.12g s; "
-                                  "at most %d steps, each long enough to advance the time",
+                                  "expected at most %d steps, each large enough to advance the time",
                       time, c->s.fixed_step_size, end, MOST_FIXED_STEPS);
     else if (how == STEP_TOO_SMALL)
-        write_message(c->message, "at time %.12g s: the tolerance %g cannot be held; %s", time, c->s.tolerance, remedy);
+        write_message(c->message, "at time %.12g s: the tolerance %g cannot be met; %s", time, c->s.tolerance, cause);
     else if (how == TOO_MANY_STEPS)
         write_message(c->message, "at time %.12g s: too many internal steps for one step to time %.12g s; %s", time, end,
-                      remedy);
+                      cause);
     else if (how == NOT_FINITE)
         write_message(c->message, "at time %.12g s: the motion is not finite; fixed_step_size = %g s is too large, or %s",
-                      time, c->s.fixed_step_size, remedy);
+                      time, c->s.fixed_step_size, cause);
 }
 
-/* Some masters hand on no start values and begin with zeros; in a system whose actuator forces are connected, that means
-   that the controller has not spoken yet. */
+/* Some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean
+   that the controller has no output yet. */
 static int forces_are_unset(const component *c)
 {
     int is_zero = ZEROS_ARE_UNSET_AT_START && c->s.time == c->s.start_time;

@@ -5,7 +5,7 @@
 #include "plant.h"
 
 INTERNAL_BEGIN
-/* As `component_step`. */
+/* Implements `component_step`. */
 outcome step_plant(component *c, double time, double step, const step_observer *observer, double *reached);
 INTERNAL_END
 

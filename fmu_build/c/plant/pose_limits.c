@@ -26,14 +26,14 @@ int check_pose(const leg_state *legs, double pitch, double *handedness, char mes
         }
     double determinant, number = condition_number(legs->jacobian, &determinant), side = determinant > 0 ? 1 : -1;
     if (*handedness != 0 && *handedness != side) {
-        write_message(message, "the platform has passed a singular pose, where the legs cannot hold it, since the "
-                               "last internal step");
+        write_message(message, "the platform has passed a singular pose since the last internal step; the legs cannot "
+                               "hold it there");
         return 0;
     }
     if (!(number < SINGULAR_CONDITION_NUMBER)) {
         write_message(message,
-                      "condition number of the leg Jacobian = %.6g: the platform has reached a singular pose, where "
-                      "the legs cannot hold it",
+                      "condition number of the leg Jacobian = %.6g: the platform has reached a singular pose; the legs "
+                      "cannot hold it there",
                       number);
         return 0;
     }

@@ -1,4 +1,4 @@
-/* Poses that no motion may pass: a collapsed leg, a pitch of 90 degrees, a singular leg Jacobian. */
+/* Limits of the pose: leg length 0, a pitch of 90 degrees, a singular leg Jacobian. */
 #ifndef POSE_LIMITS_H
 #define POSE_LIMITS_H
 
@@ -17,8 +17,8 @@ typedef struct {
 
 INTERNAL_BEGIN
 void find_legs(const double x[N_STATES], const double p[N_PARAMETERS], leg_state *legs);
-/* 1 if a motion may pass this pose, else 0 and the reason. `handedness` is the side of the singular poses on which the
-   motion is, the sign of det J; 0 if it has none yet, then it gets the one of this pose. */
+/* 1 if the pose is within the limits, else 0 and the reason. `handedness` is the sign of det J of the motion so far; if
+   it is 0, it is set from this pose. */
 int check_pose(const leg_state *legs, double pitch, double *handedness, char message[MESSAGE_SIZE]);
 INTERNAL_END
 

@@ -1,7 +1,7 @@
-/* A component as a unit sees it: what is stepped from outside, with inputs, parameters, states and results. Nothing of
-   FMI, and nothing of what the component is: plant/ has the platform, controller/ a sampled controller.
+/* The interface between a unit and its component: a system with inputs, parameters, states and results that is stepped
+   from outside. It depends neither on FMI nor on the component: plant/ has the platform, controller/ a sampled controller.
 
-   Values are reached by slot (model.h). A call that does not return DONE has changed nothing, and has left its reason
+   Values are accessed by slot (model.h). A call that does not return DONE changes nothing and leaves the reason
    in `component_message`. */
 #ifndef COMPONENT_H
 #define COMPONENT_H
@@ -14,49 +14,49 @@ typedef struct component component;
 
 typedef enum {
     DONE,
-    NOT_POSSIBLE, /* a value or a step outside of what the component can do; another may work */
-    MISUSE        /* a call that makes no sense */
+    NOT_POSSIBLE, /* the component cannot take this value or step; another may work */
+    MISUSE        /* an invalid call */
 } outcome;
 
-/* Told of every internal step of a communication step. Time is the component's; results may be read and inputs be
-   set. May ask to end the communication step early, at `*end` or as soon as it is passed. */
+/* Called after every internal step of a communication step, at the component's time. It may read results and set
+   inputs, and may end the communication step early by reducing `*end`. */
 typedef struct {
     void *context;
     void (*notice)(void *context, double time, double *end);
 } step_observer;
 
 INTERNAL_BEGIN
-/* Bytes to be given to `component_reset`, aligned for a double. */
+/* Size in bytes of the memory for `component_reset`, aligned for a double. */
 extern const size_t COMPONENT_SIZE;
-/* Start values everywhere, time 0. */
+/* All start values, time 0. */
 void component_reset(component *c);
 const char *component_message(const component *c);
 
-/* Is this a value that the slot can have? */
+/* Whether the slot can have this value. */
 outcome component_check(component *c, int slot, double value);
-/* Set what `component_check` has approved. */
+/* Sets a value that `component_check` has accepted. */
 void component_put(component *c, int slot, double value);
 outcome component_get(component *c, int slot, double *value);
-/* du/dt of an input from the present time on; approved like a value of the slot. */
+/* du/dt of an input from the current time on; to be checked like a value of the slot. */
 void component_put_input_rate(component *c, int slot, double rate);
 
 outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time);
-/* Parameters are set one by one: whether they go together is asked afterwards. */
+/* Consistency of all parameters, which are set one by one. */
 outcome component_check_parameters(component *c);
-/* The end of initialisation: a component that can exist, in a state from which it can go on. */
+/* End of initialization: checks parameters and start state. */
 outcome component_begin(component *c);
-/* From `time`, which has to be the present time, over `step` seconds. `reached` is where it ended. */
+/* Steps from `time`, which must be the current time, over `step` seconds. `reached` is the time at the end. */
 outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached);
 
 double component_time(const component *c);
 
-/* For an integrator outside, and sensitivities. A component without continuous states has none of them: stateless.c.
-   Vectors of N_STATES: */
+/* For external integrators and for derivatives. A component without continuous states uses the stubs in stateless.c.
+   Vectors have N_STATES elements: */
 outcome component_set_time(component *c, double time);
 void component_get_states(const component *c, double x[]);
 outcome component_set_states(component *c, const double x[]);
 outcome component_derivatives(component *c, double xdot[]);
-/* May a motion pass the present state? */
+/* Whether the current state is valid. */
 outcome component_check_state(component *c);
 
 /* Changes of the N_STATES of xdot and the N_RESULTS along (dx, du, dp). */
@@ -65,13 +65,13 @@ outcome component_forward(component *c, const double dx[], const double du[], co
 /* Gradient of wxdot.xdot + wy.results. */
 outcome component_reverse(component *c, const double wxdot[], const double wy[], double gx[], double gu[],
                           double gp[]);
-/* d(results)/dt with the inputs going on at their rates. */
+/* d(results)/dt with the inputs changing at their rates. */
 outcome component_result_rates(component *c, double rates[]);
 
-/* All that the future depends on, as numbers. */
+/* The complete state, as numbers. */
 extern const size_t N_SAVED;
 void component_save(const component *c, double saved[]);
-/* Can a component be in this state? 1 for what `component_save` has written. */
+/* Whether a component can be in this state; 1 for everything that `component_save` has written. */
 int component_can_restore(const double saved[]);
 void component_restore(component *c, const double saved[]);
 INTERNAL_END

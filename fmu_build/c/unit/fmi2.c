@@ -18,14 +18,14 @@ static int slots_of_reference(uint32_t reference, int *first, int *size)
 
 static void deliver(const fmi_instance *i, fmi_status status, const char *category, const char *message)
 {
-    /* `message` is the format, and holds no '%' */
+    /* `message` is the format and contains no '%' */
     ((fmi2CallbackLogger)i->logger)(i->environment, i->name, AS_FMI2(status), category, message);
 }
 
 static const fmi_layer FMI_2 = {.resolve = slots_of_reference, .deliver = deliver, .discards_as_listed = 1,
                                 .tunes_continuously = 1};
 
-/* ---- life ----------------------------------------------------------------------------------------------------- */
+/* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
 const char *fmi2GetTypesPlatform(void)
 {
@@ -41,11 +41,11 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
                               fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
                               fmi2Boolean visible, fmi2Boolean loggingOn)
 {
-    (void)fmuResourceLocation; /* nothing is read from there */
+    (void)fmuResourceLocation; /* the unit has no resources */
     (void)visible;
     if (!functions)
         return NULL;
-    /* memory is the C library's, as modelDescription.xml says (canNotUseMemoryManagementFunctions) */
+    /* memory is from the C library, as modelDescription.xml declares (canNotUseMemoryManagementFunctions) */
     fmi_instance request = {.layer = &FMI_2,
                             .kind = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
                             .environment = functions->componentEnvironment,
@@ -53,7 +53,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
                             .logs = loggingOn != fmi2False,
                             .name = instanceName ? instanceName : ""};
     if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation) {
-        report(&request, STATUS_ERROR, "%s: no FMU type %d; expected %sCo-Simulation", __func__,
+        report(&request, STATUS_ERROR, "%s: unknown FMU type %d; expected %sCo-Simulation", __func__,
                (int)fmuType, N_STATES > 0 ? "Model Exchange or " : "");
         return NULL;
     }
@@ -177,7 +177,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
     fmi_instance *i = c;
     if (!is_allowed(i, __func__, CALL_UPDATE_DISCRETE) || !has_array(i, __func__, info, 1, "eventInfo"))
         return fmi2Error;
-    memset(info, 0, sizeof *info); /* nothing happens at events */
+    memset(info, 0, sizeof *info); /* there are no events */
     return fmi2OK;
 }
 
@@ -258,53 +258,53 @@ fmi2Status fmi2CancelStep(fmi2Component c)
     return fmi2Error;
 }
 
-/* A status of another type than the question, or a null pointer, or the wrong time to ask. */
-static fmi2Status no_status(fmi_instance *i, const char *function, int is_of_type, const void *value)
+/* fmi2OK if the call is allowed and the requested status is of this type. */
+static fmi2Status check_status(fmi_instance *i, const char *function, int is_of_type, const void *value)
 {
     if (!is_allowed(i, function, CALL_STEP_STATUS) || !has_array(i, function, value, 1, "value"))
         return fmi2Error;
     if (is_of_type)
         return fmi2OK;
-    return AS_FMI2(report(i, STATUS_DISCARD, "%s: no such status; steps are never pending", function));
+    return AS_FMI2(report(i, STATUS_DISCARD, "%s: no such status, since steps are never pending", function));
 }
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value)
 {
     fmi_instance *i = c;
-    fmi2Status asked = no_status(i, __func__, s == fmi2DoStepStatus, value);
-    if (asked == fmi2OK)
+    fmi2Status checked = check_status(i, __func__, s == fmi2DoStepStatus, value);
+    if (checked == fmi2OK)
         *value = AS_FMI2(i->step_status);
-    return asked;
+    return checked;
 }
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value)
 {
     fmi_instance *i = c;
-    fmi2Status asked = no_status(i, __func__, s == fmi2LastSuccessfulTime, value);
-    if (asked == fmi2OK)
+    fmi2Status checked = check_status(i, __func__, s == fmi2LastSuccessfulTime, value);
+    if (checked == fmi2OK)
         *value = i->last_successful_time;
-    return asked;
+    return checked;
 }
 
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value)
 {
     (void)s;
-    return no_status(c, __func__, 0, value);
+    return check_status(c, __func__, 0, value);
 }
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
 {
     fmi_instance *i = c;
-    fmi2Status asked = no_status(i, __func__, s == fmi2Terminated, value);
-    /* Steps are controlled inside: under the same inputs no shorter communication step leads past the point where
-       one failed. Importers that repeat a discarded step until told otherwise are told. */
-    if (asked == fmi2OK)
+    fmi2Status checked = check_status(i, __func__, s == fmi2Terminated, value);
+    /* The unit controls its step size: with the same inputs, a shorter communication step fails at the same point. This
+       stops importers that would repeat a discarded step. */
+    if (checked == fmi2OK)
         *value = i->step_status == STATUS_DISCARD ? fmi2True : fmi2False;
-    return asked;
+    return checked;
 }
 
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value)
 {
     (void)s;
-    return no_status(c, __func__, 0, value);
+    return check_status(c, __func__, 0, value);
 }

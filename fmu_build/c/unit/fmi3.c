@@ -24,7 +24,7 @@ static void deliver(const fmi_instance *i, fmi_status status, const char *catego
 
 static const fmi_layer FMI_3 = {.resolve = slots_of_reference, .deliver = deliver};
 
-/* ---- life ----------------------------------------------------------------------------------------------------- */
+/* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
 const char *fmi3GetVersion(void)
 {
@@ -42,7 +42,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3InstanceEnvironment instanceEnvironment,
                                           fmi3LogMessageCallback logMessage)
 {
-    (void)resourcePath; /* nothing is read from there */
+    (void)resourcePath; /* the unit has no resources */
     (void)visible;
     fmi_instance request = {.layer = &FMI_3,
                             .kind = MODEL_EXCHANGE,
@@ -211,8 +211,8 @@ static fmi3Status no_dimensions(fmi_instance *i, const char *function, fmi3Value
     if (!slots_of_reference(reference, &first, &size))
         return AS_FMI3(report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function,
                               (unsigned long)reference));
-    return AS_FMI3(report(i, STATUS_ERROR, "%s: dependencies do not change at run time; modelDescription.xml has them",
-                          function));
+    return AS_FMI3(report(i, STATUS_ERROR,
+                          "%s: dependencies do not change at run time; they are in modelDescription.xml", function));
 }
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference valueReference,
@@ -282,7 +282,7 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte seriali
     return AS_FMI3(deserialize(instance, __func__, serializedState, size, FMUState));
 }
 
-/* ---- events, of which there are none -------------------------------------------------------------------------- */
+/* ---- events (there are none) ---------------------------------------------------------------------------------- */
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
@@ -389,7 +389,7 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nConti
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 {
-    is_allowed(instance, __func__, CALL_NOT_OFFERED); /* it leaves event mode, which co-simulation has not */
+    is_allowed(instance, __func__, CALL_NOT_OFFERED); /* it leaves event mode, which Co-Simulation does not have here */
     return fmi3Error;
 }
 
@@ -400,7 +400,7 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
     return AS_FMI3(get_output_rates(instance, __func__, valueReferences, nValueReferences, orders, values, nValues));
 }
 
-/* After an internal step: the importer may read, may set inputs, and may ask to return early. */
+/* After an internal step: the importer can read results, set inputs and request an early return. */
 static void intermediate_update(void *context, double time, double *end)
 {
     fmi_instance *i = context;
@@ -412,7 +412,7 @@ static void intermediate_update(void *context, double time, double *end)
                                                              &return_time);
     i->mode = STEP;
     if (i->may_return_early && early_return)
-        *end = return_time < *end ? return_time : *end; /* a NaN changes nothing */
+        *end = return_time < *end ? return_time : *end; /* no change for NaN */
 }
 
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
@@ -426,10 +426,10 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
         !has_array(i, __func__, earlyReturn, 1, "earlyReturn") ||
         !has_array(i, __func__, lastSuccessfulTime, 1, "lastSuccessfulTime"))
         return fmi3Error;
-    step_observer asker = {i, intermediate_update};
+    step_observer observer = {i, intermediate_update};
     double end = currentCommunicationPoint + communicationStepSize;
     fmi_status stepped = do_step(i, __func__, currentCommunicationPoint, communicationStepSize,
-                                 i->intermediate_update ? &asker : NULL);
+                                 i->intermediate_update ? &observer : NULL);
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = fmi3False;
     *earlyReturn = stepped == STATUS_OK && i->last_successful_time < end;
@@ -437,7 +437,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     return AS_FMI3(stepped);
 }
 
-/* ---- what this unit has not: structural parameters, clocks, scheduled execution ------------------------------- */
+/* ---- not offered: structural parameters, clocks, scheduled execution ------------------------------------------ */
 
 static fmi3Status not_offered(const fmi_instance *i, const char *function)
 {

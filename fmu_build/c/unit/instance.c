@@ -22,23 +22,23 @@ static const struct {
 static const char *name_of_mode(fmi_mode mode)
 {
     switch (mode) {
-    case INSTANTIATED: return "instantiated";
+    case INSTANTIATED: return "the instantiated state";
     case INITIALIZATION: return "initialization mode";
     case EVENT: return "event mode";
     case CONTINUOUS: return "continuous-time mode";
     case STEP: return "step mode";
     case INTERMEDIATE: return "intermediate update mode";
-    case TERMINATED: return "terminated";
+    case TERMINATED: return "the terminated state";
     }
-    return "no mode";
+    return "an unknown mode";
 }
 
-/* Errors are logged whatever the importer has switched on: so FMI 2.0 (2.1.3) and, from 3.0.3 on, FMI 3.0 (2.2.3). */
+/* Errors are always logged, as in FMI 2.0 (2.1.3) and in FMI 3.0 from 3.0.3 on (2.2.3). */
 fmi_status report(const fmi_instance *i, fmi_status status, const char *format, ...)
 {
     int category = status == STATUS_ERROR ? 2 : status == STATUS_DISCARD ? 1 : 0;
-    int is_wanted = status == STATUS_ERROR || (i->logs && i->categories >> category & 1);
-    if (i->logger && is_wanted) {
+    int is_logged = status == STATUS_ERROR || (i->logs && i->categories >> category & 1);
+    if (i->logger && is_logged) {
         char message[MESSAGE_SIZE];
         va_list arguments;
         va_start(arguments, format);
@@ -66,7 +66,7 @@ int is_allowed(const fmi_instance *i, const char *function, fmi_call call)
         report(i, STATUS_ERROR, "%s: not allowed in %s", function,
                i->kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation");
     else
-        report(i, STATUS_ERROR, "%s: not allowed when %s", function, name_of_mode(i->mode));
+        report(i, STATUS_ERROR, "%s: not allowed in %s", function, name_of_mode(i->mode));
     return 0;
 }
 
@@ -75,7 +75,7 @@ fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, 
     if (found == DONE)
         return STATUS_OK;
     int may_discard = !i->layer->discards_as_listed || ALLOWED[call].discards & (int)i->kind;
-    /* within an intermediate update nothing may be discarded */
+    /* in an intermediate update Discard is not allowed */
     int is_error = found == MISUSE || !may_discard || i->mode == INTERMEDIATE;
     return report(i, is_error ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, component_message(i->core));
 }
@@ -92,7 +92,7 @@ int has_length(const fmi_instance *i, const char *function, size_t found, size_t
 {
     if (found == expected || found == ONE_EACH)
         return 1;
-    report(i, STATUS_ERROR, "%s: %lu %s given; expected %lu", function, (unsigned long)found, name,
+    report(i, STATUS_ERROR, "%s: found %lu %s; expected %lu", function, (unsigned long)found, name,
            (unsigned long)expected);
     return 0;
 }
@@ -108,8 +108,8 @@ fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, 
             c++;
         if (c == N_CATEGORIES)
             return report(i, STATUS_ERROR,
-                          "%s: no log category '%s'; expected logStatusWarning, logStatusDiscard, logStatusError or "
-                          "logAll",
+                          "%s: unknown log category '%s'; expected logStatusWarning, logStatusDiscard, "
+                          "logStatusError or logAll",
                           function, categories[k] ? categories[k] : "(null)");
         chosen |= c == N_CATEGORIES - 1 ? ALL : 1u << c;
     }
@@ -118,7 +118,7 @@ fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, 
     return STATUS_OK;
 }
 
-/* ---- life ----------------------------------------------------------------------------------------------------- */
+/* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
 static int is_blank(const char *text)
 {
@@ -128,12 +128,12 @@ static int is_blank(const char *text)
 fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token)
 {
     if (!name || is_blank(name)) {
-        report(request, STATUS_ERROR, "instantiation: the instance name is empty; expected a text");
+        report(request, STATUS_ERROR, "instantiation: the instance name is empty; expected a non-empty text");
         return NULL;
     }
     if (!token || strcmp(token, TOKEN) != 0) {
         report(request, STATUS_ERROR,
-               "instantiation: wrong token '%s'; expected '%s', modelDescription.xml and binary belong together",
+               "instantiation: wrong token '%s'; expected '%s'; use the modelDescription.xml of this binary",
                token ? token : "(null)", TOKEN);
         return NULL;
     }
@@ -163,7 +163,7 @@ fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, 
 {
     if (!is_allowed(i, function, call))
         return STATUS_ERROR;
-    /* in Model Exchange the tolerance is the importer's own business */
+    /* in Model Exchange only the importer uses the tolerance */
     int is_used = tolerance_defined && i->kind == CO_SIMULATION;
     fmi_status done = conclude(i, function, call,
                                component_set_experiment(i->core, is_used ? tolerance : DEFAULT_TOLERANCE, start_time,
@@ -230,7 +230,7 @@ fmi_status set_time(fmi_instance *i, const char *function, double time)
     return conclude(i, function, CALL_SET_TIME, component_set_time(i->core, time));
 }
 
-/* For the functions about all states: is the call allowed, with a vector of N_STATES? */
+/* For functions of the state vector: whether the call is allowed, with N_STATES elements. */
 static int has_states(const fmi_instance *i, const char *function, fmi_call call, const void *x, size_t n)
 {
     return is_allowed(i, function, call) && has_length(i, function, n, N_STATES, "continuous states") &&
@@ -283,6 +283,6 @@ fmi_status completed_step(fmi_instance *i, const char *function, int *terminates
         return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
     *terminates = component_check_state(i->core) != DONE;
     if (*terminates)
-        report(i, STATUS_OK, "%s: the simulation has to end: %s", function, component_message(i->core));
+        report(i, STATUS_OK, "%s: the simulation must end: %s", function, component_message(i->core));
     return STATUS_OK;
 }

@@ -1,7 +1,7 @@
-/* An instance of the unit, whatever the FMI version: a component, its mode, its log, and how calls reach it.
+/* An instance of the unit, independent of the FMI version: a component with its mode and its log.
 
-   Functions that take `function` are the work of the FMI function of that name: they check whether it is allowed and
-   its arguments, and log what is wrong. A call that does not return STATUS_OK has changed nothing. */
+   Functions with an argument `function` implement the FMI function of that name: they check whether the call is
+   allowed, check its arguments, and log errors. A call that does not return STATUS_OK changes nothing. */
 #ifndef INSTANCE_H
 #define INSTANCE_H
 
@@ -13,17 +13,17 @@
 #include "model.h"
 #include "modes.h"
 
-/* The numbers are those of fmi2Status and fmi3Status. */
+/* The same numbers as fmi2Status and fmi3Status. */
 typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR, STATUS_FATAL } fmi_status;
 
 typedef struct fmi_instance fmi_instance;
 
-/* What differs between the FMI versions. */
+/* The differences between the FMI versions. */
 typedef struct {
     /* slots of a value reference; 0 if there is no such variable */
     int (*resolve)(uint32_t reference, int *first, int *size);
-    int discards_as_listed; /* only where modes.h says so */
-    /* tunable parameters are taken in continuous-time mode, too, where CasADi sets them; FMI 3.0 asks for an error */
+    int discards_as_listed; /* Discard only where modes.h allows it */
+    /* tunable parameters can be set in continuous-time mode, as CasADi does; FMI 3.0 requires an error */
     int tunes_continuously;
     void (*deliver)(const fmi_instance *i, fmi_status status, const char *category, const char *message);
 } fmi_layer;
@@ -31,47 +31,47 @@ typedef struct {
 typedef void (*any_function)(void);
 
 struct fmi_instance {
-    component *core; /* lies behind the instance, in the same allocation */
+    component *core; /* after the instance, in the same allocation */
     fmi_kind kind;
     fmi_mode mode;
     const fmi_layer *layer;
-    /* the importer's */
+    /* from the importer */
     void *environment;
     any_function logger;
     any_function intermediate_update; /* FMI 3.0 */
     int may_return_early;             /* FMI 3.0 */
     int logs;
-    unsigned categories; /* a bit for each */
+    unsigned categories; /* one bit each */
     /* of the last step, for FMI 2.0 */
     fmi_status step_status;
     double last_successful_time;
-    const char *name; /* lies behind the core */
+    const char *name; /* after the core */
 };
 
 INTERNAL_BEGIN
-/* A copy of `request`, which has the importer's part, initialised; NULL if token or name are wrong. */
+/* An initialised copy of `request`, which holds the importer's arguments; NULL if token or name are wrong. */
 fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token);
 
 fmi_status report(const fmi_instance *i, fmi_status status, const char *format, ...);
 int allows(const fmi_instance *i, fmi_call call);
-/* 1 if the instance is there and the call allowed now; logs if not. */
+/* 1 if the instance exists and the call is allowed in its mode; logs an error if not. */
 int is_allowed(const fmi_instance *i, const char *function, fmi_call call);
-/* Logs what the component found on a call. */
+/* The status for a component's outcome; logs its message. */
 fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome found);
-/* 1 unless `n` elements are wanted from nowhere. */
+/* 0 if the array is NULL but has `n` > 0 elements; logs an error. */
 int has_array(const fmi_instance *i, const char *function, const void *array, size_t n, const char *name);
 int has_length(const fmi_instance *i, const char *function, size_t found, size_t expected, const char *name);
 
 fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, const char *const categories[]);
 
-/* The length of the value array is unknown to FMI 2.0: one value for every reference. */
+/* FMI 2.0 does not pass the length of the value array: one value per reference. */
 #define ONE_EACH SIZE_MAX
 
 fmi_status get_values(fmi_instance *i, const char *function, const uint32_t references[], size_t n, double values[],
                       size_t n_values);
 fmi_status set_values(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                       const double values[], size_t n_values);
-/* No variables of another type exist. */
+/* For variables of other types, which do not exist. */
 fmi_status no_such_type(const fmi_instance *i, const char *function, size_t n);
 
 fmi_status get_directional_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[],
@@ -85,7 +85,7 @@ fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_
 fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                            const int32_t orders[], const double values[]);
 
-/* Life */
+/* Life cycle */
 fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, int tolerance_defined,
                           double tolerance, double start_time, int stop_time_defined, double stop_time);
 fmi_status exit_initialization(fmi_instance *i, const char *function);

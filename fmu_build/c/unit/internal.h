@@ -1,4 +1,4 @@
-/* Symbols between these marks stay inside the shared library, whatever the compiler's default is. */
+/* Symbols between these macros are not exported from the shared library, whatever the compiler's default is. */
 #ifndef INTERNAL_H
 #define INTERNAL_H
 

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Cuts off the bytes of a character that did not fit whole. */
+/* Removes the bytes of an incomplete last character. */
 static void drop_cut_character(char *message)
 {
     size_t n = strlen(message), start = n;
@@ -22,7 +22,7 @@ void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list ar
     vsnprintf(message, MESSAGE_SIZE, format, arguments);
     drop_cut_character(message);
     for (char *c = message; *c; c++)
-        if (*c == '%' || *c == '#') /* FMI reads #...# as a reference to a variable */
+        if (*c == '%' || *c == '#') /* FMI interprets #...# as a reference to a variable */
             *c = '_';
 }
 

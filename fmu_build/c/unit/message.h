@@ -1,4 +1,4 @@
-/* Text that says what was wrong: value found, value expected, remedy. */
+/* Error messages: value found, value expected, remedy. */
 #ifndef MESSAGE_H
 #define MESSAGE_H
 
@@ -9,7 +9,7 @@
 #define MESSAGE_SIZE 400
 
 INTERNAL_BEGIN
-/* As snprintf into MESSAGE_SIZE characters of UTF-8; without '%', so that an importer may take it for a format. */
+/* Like snprintf into MESSAGE_SIZE characters of UTF-8, but without '%', in case an importer uses it as a format. */
 void write_message(char message[MESSAGE_SIZE], const char *format, ...);
 void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list arguments);
 INTERNAL_END

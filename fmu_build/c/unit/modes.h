@@ -1,5 +1,5 @@
-/* The ONE table of which call is allowed to which kind of instance in which mode, for FMI 2.0 and 3.0; and to which kind
-   it may answer Discard in FMI 2.0, which names the functions (2.1.3). FMI 3.0 has it for every function. */
+/* The ONE table of which call is allowed for which kind of instance in which mode, for FMI 2.0 and 3.0; and for which
+   kind it may return Discard in FMI 2.0, which lists the functions (2.1.3). In FMI 3.0 every function may. */
 #ifndef MODES_H
 #define MODES_H
 
@@ -23,7 +23,7 @@ typedef enum {
 #define ANY_MODE (BETWEEN_CALLS | INTERMEDIATE)
 #define NEVER 0
 
-/* a component without continuous states has nothing to integrate, and jumps where others have a slope */
+/* a component without continuous states has nothing to integrate, and its outputs have no derivatives */
 #define IF_CONTINUOUS(modes) (N_STATES > 0 ? (modes) : NEVER)
 
 #define FOR_ME MODEL_EXCHANGE
@@ -31,7 +31,7 @@ typedef enum {
 #define BOTH (FOR_ME | FOR_CS)
 
 /* clang-format off */
-/* call, for which kinds, may answer Discard to which kinds, in which modes */
+/* call, allowed for these kinds, may return Discard for these kinds, allowed in these modes */
 #define CALLS(ROW)                                                                                               \
     ROW(CALL_SET_LOGGING,           BOTH,   NEVER,  BETWEEN_CALLS)                                               \
     ROW(CALL_RESET,                 BOTH,   NEVER,  BETWEEN_CALLS)                                               \

@@ -25,7 +25,8 @@ static int is_saved_state(const fmi_instance *i, const char *function, const sav
 {
     if (saved && memcmp(saved->magic, MAGIC, sizeof MAGIC) == 0)
         return 1;
-    report(i, STATUS_ERROR, "%s: %s is no FMU state of this unit", function, saved ? "the pointer" : "a null pointer");
+    report(i, STATUS_ERROR, "%s: %s is not an FMU state of this unit", function,
+           saved ? "the pointer" : "a null pointer");
     return 0;
 }
 
@@ -40,7 +41,7 @@ static saved_state *new_saved_state(fmi_kind kind, fmi_mode mode)
     return s;
 }
 
-/* A state of the importer's is written over. */
+/* Overwrites the importer's state if there is one. */
 fmi_status save_state(fmi_instance *i, const char *function, void **saved)
 {
     if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, saved, 1, "FMUState"))
@@ -65,7 +66,7 @@ fmi_status restore_state(fmi_instance *i, const char *function, const void *save
     if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, s))
         return STATUS_ERROR;
     if (s->kind != i->kind)
-        return report(i, STATUS_ERROR, "%s: the state is of %s; expected one of the instance's own kind", function,
+        return report(i, STATUS_ERROR, "%s: the state is from %s; expected one of the instance's own kind", function,
                       s->kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation");
     i->mode = s->mode;
     component_restore(i->core, s->numbers);
@@ -129,7 +130,7 @@ fmi_status serialize(const fmi_instance *i, const char *function, const void *sa
         !has_array(i, function, bytes, 1, "serializedState"))
         return STATUS_ERROR;
     if (size < serial_size())
-        return report(i, STATUS_ERROR, "%s: room for %lu bytes; expected %lu", function, (unsigned long)size,
+        return report(i, STATUS_ERROR, "%s: buffer of %lu bytes; expected %lu", function, (unsigned long)size,
                       (unsigned long)serial_size());
     unsigned char *at = bytes;
     memcpy(at, MAGIC, sizeof MAGIC);
@@ -148,7 +149,7 @@ fmi_status serialize(const fmi_instance *i, const char *function, const void *sa
     return STATUS_OK;
 }
 
-/* 1 if an instance can be in this state: what the checksum cannot tell of bytes made by somebody else. */
+/* 1 if an instance can be in this state: a valid checksum does not guarantee it for bytes from another source. */
 static int is_possible(const saved_state *s)
 {
     int modes = s->kind == MODEL_EXCHANGE ? BEFORE_START | EVENT | CONTINUOUS | TERMINATED
@@ -167,7 +168,8 @@ fmi_status deserialize(const fmi_instance *i, const char *function, const unsign
         !has_array(i, function, saved, 1, "FMUState"))
         return STATUS_ERROR;
     if (size < HEADER || memcmp(bytes, MAGIC, sizeof MAGIC) != 0)
-        return report(i, STATUS_ERROR, "%s: %lu bytes that are no state of this unit", function, (unsigned long)size);
+        return report(i, STATUS_ERROR, "%s: %lu bytes that are not a state of this unit", function,
+                      (unsigned long)size);
     const unsigned char *at = bytes + sizeof MAGIC;
     unsigned long format = (unsigned long)take(&at, 4);
     unsigned long kind_number = (unsigned long)take(&at, 4), mode_number = (unsigned long)take(&at, 4);
@@ -175,13 +177,13 @@ fmi_status deserialize(const fmi_instance *i, const char *function, const unsign
     uint64_t layout = take(&at, 8);
     if (format != FORMAT || layout != LAYOUT || n != N_SAVED)
         return report(i, STATUS_ERROR,
-                      "%s: a state of another version of this unit (format %lu, %lu numbers); expected format %d, %lu "
-                      "numbers, and the same variables",
+                      "%s: the state is from another version of this unit (format %lu, %lu numbers); expected format "
+                      "%d, %lu numbers and the same variables",
                       function, format, n, FORMAT, (unsigned long)N_SAVED);
     if (size != serial_size())
         return report(i, STATUS_ERROR, "%s: %lu bytes; expected %lu", function, (unsigned long)size,
                       (unsigned long)serial_size());
-    /* unlike for saving, the standards do not call the pointer an input */
+    /* unlike when saving, *saved is an output only and is not read */
     saved_state *s = new_saved_state((fmi_kind)kind_number, (fmi_mode)mode_number);
     if (!s)
         return report(i, STATUS_ERROR, "%s: out of memory", function);

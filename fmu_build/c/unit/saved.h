@@ -1,4 +1,4 @@
-/* Saved FMU states, and their serial form: versioned, without pointers, the same on every machine. */
+/* Saved FMU states and their serialized form: versioned, without pointers, the same on every machine. */
 #ifndef SAVED_H
 #define SAVED_H
 

@@ -1,5 +1,5 @@
-/* What a component without continuous states has not. No call gets here: there is no instance for Model Exchange, and
-   modes.h allows no sensitivities. */
+/* Stubs for a component without continuous states. They are never called: there is no instance for Model Exchange, and
+   modes.h does not allow derivatives. */
 #include "component.h"
 
 outcome component_set_time(component *c, double time)

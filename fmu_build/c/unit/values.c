@@ -1,4 +1,4 @@
-/* Values, rates and sensitivities by value reference; see instance.h. */
+/* Values, rates and derivatives by value reference; see instance.h. */
 #include <stdio.h>
 
 #include "instance.h"
@@ -8,7 +8,7 @@ static int role_at(int slot)
     return (int)variable_of(slot)->role;
 }
 
-/* Slots of a reference, or 0 and a message. */
+/* The slots of a reference; logs an error and returns 0 if it is unknown. */
 static int find_slots(const fmi_instance *i, const char *function, uint32_t reference, int *first, int *size)
 {
     if (i->layer->resolve(reference, first, size))
@@ -17,7 +17,7 @@ static int find_slots(const fmi_instance *i, const char *function, uint32_t refe
     return 0;
 }
 
-/* All references are known, and their values as many as given; `total` is that number. */
+/* 1 if all references are known and the array has as many values as they have elements. */
 static int find_all(const fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                     const void *values, size_t n_values, const char *name)
 {
@@ -50,7 +50,7 @@ fmi_status get_values(fmi_instance *i, const char *function, const uint32_t refe
     return STATUS_OK;
 }
 
-/* Which row of the table of permissions a set of this slot falls under. */
+/* The row of the permission table that applies to setting this slot. */
 static fmi_call call_to_set(const fmi_instance *i, int slot)
 {
     switch (role_at(slot)) {
@@ -63,7 +63,7 @@ static fmi_call call_to_set(const fmi_instance *i, int slot)
     }
 }
 
-/* May this slot have this value now? Names are only made up for messages: sets happen in every step. */
+/* Whether this slot can be set to this value now. Names are only written for messages, since this runs often. */
 static fmi_status check_set(fmi_instance *i, const char *function, int slot, double value)
 {
     fmi_call needed = call_to_set(i, slot);
@@ -109,12 +109,13 @@ fmi_status no_such_type(const fmi_instance *i, const char *function, size_t n)
         return STATUS_ERROR;
     if (n == 0)
         return STATUS_OK;
-    return report(i, STATUS_ERROR, "%s: the unit has no variables of this type, only floating-point ones", function);
+    return report(i, STATUS_ERROR, "%s: the unit has no variables of this type, only floating-point variables",
+                  function);
 }
 
-/* ---- sensitivities -------------------------------------------------------------------------------------------- */
+/* ---- derivatives ----------------------------------------------------------------------------------------------*/
 
-/* A vector over all slots in the parts that the kernel takes. */
+/* A vector over all slots, split into the kernel's arguments. */
 typedef struct {
     double slots[N_SLOTS];
 } by_slot;
@@ -136,7 +137,7 @@ static int is_unknown(int slot)
     return role == STATE || role == RESULT || role == DERIVATIVE;
 }
 
-/* All references are of variables that may stand in this place. */
+/* 1 if all references are of variables with a suitable role. */
 static int have_roles(const fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                       int (*fits)(int slot), const char *place, const char *expected)
 {
@@ -144,8 +145,8 @@ static int have_roles(const fmi_instance *i, const char *function, const uint32_
     for (size_t k = 0; k < n; k++) {
         i->layer->resolve(references[k], &first, &size);
         if (!fits(first)) {
-            report(i, STATUS_ERROR, "%s: %s is no %s; expected %s", function, variable_of(first)->name, place,
-                   expected);
+            report(i, STATUS_ERROR, "%s: %s is not an allowed %s; expected %s", function, variable_of(first)->name,
+                   place, expected);
             return 0;
         }
     }
@@ -240,7 +241,7 @@ fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_
         return STATUS_ERROR;
     for (size_t k = 0; k < n; k++)
         if (orders[k] != 1)
-            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is there", function, (long)orders[k]);
+            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is available", function, (long)orders[k]);
     by_slot rates = {{0}};
     outcome found = component_result_rates(i->core, results_of(&rates));
     if (found == DONE)
@@ -259,7 +260,7 @@ fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t
     int first, size;
     for (size_t k = 0; k < n; k++) {
         if (orders[k] != 1)
-            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is there", function, (long)orders[k]);
+            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is available", function, (long)orders[k]);
         i->layer->resolve(references[k], &first, &size);
         fmi_status checked = conclude(i, function, CALL_SET_INPUT_RATES,
                                       component_check(i->core, first, values[k]));

@@ -6,6 +6,9 @@
 
 #include "model.h"
 
+#define TEXT(x) #x
+#define TEXT_OF(macro) TEXT(macro)
+
 const variable *variable_of(int slot)
 {
     return &VARIABLES[VARIABLE_OF_SLOT[slot]];
@@ -31,7 +34,7 @@ const char *expected_of_slot(int slot, double value)
     if (!isfinite(value))
         return "a finite number";
     if (fabs(value) > LARGEST_NUMBER)
-        return "a number of a machine's size in SI units";
+        return "a number below " TEXT_OF(LARGEST_NUMBER) " in SI units";
     if (range == POSITIVE && !(value > 0))
         return "a value > 0";
     if (range == NOT_NEGATIVE && !(value >= 0))

@@ -278,12 +278,12 @@ def test_a_tunable_gain_acts_from_the_next_sample_on(unit: Plant, exported: Expo
         (
             "derivative_filter",
             1e-5,
-            "derivative_filter = 1e-05 s refused; expected derivative_filter >= sample_time / 2",
+            "derivative_filter = 1e-05 s rejected; expected derivative_filter >= sample_time / 2",
         ),
         (
             "anti_windup_time",
             np.array([1, 1, 1e-4, 1, 1, 1]),
-            "anti_windup_time = 1 1 0.0001 1 1 1 s refused; expected anti_windup_time[1] >= sample_time and",
+            "anti_windup_time = 1 1 0.0001 1 1 1 s rejected; expected anti_windup_time[1] >= sample_time and",
         ),
     ],
 )
@@ -307,11 +307,11 @@ def test_what_cannot_be_is_refused_and_changes_nothing(unit: Plant, exported: Ex
     before = unit.serialized()
     unit.take_messages()
     for call, expected, reason in (
-        (lambda: unit.set("leg_length", np.full(6, np.nan)), DISCARD, "leg_length[1] = nan m refused"),
-        (lambda: unit.set("force_limit", -1.0), DISCARD, "force_limit = -1 N refused; expected a value >= 0"),
-        (lambda: unit.set("sample_time", 0.1), ERROR, "sample_time: not allowed when step mode"),
+        (lambda: unit.set("leg_length", np.full(6, np.nan)), DISCARD, "leg_length[1] = nan m rejected"),
+        (lambda: unit.set("force_limit", -1.0), DISCARD, "force_limit = -1 N rejected; expected a value >= 0"),
+        (lambda: unit.set("sample_time", 0.1), ERROR, "sample_time: not allowed in step mode"),
         (lambda: unit.set("actuator_force", np.zeros(6)), ERROR, "actuator_force[1] is computed"),
-        (lambda: unit.do_step(0.5, SAMPLE_TIME), ERROR, "expected the present time 0.006"),
+        (lambda: unit.do_step(0.5, SAMPLE_TIME), ERROR, "expected the current time 0.006"),
         (lambda: unit.do_step(1.5 * SAMPLE_TIME, 2.0), ERROR, "passes the stop time"),
     ):
         assert refused(call) == expected

@@ -149,7 +149,7 @@ def test_matrices_keep_their_sample_time(tmp_path: Path) -> None:
         unit.set("sample_time", 0.005)
         with pytest.raises(Exception, match="fmi2ExitInitializationMode"):
             unit.initialise()
-        assert "sample_time = 0.005 s refused; expected 0.004 s, since the controller was designed for it" in (
+        assert "sample_time = 0.005 s rejected; expected 0.004 s, since the controller was designed for it" in (
             unit.take_messages()
         )
 

@@ -213,8 +213,8 @@ def test_a_step_of_a_million_samples_is_refused(unit: Plant, start: float) -> No
     before = unit.serialized()
     assert refused(unit.do_step, start, 4000.0) == DISCARD
     assert (
-        f"communication step to {start + 4000:g} s refused: more than 1000000 samples, sample_time = 0.004 s; "
-        "expected shorter steps"
+        f"communication step to {start + 4000:g} s rejected; it has more than 1000000 samples of 0.004 s; "
+        "use shorter steps"
     ) in unit.take_messages()
     assert unit.serialized() == before
 
@@ -227,7 +227,7 @@ def test_a_sample_time_of_less_than_a_thousand_roundings_of_time_is_refused(
     unit.initialise(time=start)
     unit.set("position", FIRST)
     assert refused(unit.do_step, start, T) == status
-    message = f"sample_time = 0.004 s refused; too short to be told apart at time {abs(start):g} s"
+    message = f"sample_time = 0.004 s rejected; it is too short to be resolved at time {abs(start):g} s"
     assert (message in unit.take_messages()) == (status == DISCARD)
 
 
@@ -249,5 +249,5 @@ def test_an_input_that_grows_beyond_all_numbers_is_refused(unit: Plant, sampled_
     numbers[place + 3] = 1e308  # rates stand behind inputs
     unit.restore(with_numbers(sampled_thrice, numbers))
     assert refused(unit.do_step, 2.5 * T, 3.0) == DISCARD
-    assert "s: an input is not finite; its rate is too large" in unit.take_messages()
+    assert "s: an input is not finite; its derivative is too large" in unit.take_messages()
     assert unit.get("time") == 2.5 * T
