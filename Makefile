@@ -1,5 +1,5 @@
-# Everything here needs only python3 (3.11 or later) and make; .venv is made from nothing.
-# PYTHON=python3.12 make test   uses another interpreter for a new .venv.
+# Requires only python3 (3.11 or later) and make; creates .venv.
+# PYTHON=python3.12 make test   creates .venv with another interpreter.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -14,24 +14,24 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 
 .PHONY: help demo view test coverage check bench evidence mutants format docs figures lower-bounds dist clean
 help:
-	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), close the loop (in $(HEAVE))"
-	@echo "make view      run a closed loop and show it in the browser, moving (the page stays in $(SEEN))"
-	@echo "make test      run the tests, those of model with coverage"
-	@echo "make coverage  run them all with coverage of everything, which takes half as long again"
-	@echo "make check     formatting, ruff, mypy, import directions"
-	@echo "make bench     speed, as ratios"
-	@echo "make evidence  slow evidence: Pinocchio, long runs, long fuzz, other importers and processors"
-	@echo "make mutants   plant small bugs in copies of the sources and count those that the tests see"
+	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), run a closed loop (in $(HEAVE))"
+	@echo "make view      run a closed loop and show its motion in the browser (page in $(SEEN))"
+	@echo "make test      run the tests, with coverage of model"
+	@echo "make coverage  run all tests with coverage of everything; takes half as long again"
+	@echo "make check     check formatting, ruff, mypy, import directions"
+	@echo "make bench     measure speed, as ratios"
+	@echo "make evidence  run the slow tests: Pinocchio, long runs, long fuzz, other importers and processors"
+	@echo "make mutants   run the tests on copies of the sources with small bugs and count those they detect"
 	@echo "make format    format the code"
-	@echo "make docs      build the documentation as a site that needs no network, in $(SITE)"
-	@echo "make figures   draw the pictures of README and docs again"
-	@echo "make dist      sdist and wheel in dist/, after a test that installs them"
-	@echo "make lower-bounds  the tests under the oldest versions that pyproject.toml admits"
+	@echo "make docs      build the documentation site, which needs no network, in $(SITE)"
+	@echo "make figures   redraw the pictures of README and docs"
+	@echo "make dist      build sdist and wheel in dist/, after a test that installs them"
+	@echo "make lower-bounds  run the tests with the oldest versions that pyproject.toml allows"
 
 demo: $(VENV)/run
 	$(BIN)/gough-stewart reproduce --report --out $(OUT)
 	$(BIN)/gough-stewart run heave_step --plant fmu3 --report --out $(HEAVE)
-	@echo "see both move: open $(OUT)/report.html and $(HEAVE)/report.html in a browser, or try make view"
+	@echo "open $(OUT)/report.html and $(HEAVE)/report.html in a browser to see both motions, or try make view"
 
 view: $(VENV)/run
 	$(BIN)/gough-stewart run pitch_sine --plant fmu3 --out $(SEEN)
@@ -75,7 +75,7 @@ format: $(VENV)/dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# The variable switches off a notice of the theme, which names it for that.
+# The variable suppresses a notice of the theme.
 docs: $(VENV)/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --site-dir "$$($(BIN)/python -c 'import os, sys; print(os.path.abspath(sys.argv[1]))' "$(SITE)")"
 	@echo "open $(SITE)/index.html"
@@ -103,13 +103,13 @@ lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest
 	$(VENV)-lowest/bin/python -m pip install --quiet uv
 	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct -e '.[dev]'
-	@# old releases meet newer ones of their own dependencies: what those deprecate is not ours to fail on
+	@# old releases run with newer versions of their own dependencies: ignore their deprecation warnings
 	$(VENV)-lowest/bin/python -m pytest -q --numprocesses=auto --dist=loadfile -W default::DeprecationWarning
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest results build dist *.egg-info
 
-# Stamps: each extra is installed once per change of what it depends on.
+# Stamp files: each extra is installed again only if its dependencies change.
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or later is needed; this is " + sys.version.split()[0] + " (try PYTHON=python3.12 make ...)")'
 	$(PYTHON) -m venv $(VENV)

@@ -1,7 +1,7 @@
-"""What an exported controller costs: time of a step beside the plant's derivatives, size on a Cortex-M7: `make bench`.
+"""Cost of an exported controller: time per step beside the plant's derivatives, size on a Cortex-M7: `make bench`.
 
-Times are the best of many rounds, in which both take turns, compiled with the flags of the FMU's own libraries. Sizes
-are those of the object file with -Os: code with its constants; and of structs: parameters with coefficients, memory.
+Times are the best of many alternating rounds, compiled with the flags of the FMU's libraries. Sizes are those of the
+object file with -Os (code with constants) and of the structs (parameters with coefficients, memory).
 """
 
 import re
@@ -41,7 +41,7 @@ _PLANT = "#include <math.h>\nstatic double sq(double x)\n{\n    return x * x;\n}
 
 
 def step_times(folder: Path, real: str) -> tuple[float, float]:
-    """Of the controller in a folder and of the derivatives [ns]."""
+    """Times of the controller in a folder and of the derivatives [ns]."""
     (folder / "plant.c").write_text(_PLANT + function_source(kernel.derivatives_function()))
     flags = [flag for flag in FLAGS if flag != "-shared"]
     files = ["controller.c", "plant.c", str(Path(__file__).parent / "controller_timer.c")]
@@ -58,7 +58,7 @@ def step_times(folder: Path, real: str) -> tuple[float, float]:
 
 
 def sizes(folder: Path, real: str) -> tuple[int, int, int]:
-    """Of code with constants, of parameters with coefficients, and of the memory [bytes], on a Cortex-M7."""
+    """Sizes of code with constants, parameters with coefficients, and memory [bytes], on a Cortex-M7."""
     (folder / "sizes.c").write_text(_SIZES)
     for name in ("controller", "sizes"):
         command = [
@@ -80,7 +80,7 @@ def sizes(folder: Path, real: str) -> tuple[int, int, int]:
 
 
 def sections(file: Path) -> list[tuple[str, int]]:
-    """Names and sizes of the sections of an ELF file of 32 bits in little-endian order."""
+    """Names and sizes of the sections of a little-endian 32-bit ELF file."""
     data = file.read_bytes()
     (table,) = struct.unpack_from("<I", data, 0x20)
     size, number, names = struct.unpack_from("<HHH", data, 0x2E)
@@ -90,7 +90,7 @@ def sections(file: Path) -> list[tuple[str, int]]:
 
 
 def main() -> int:
-    """Measure, print the table, and say which targets are missed."""
+    """Measure, print the table, and report missed targets."""
     columns = ("controller", "real", "operations", "µs a step", "/ derivatives", "code", "parameters", "memory")
     table = Table(*columns, title="exported controllers; sizes in bytes, on a Cortex-M7")
     missed = []
@@ -112,7 +112,7 @@ def main() -> int:
                 ]
                 table.add_row(what, real, *row)
                 if target is not None and own / 1e3 > target:
-                    missed.append(f"{what} in {real}: {own / 1e3:.3f} µs a step; at most {target} µs is the target")
+                    missed.append(f"{what} in {real}: {own / 1e3:.3f} µs per step; target: at most {target} µs")
     console = Console(width=110)
     console.print(table)
     for line in missed:

@@ -1,6 +1,6 @@
-/* Times a step of the exported controller beside the plant's derivatives, in turns.
- * Usage: controller_timer CALLS < numbers; reads x (12), u (12), p (N_PARAMETERS), measured (N_MEASURED), prints ns a
- * step and ns a call of the derivatives: the smallest of 400 rounds each. Measurements change a little from step to step. */
+/* Times a step of the exported controller and the derivatives of the plant, alternately.
+ * Usage: controller_timer CALLS < numbers; reads x (12), u (12), p (N_PARAMETERS), measured (N_MEASURED), prints ns
+ * per step and per call of the derivatives, the smallest of 400 rounds. Measurements change slightly from step to step. */
 #include "controller.h"
 
 #include <stdio.h>

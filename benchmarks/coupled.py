@@ -1,7 +1,7 @@
-"""Speed of plant and controller together, as a co-simulation tool sees them: `make bench`.
+"""Speed of plant and controller together in a co-simulation: `make bench`.
 
-A host in C loads both units of an exported SSP, FMI 2.0, and couples them at 1 kHz. Figures are the best of many
-rounds, in which all rows take turns; a controller step is the unit's, with its inputs set and its forces read.
+A C host loads both FMI 2.0 units of an exported SSP and couples them at 1 kHz. Figures are the best of many
+alternating rounds; a controller step includes setting its inputs and reading its forces.
 """
 
 import json
@@ -48,7 +48,7 @@ def unpacked(archive: Path, folder: Path) -> tuple[str, Any]:
 
 
 def measure(timer: Path, settings: dict[str, object], folder: Path) -> dict[str, float]:
-    """Seconds a step: together, plant, controller."""
+    """Seconds per step: together, plant, controller."""
     settings = {"loop.sample_time": 1e-3, "loop.delay": 1, **settings}
     (ssp,) = gs.export("pitch_sine", settings, forms="ssp", out=folder)
     with zipfile.ZipFile(ssp) as archive:
@@ -67,7 +67,7 @@ def measure(timer: Path, settings: dict[str, object], folder: Path) -> dict[str,
 
 
 def main() -> int:
-    """Measure, print the table, and say which targets are missed."""
+    """Measure, print the table, and report missed targets."""
     table = Table("1 kHz, motion_base, pitching", "plant, µs", "controller, µs", "together, µs", "together / plant", "")
     missed = 0
     for name, settings in LOOPS.items():

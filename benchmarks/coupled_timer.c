@@ -1,4 +1,4 @@
-/* Plant and controller as FMI 2.0 units in a host at 1 kHz, and the plant alone: seconds a step, the best of many rounds.
+/* Plant and controller as FMI 2.0 units in a host at 1 kHz, and the plant alone: seconds per step, the best of many rounds.
 
    coupled_timer PLANT.so GUID CONTROLLER.so GUID ROUNDS FORCES N MEASURED N SIGNALS: first value reference of the
    plant's actuator forces; the controller's forces; then n pairs of references, output of the plant and input of the

@@ -1,8 +1,8 @@
 """Ensembles: closed loop, whole command, scaling and memory, `make bench`.
 
-The closed loop of `heave_step` (1 kHz, PD in leg space, delay, quantisation, figures of merit kept), members against
-the single run through the FMU, alternately; with one substep, and with as many as the tolerance of 1e-8 takes. The
-command with all that it writes. Chunks by one worker and by two, each worker warm. The largest process of short runs.
+The closed loop of `heave_step` (1 kHz, PD in leg space, delay, quantisation, figures of merit): members against
+the single run on the FMU, alternately, with one substep and with the number for a tolerance of 1e-8. The whole
+command with its output files. Chunks with one and with two warm workers. Memory of the largest process of short runs.
 """
 
 import os
@@ -44,11 +44,11 @@ if __name__ == "__main__":
 
 
 def simulated_seconds(plan: Plan) -> tuple[float, float]:
-    """Simulated seconds a second: of members on one core, and of a single run through the FMU."""
+    """Simulated seconds per second: members on one core, and a single run on the FMU."""
     part = prepared_members(plan.prepared, 0, SIZE)
     prepared = [part.prepared[k] for k in range(SIZE)]
     duration = prepared[0].loop.timing.duration
-    # longer, so that its start counts for nothing
+    # longer, so that its start is negligible
     single = prepare(shipped_experiment("heave_step", ["loop.duration=4"]))
     rounds = []
     for _ in range(ROUNDS):
@@ -67,7 +67,7 @@ def simulated_seconds(plan: Plan) -> tuple[float, float]:
 
 
 def command() -> float:
-    """Seconds that the whole command takes."""
+    """Duration of the whole command [s]."""
     with tempfile.TemporaryDirectory() as folder:
         words = ["ensemble", "heave_step", "--set", VARIED, "--members", str(MEMBERS), "--out", folder]
         start = time.perf_counter()
@@ -76,7 +76,7 @@ def command() -> float:
 
 
 def scaling(plan: Plan) -> float:
-    """How many times faster two workers get further chunks done than one: without their start."""
+    """Speed-up of two workers over one, without their start."""
 
     def seconds(workers: int, chunks: int) -> float:
         ranges = [(k * SIZE, (k + 1) * SIZE) for k in range(chunks)]
@@ -85,14 +85,14 @@ def scaling(plan: Plan) -> float:
             pass
         return time.perf_counter() - start
 
-    Worker(plan.text).chunk(0, 8)  # what is imported once
+    Worker(plan.text).chunk(0, 8)  # imports modules
     one = seconds(1, 6) - seconds(1, 2)
     two = seconds(2, 6) - seconds(2, 2)
     return one / two
 
 
 def megabytes(members: int) -> int:
-    """Of the largest process of an ensemble."""
+    """Peak memory of the largest process of an ensemble [MB]."""
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder, "ensemble.py")
         script.write_text(ENSEMBLE)
@@ -111,9 +111,9 @@ def main() -> int:
     table = Table("what", "measured", "target", "", title="ensembles")
     missed = 0
     for what, measured, target, holds in (
-        ("simulated s a second and core, 1 substep", f"{once:.0f}", ">= 1500", once >= 1500),
+        ("simulated s per s and core, 1 substep", f"{once:.0f}", ">= 1500", once >= 1500),
         (f"the same, {plan.substeps} substeps", f"{needed:.0f}", "", True),
-        ("against the single run through the FMU", f"{once / single:.0f} ×", ">= 30 ×", once >= 30 * single),
+        ("against the single run on the FMU", f"{once / single:.0f} ×", ">= 30 ×", once >= 30 * single),
         (f"{MEMBERS} members of heave_step, the command", f"{whole:.1f} s", "<= 10 s", whole <= 10),
         ("two workers against one", f"{faster:.2f} ×", ">= 1.8 ×", faster >= 1.8),
         (f"memory at {MEMORY[0]} members", f"{memory[0]} MB", "", True),

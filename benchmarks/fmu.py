@@ -1,8 +1,8 @@
-"""Speed of the FMU as its importer sees it: `make bench`.
+"""Speed of the FMU in a C host: `make bench`.
 
-A host in C is linked with the FMI 2.0 unit, which is compiled with the flags of the FMU's own libraries. Figures are
-the best of many rounds, in which all rows take turns. Control steps are 1 ms: six forces that change every step are
-set, then position, orientation and leg lengths are read.
+The host is linked with the FMI 2.0 unit, compiled with the flags of the FMU's libraries. Figures are the best of many
+alternating rounds. In a control step of 1 ms the host sets six new forces and reads position, orientation and leg
+lengths.
 """
 
 import json
@@ -50,7 +50,7 @@ def compiled_timer(folder: Path) -> Path:
 
 
 def pose_of_the_model() -> list[float]:
-    """After the same second in Python."""
+    """The pose after the same 1 s in Python."""
     case = paper_case()
     model = SteppingModel(case.platform)
     model.set_many({**case.start._asdict(), "actuator_force": case.actuator_force})
@@ -59,12 +59,12 @@ def pose_of_the_model() -> list[float]:
 
 
 def main() -> int:
-    """Measure, print the tables, and say which targets are missed."""
+    """Measure, print the tables, and report missed targets."""
     with tempfile.TemporaryDirectory() as folder:
         timer = compiled_timer(Path(folder))
         done = subprocess.run([str(timer), str(ROUNDS)], capture_output=True, text=True, check=True)
     best = json.loads(done.stdout)
-    # what is timed is the platform's motion
+    # make sure that the timed code computes the platform's motion
     if not np.allclose(best["pose"], pose_of_the_model(), rtol=0, atol=1e-6):
         raise RuntimeError("the compiled unit and the model in Python end in different poses")
     derivatives = best["derivatives"]
@@ -72,7 +72,7 @@ def main() -> int:
     for name, seconds, simulated in (
         ("control step of 1 ms, tolerance 1e-8", best["control"], 1e-3),
         ("control step of 1 ms, fixed step of 1 ms (RK4)", best["fixed"], 1e-3),
-        ("the paper's second in one step, tolerance 1e-8", best["second"], 1.0),
+        ("the paper's 1 s in one step, tolerance 1e-8", best["second"], 1.0),
     ):
         table.add_row(name, f"{seconds * 1e6:.2f}", f"{seconds / derivatives:.1f}", f"{simulated / seconds:.0f}")
     table.add_row("derivatives alone", f"{derivatives * 1e6:.3f}", "1", "")
@@ -83,7 +83,7 @@ def main() -> int:
     missed = 0
     for text, seconds, limit in (
         ("control step ≤ 5 µs", best["control"], 5e-6),
-        ("the paper's second in one step ≤ 300 µs", best["second"], 300e-6),
+        ("the paper's 1 s in one step ≤ 300 µs", best["second"], 300e-6),
     ):
         holds = seconds <= limit
         targets.add_row(text, f"{seconds * 1e6:.2f} µs", "ok" if holds else "[bold red]missed[/bold red]")

@@ -1,7 +1,7 @@
-/* Times the FMI 2.0 unit, linked in, on the paper's second, and its equations alone.
+/* Times the linked FMI 2.0 unit over the paper's 1 s, and its equations alone.
 
-   Usage: fmu_timer ROUNDS. Prints JSON: the pose after one step of a second, and the best seconds of ROUNDS rounds of
-   each row. A round of a row that steps is the whole second from the start, which is not timed. */
+   Usage: fmu_timer ROUNDS. Prints JSON: the pose after one step of 1 s, and for each row the seconds of the best of
+   ROUNDS rounds. A round with steps is the whole 1 s; its initialisation is not timed. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -45,7 +45,7 @@ static void begin(fmi2Component c, double fixed_step_size)
     expect(fmi2ExitInitializationMode(c), "fmi2ExitInitializationMode");
 }
 
-/* As a controller does it: forces that change in every step, then the pose and the leg lengths; seconds per step. */
+/* Steps as with a controller: sets new forces in every step, then reads pose and leg lengths; seconds per step. */
 static double time_control(fmi2Component c, double fixed_step_size)
 {
     double forces[6], pose[6], lengths[6], sum = 0;
@@ -74,7 +74,7 @@ static double time_second(fmi2Component c)
     return seconds() - start;
 }
 
-/* The state changes a little from call to call, so that no call can be skipped. */
+/* The state changes slightly from call to call, so that no call can be optimised away. */
 static double time_derivatives(void)
 {
     double x[N_STATES], u[N_INPUTS] = {0}, xdot[N_STATES];

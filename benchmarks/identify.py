@@ -1,7 +1,7 @@
-"""Time and accuracy of identification: a 20 s log at 1 kHz of a machine by Newton–Euler, `make bench`.
+"""Time and accuracy of identification with a log of 20 s at 1 kHz, simulated by Newton–Euler: `make bench`.
 
-Encoders of 1 µm, force noise of 1 %, LuGre friction; ten parameters from wrong nominal values. And the condition number
-of an optimised motion against that of a circle of the same duration.
+Encoders of 1 µm, force noise of 1 %, LuGre friction; ten parameters with wrong nominal values. Also the condition
+number of an optimised motion against that of a circle of the same duration.
 """
 
 import sys
@@ -26,14 +26,14 @@ NAMES = [
     "leg_coulomb_friction",
     "leg_armature",
 ]
-# What a circle without turning can tell, too.
+# Parameters that can also be identified from a circle without rotation.
 OF_A_CIRCLE = "platform_mass,platform_com,leg_viscous_friction,leg_coulomb_friction"
 TARGETS: dict[Method, float] = {"linear": 3.0, "output_error": 20.0}  # [s]
 DURATION = 20.0
 
 
 def identified(method: Method) -> tuple[Estimate, float]:
-    """The estimate, and how long it took [s]."""
+    """The estimate and its computing time [s]."""
     from tests.harness.identify.machine import NOMINAL, lugre, machine_log
 
     log = machine_log(duration=DURATION, friction=lugre(560.0, 130.0))
@@ -43,7 +43,7 @@ def identified(method: Method) -> tuple[Estimate, float]:
 
 
 def main() -> int:
-    """Measure and print; 1 if something takes longer than its target."""
+    """Measure and print; 1 if a target is missed."""
     from tests.harness.identify.machine import NOMINAL, TRUE
 
     table = Table(title="identification of ten parameters, 20 s at 1 kHz")

@@ -1,7 +1,7 @@
 """Cost of many platforms at once, per member and on one core: `make bench`.
 
-`motion_base` with parameters of its own for each member and friction on; machine code in vectors against the scalar
-kernel of the FMU, compiled with the FMU's flags and called for as many members. All rows take turns; best of many
+`motion_base` with friction and different parameters for each member: vectorised machine code against the scalar
+kernel of the FMU, compiled with the FMU's flags and called for the same number of members. Best of many alternating
 rounds.
 """
 
@@ -29,7 +29,7 @@ from gough_stewart.model.state import State
 
 MEMBERS = 4096
 ROUNDS = 300
-# So short that the members stay where they are.
+# So short that the members hardly move.
 STEP = 1e-15
 _SCALAR = """#include <math.h>
 static double sq(double x)
@@ -47,7 +47,7 @@ void many(long long n, const double *x, const double *u, const double *p, double
 
 
 def plant_of(members: int) -> LanesPlant:
-    """All different, in gentle motion."""
+    """States of members, all different, in slow motion."""
     rng, nominal = np.random.default_rng(15), load_preset("motion_base")
     some = [replace(nominal, platform_mass=nominal.platform_mass * rng.uniform(0.8, 1.2)) for _ in range(64)]
     platforms = [some[k % len(some)] for k in range(members)]
@@ -59,7 +59,7 @@ def plant_of(members: int) -> LanesPlant:
 
 
 def scalar_kernel(folder: Path) -> ctypes.CDLL:
-    """`many`: the FMU's derivatives for one member after the other."""
+    """`many`: the FMU's derivatives, one member after the other."""
     text = _SCALAR.format(
         kernel=function_source(kernel.derivatives_function(), "static void kernel_"),
         states=N_STATES,
@@ -72,7 +72,7 @@ def scalar_kernel(folder: Path) -> ctypes.CDLL:
 
 
 def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[str, float]:
-    """Of each row, per call."""
+    """Seconds per call of each row."""
     plant = plant_of(members)
     batch, code = plant._batch, plant._kernel
     if not isinstance(code, CompiledLanes):
@@ -100,17 +100,17 @@ def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[st
             start = time.perf_counter()
             call()
             best[name] = min(best[name], time.perf_counter() - start)
-    # what is timed is the same mathematics
+    # make sure that both compute the same
     if not np.allclose(rates.T[:members], numbers[3][:members], rtol=1e-9, atol=1e-9):
-        raise RuntimeError("the kernels in vectors and the scalar one differ")
+        raise RuntimeError("the vectorised and the scalar kernel differ")
     return {name: 1e6 * seconds / members for name, seconds in best.items()}
 
 
 def main() -> int:
-    """Measure, print the table, and say which targets are missed."""
+    """Measure, print the table, and report missed targets."""
     with TemporaryDirectory() as folder:
         cost = microseconds_a_member(MEMBERS, ROUNDS, Path(folder))
-    # four in a step, as a run has them: the parameters come from memory once
+    # four per step, as in a run: the parameters are loaded from memory once
     cost = {**cost, "evaluation, in an RK4 step": cost["RK4 step without checks"] / 4}
     scalar, vector = cost["evaluation, scalar kernel"], cost["evaluation, in an RK4 step"]
     table = Table(f"{MEMBERS} members on one core", "µs a member", "scalar evaluations")

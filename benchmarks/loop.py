@@ -1,10 +1,10 @@
 """Cost of a closed-loop step at 1 kHz on the FMU: `make bench`.
 
-The heave step over 10 s, everything recorded. What the FMU itself takes is timed inside, around its doStep; all else of
-a step is the harness: signals, results, controller, limits, record. Best of some rounds.
+The heave step over 10 s, everything recorded. doStep of the FMU is timed separately; the rest of a step is the
+harness: signals, results, controller, limits, record. Best of several rounds.
 
-And many members at once, PD in leg space, delay, quantisation: the harness beyond the plant, an observer that looks at
-nothing, against the single run's harness in the same rounds, run alternately.
+Also many members at once with PD in leg space, delay and quantisation: the harness without the plant and with an empty
+observer, against the harness of a single run, in alternating rounds.
 """
 
 import sys
@@ -33,7 +33,7 @@ OF_MANY = ["loop.duration=1", "loop.delay=1", "sensors.quantisation.leg_length=0
 
 
 def seconds_a_step(version: str) -> tuple[float, float]:
-    """Of a whole step, and of the FMU's doStep in it."""
+    """Times of a whole step and of the FMU's doStep in it."""
     prepared = prepare(shipped_experiment("heave_step", SETTINGS))
     steps = prepared.loop.timing.steps
     rounds = []
@@ -48,7 +48,7 @@ def seconds_a_step(version: str) -> tuple[float, float]:
 
 
 def seconds_of_many() -> tuple[float, float, float]:
-    """Of a step and member among many: the harness, the plant; and of a step of a single run beyond doStep."""
+    """Times per step and member among many: harness, plant; and per step of a single run without doStep."""
     prepared = prepare(shipped_experiment("heave_step", OF_MANY))
     assert isinstance(prepared.controller, LinearController)
     steps, n = prepared.loop.timing.steps, MEMBERS
@@ -74,20 +74,20 @@ def seconds_of_many() -> tuple[float, float, float]:
 
 
 class Nothing(Observer):
-    """Looks at nothing."""
+    """An observer that does nothing."""
 
     def row(self, row: Row) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 class Stopwatch:
-    """A function that adds up how long it takes."""
+    """A function with a sum of its computing times."""
 
     def __init__(self, function: Any) -> None:
         self.function, self.seconds = function, 0.0
 
     def __call__(self, *arguments: Any) -> Any:
-        """The function's own result."""
+        """Call the function and add its time."""
         start = time.perf_counter()
         result = self.function(*arguments)
         self.seconds += time.perf_counter() - start
@@ -95,19 +95,19 @@ class Stopwatch:
 
 
 def main() -> int:
-    """Measure, print the table, and say which targets are missed."""
+    """Measure, print the table, and report missed targets."""
     table = Table("closed loop at 1 kHz, heave step", "measured", "target")
     missed = []
     for version in ("2.0", "3.0"):
         whole, inside = seconds_a_step(version)
         beyond = 1e6 * (whole - inside)
         table.add_row(f"a step, FMI {version}", f"{1e6 * whole:.1f} µs, {whole / inside:.1f} × doStep", "")
-        table.add_row(f"… beyond doStep, FMI {version}", f"{beyond:.1f} µs", "60 µs")
+        table.add_row(f"… without doStep, FMI {version}", f"{beyond:.1f} µs", "60 µs")
         missed += [f"beyond doStep, FMI {version}"] if beyond > 60 else []
     harness, plant, alone = seconds_of_many()
-    table.add_row(f"a step of each of {MEMBERS}, the harness", f"{1e6 * harness:.3f} µs", "0.15 µs")
+    table.add_row(f"harness per step and member, {MEMBERS} members", f"{1e6 * harness:.3f} µs", "0.15 µs")
     table.add_row("… its plant (no target here)", f"{1e6 * plant:.3f} µs", "")
-    table.add_row("… a single run's harness, by that of a member", f"{alone / harness:.0f} ×", "")
+    table.add_row("… harness of a single run, relative to that", f"{alone / harness:.0f} ×", "")
     missed += ["the harness of many"] if harness > 0.15e-6 else []
     Console().print(table)
     if missed:

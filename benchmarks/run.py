@@ -1,7 +1,7 @@
 """Speed of the dynamics, as ratios measured in one run: `make bench`.
 
-All rows evaluate the same thing, the derivatives of one state of the paper's platform. Each figure is the best of
-several rounds, and the rounds of all rows alternate, so that a machine that drifts drifts for all alike.
+All rows evaluate the derivatives of one state of the paper's platform. Each figure is the best of several rounds, and
+the rounds of all rows alternate, so that drifts of the machine affect all rows.
 """
 
 import subprocess
@@ -40,7 +40,7 @@ def compiled_timer(folder: Path) -> Path:
 
 
 def main() -> int:
-    """Measure, print the table, and say which targets are missed."""
+    """Measure, print the table, and report missed targets."""
     case = paper_case()
     x, u, p = case.start.to_vector(), case.inputs.to_vector(), parameter_vector(case.platform)
     k = Kernel()
@@ -53,7 +53,7 @@ def main() -> int:
         def compiled() -> float:
             done = subprocess.run([str(timer), "20000"], input=numbers, capture_output=True, text=True, check=True)
             values = np.array(done.stdout.split(), dtype=float)
-            # what is timed is what the kernel computes
+            # make sure that the timed code computes the same as the kernel
             if not np.allclose(values[:12], k.derivatives(x, u, p), rtol=1e-11):
                 raise RuntimeError("compiled derivatives differ from the kernel's")
             return float(values[12]) * 1e-9
@@ -85,7 +85,11 @@ def main() -> int:
         ("kernel ≥ 20 × faster than NumPy", f"{numpy / vm:.0f} ×", numpy / vm >= 20),
         ("compiled ≤ 0.6 µs", f"{c * 1e6:.3f} µs", c <= 0.6e-6),
         ("compiled ≥ 20 × faster than Pinocchio", f"{pin / c:.0f} ×", pin / c >= 20),
-        ("the same, Python's call overhead taken off Pinocchio", f"{(pin - empty) / c:.0f} ×", (pin - empty) / c >= 20),
+        (
+            "the same, without Python's call overhead for Pinocchio",
+            f"{(pin - empty) / c:.0f} ×",
+            (pin - empty) / c >= 20,
+        ),
     ):
         targets.add_row(text, measured, "ok" if holds else "[bold red]missed[/bold red]")
         missed += not holds

@@ -1,8 +1,8 @@
-"""How soon the command line answers, and how long a whole run takes: `make bench`.
+"""Start-up time of the command line, and duration of a whole run: `make bench`.
 
-Every row is a process of its own, with warm caches. Rounds of all rows alternate, and the best of each counts. Ratios
-are to a process that only imports what every run once imported, python-control, CasADi, polars and pyplot: they say
-more than seconds on a machine that is busy or of another kind.
+Every row is a separate process with warm caches. Rounds of all rows alternate; the best of each counts. Ratios are
+relative to a process that only imports python-control, CasADi, polars and pyplot, so they depend less on the machine
+and its load than seconds.
 """
 
 import resource
@@ -19,7 +19,7 @@ from rich.table import Table
 ROUNDS = 5
 _MAIN = "from gough_stewart.harness.cli.entry import main; main()"
 _IMPORTS = "the imports"
-# Code and arguments, and the most that is wanted [s].
+# Code, arguments and target [s].
 ROWS: dict[str, tuple[list[str], float | None]] = {
     "python": (["pass"], None),
     _IMPORTS: (["import casadi, control, matplotlib.pyplot, polars"], None),
@@ -33,14 +33,14 @@ ROWS: dict[str, tuple[list[str], float | None]] = {
 
 
 class Seconds(NamedTuple):
-    """What a process takes."""
+    """Time of a process."""
 
     wall: float
-    cpu: float  # of all its threads and processes, and of the system for them
+    cpu: float  # user and system time of all its threads and processes
 
 
 def measured(code: list[str], folder: str) -> Seconds:
-    """One process in a folder, from its start to its end."""
+    """Run one process in a folder to its end."""
     before, start = _cpu_of_children(), time.perf_counter()
     subprocess.run([sys.executable, "-c", *code], cwd=folder, capture_output=True, check=False)
     return Seconds(time.perf_counter() - start, _cpu_of_children() - before)
@@ -52,9 +52,9 @@ def _cpu_of_children() -> float:
 
 
 def main() -> int:
-    """Measure and print the table; targets that are missed are marked."""
+    """Measure and print the table; missed targets are marked."""
     with tempfile.TemporaryDirectory() as folder:
-        for code, _ in ROWS.values():  # compiles modules, builds the FMU of the cache
+        for code, _ in ROWS.values():  # compiles modules and builds the cached FMU
             measured(code, folder)
         rounds = [
             {name: measured(code, folder) for name, (code, _) in ROWS.items()}

@@ -1,4 +1,4 @@
-"""A page of ten seconds at 1 kHz: how long it takes to make, its size, and how soon Chromium shows it."""
+"""A page of 10 s at 1 kHz: time to write it, its size, and the time until Chromium shows it."""
 
 import statistics
 import sys
@@ -35,7 +35,7 @@ def main() -> None:
     record = run(shipped_experiment("circle", ["loop.duration=10"]), plant="fmu3")
     seconds, page = timed(record)
     table = Table(
-        "a page of 10 s at 1 kHz", "measured", "asked", title=f"median of {REPEATS}, drawn without a graphics card"
+        "a page of 10 s at 1 kHz", "measured", "target", title=f"median of {REPEATS}, without a graphics card"
     )
     table.add_row("making it", f"{seconds:.2f} s", "")
     table.add_row("size", f"{len(page) / 1e6:.2f} MB", "≤ 8 MB")
@@ -49,31 +49,31 @@ def main() -> None:
 
 
 def add_times(table: Table, page: bytes) -> None:
-    """Rows of what Chromium takes to show a page."""
+    """Rows with the times of Chromium."""
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         report, bare = Path(folder, "report.html"), Path(folder, "bare.html")
         report.write_bytes(page)
-        # the same bytes without what draws: what reading and running the libraries takes
+        # the same bytes without the drawing code: time to read and run the libraries
         bare.write_bytes(without(without(page, b'GS.scene($("view"))', b"null"), b"GoughStewart.charts();", b""))
         first, curves, frame = (
             statistics.median(each) for each in zip(*shown(browser, report, curves=True), strict=True)
         )
         nothing, *_ = (statistics.median(each) for each in zip(*shown(browser, bare, curves=False), strict=True))
     table.add_row("first picture", f"{first / 1e3:.2f} s", "≤ 2 s")
-    table.add_row("the same over a page that draws nothing", f"{first / nothing:.1f} ×", "")
+    table.add_row("the same, relative to a page without drawing", f"{first / nothing:.1f} ×", "")
     table.add_row("curves drawn", f"{curves / 1e3:.2f} s", "")
     table.add_row("one frame of the animation", f"{frame:.0f} ms", "")
 
 
 def without(page: bytes, part: bytes, instead: bytes) -> bytes:
-    """The page with something else in the one place where a part is."""
+    """The page with one part replaced, which must occur once."""
     if page.count(part) != 1:
-        raise SystemExit(f"{part.decode()} is {page.count(part)} times on the page; this benchmark expects it once")
+        raise SystemExit(f"{part.decode()} is {page.count(part)} times on the page; expected once")
     return page.replace(part, instead)
 
 
 def timed(record: Record) -> tuple[float, bytes]:
-    """Seconds that a page takes, the second time, and the page."""
+    """Time to write a page the second time [s], and the page."""
     view_page([record], ["circle"])
     start = time.perf_counter()
     page = view_page([record], ["circle"])
@@ -81,7 +81,7 @@ def timed(record: Record) -> tuple[float, bytes]:
 
 
 def shown(browser: Browser, path: Path, curves: bool) -> list[tuple[float, float, float]]:
-    """First picture, curves and a frame [ms], each time in a new tab without a cache."""
+    """Times of first picture, charts and one frame [ms], each in a new tab without a cache."""
     found = []
     for _ in range(REPEATS):
         page = browser.new_context(viewport={"width": 1280, "height": 800}, bypass_csp=True).new_page()

@@ -1,7 +1,7 @@
 """Cost of a workspace of 100,000 poses, against a plain loop over poses: `make bench`.
 
-Reach, condition number, payload and force margin of motion_base. The loop does the same a pose at a time, with the
-functions of kinematics and dynamics; it is timed on a part of the poses. Best of some rounds.
+Reachability, condition number, payload and force margin of motion_base. The loop computes the same pose by pose with
+the functions of kinematics and dynamics; it is timed on a subset of the poses. Best of several rounds.
 """
 
 import sys
@@ -24,7 +24,7 @@ TARGET = 10.0  # [s]
 
 
 def one_pose(platform: Platform, position: FloatArray, orientation: FloatArray) -> tuple[bool, float, float, float]:
-    """What `evaluate_poses` gives, at one pose: reachable, condition number, payload, force margin."""
+    """The results of `evaluate_poses` at one pose: reachable, condition number, payload, force margin."""
     pose, home = (position, orientation), (platform.home_position, platform.home_orientation)
     length = leg_geometry(platform, *pose).length
     angles = joint_angles(platform, *pose, *home)
@@ -53,7 +53,7 @@ def best(task: Callable[[], object]) -> float:
 
 
 def main() -> int:
-    """Measure, check that both agree, print the table, and say whether the target is missed."""
+    """Measure, check that both agree, print the table, and report a missed target."""
     platform, rng = load_preset("motion_base"), np.random.default_rng(0)
     position = platform.home_position + rng.uniform(-0.8, 0.8, (POSES, 3))
     orientation = rng.uniform(-0.3, 0.3, (POSES, 3))
@@ -67,7 +67,7 @@ def main() -> int:
     whole = best(lambda: evaluate_poses(platform, position, orientation))
     loop = best(lambda: [one_pose(platform, *pose) for pose in poses]) * POSES / IN_LOOP
     table = Table(f"workspace, {POSES:,} poses", "measured", "target")
-    table.add_row("together", f"{whole:.2f} s, {1e6 * whole / POSES:.1f} µs a pose", f"{TARGET:g} s")
+    table.add_row("together", f"{whole:.2f} s, {1e6 * whole / POSES:.1f} µs per pose", f"{TARGET:g} s")
     table.add_row("a pose at a time", f"{loop:.0f} s, {loop / whole:.0f} × as long", "")
     Console().print(table)
     if whole > TARGET:

@@ -1,4 +1,4 @@
-"""Design a PD controller on the linear model, look at its margins, run it on the FMU, draw what happened."""
+"""Design a PD controller on the linear model, print its margins, run it on the FMU, and save the results."""
 
 import gough_stewart as gs
 

@@ -1,4 +1,4 @@
-"""A linear-quadratic regulator for the whole platform: designed on the linear model, tried on the sampled loop."""
+"""A linear-quadratic regulator for the whole platform: designed on the linear model, tested in the sampled loop."""
 
 from dataclasses import replace
 
@@ -10,11 +10,11 @@ import gough_stewart as gs
 SAMPLE_TIME = 1e-3
 STATE = ("position", "orientation", "velocity", "angular_velocity")
 
-# at rest the smoothed Coulomb friction would pass for a huge damper
+# linearised at rest, smoothed Coulomb friction would act as a very strong damper
 platform = replace(gs.load_preset("motion_base"), leg_coulomb_friction=0.0)
 linear = gs.linearise(platform, outputs=STATE)
 plant = control.sample_system(control.ss(linear.A, linear.B[:, :6], np.eye(12), 0), SAMPLE_TIME)
-# a centimetre and a hundredth of a radian weigh as much as 5 cm/s, 0.05 rad/s, and as a kilonewton in one leg
+# equal weights for 1 cm, 0.01 rad, 5 cm/s, 0.05 rad/s and 1 kN in one leg
 Q = np.diag([1 / 0.01**2] * 6 + [1 / 0.05**2] * 6)
 R = np.eye(6) / 1000**2
 gain, _, poles = control.dlqr(plant, Q, R)

@@ -1,4 +1,4 @@
-"""A controller written as a function: computed torque from the measured state, on a circle, on the FMU."""
+"""A controller as a function: computed torque from the measured state, for a circle, on the FMU."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ OMEGA, ZETA = 2 * np.pi * 3, 1.0
 
 
 def feedback_linearisation(sample: gs.Sample) -> np.ndarray:
-    """F = inverse dynamics in the measured state for the acceleration a_r + 2 ζ ωn ė + ωn² e."""
+    """F from inverse dynamics at the measured state, for the acceleration a_r + 2 ζ ωn ė + ωn² e."""
     r, y = sample.reference, sample.measured
     J = gs.leg_jacobian(platform, y["position"], y["orientation"])
-    # pose errors as far as legs tell, in world components
+    # pose errors computed from the leg errors, in world components
     e, de = (np.linalg.solve(J, r[name] - y[name]) for name in ("leg_length", "leg_velocity"))
-    wanted = np.concatenate([r["acceleration"], r["angular_acceleration"]])
-    a = wanted + 2 * ZETA * OMEGA * de + OMEGA**2 * e
+    a_r = np.concatenate([r["acceleration"], r["angular_acceleration"]])
+    a = a_r + 2 * ZETA * OMEGA * de + OMEGA**2 * e
     state = gs.State(y["position"], y["orientation"], y["velocity"], y["angular_velocity"])
     return gs.inverse_dynamics(platform, state, gs.Acceleration(a[:3], a[3:]))
 

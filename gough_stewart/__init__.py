@@ -6,98 +6,98 @@
     print(gs.metrics(record))
     gs.view(record, "heave.html")
 
-`help(gs.run)` explains a name. Units are SI; frames and signs are on the page "notation" of the documentation.
+`help(gs.run)` shows the help of a name. Units are SI; the documentation page "notation" defines frames and signs.
 
 Platforms
-    Platform                  geometry, masses, friction, gravity, home pose, limits; checked, read-only
-    load_platform             a platform from a TOML file
-    save_platform             a platform to a TOML file
-    load_preset               a platform that ships, such as "motion_base"
-    preset_names              the names of those
+    Platform                  geometry, masses, friction, gravity, home pose, limits; validated, read-only
+    load_platform             read a platform from a TOML file
+    save_platform             write a platform to a TOML file
+    load_preset               a shipped platform, such as "motion_base"
+    preset_names              names of the shipped platforms
 
 Geometry and forces, over any leading axes
     leg_geometry              vectors, lengths and directions of the legs in a pose
-    leg_jacobian              from the platform's velocities to those of the legs
-    forward_kinematics        the pose that has given leg lengths
-    static_leg_forces         forces that hold a pose
-    mass_matrix               of the platform with its legs, 6×6
-    inverse_dynamics          forces that give an acceleration
+    leg_jacobian              maps platform velocities to leg velocities
+    forward_kinematics        the pose for given leg lengths
+    static_leg_forces         actuator forces that hold a pose
+    mass_matrix               mass matrix of the platform with its legs, 6×6
+    inverse_dynamics          actuator forces for a given acceleration
     State                     pose and velocities
-    Acceleration              of the platform, linear and angular
+    Acceleration              linear and angular acceleration of the platform
     stack                     many platforms as one batch
 
 The plant
     SteppingModel             the platform as a plant: set forces, do a step, get results
-    build                     the same as compiled FMUs
-    VARIABLES                 the table of their variables: names, shapes, units
+    build                     build the same plant as compiled FMUs
+    VARIABLES                 table of the plant's variables: names, shapes, units
 
 Linear model, as python-control systems
-    plant_system              the platform, nonlinear
-    linearise                 the platform about rest in a pose, by exact Jacobians
-    trim                      rest in a pose, and the forces that hold it
+    plant_system              the nonlinear platform
+    linearise                 the platform linearised at rest in a pose, with exact Jacobians
+    trim                      equilibrium in a pose, with the forces that hold it
     modes                     frequency and damping of a linear system
 
 Controllers
-    PD, PID                   as an experiment has them, from bandwidth or gains
+    PD, PID                   controllers of an experiment, from bandwidth or gains
     gains_from_bandwidth      gains from bandwidth and damping
-    Gains                     gains of one's own
+    Gains                     explicit gains
     pid                       gains as a continuous python-control system
     sampled                   a continuous controller in discrete time
-    LinearController          a controller that feeds back other signals than leg lengths
-    Sample                    what a controller that is a function gets
+    LinearController          a controller with feedback of signals other than leg lengths
+    Sample                    the argument of a controller that is a function
 
 Motions
-    Hold, Step, PointToPoint  stay, jump, go
-    Sine, Chirp, Circle       swing, swing faster and faster, go round
-    ViaPath                   through poses, in a given time or as fast as the platform can
-    Excitation                swing in all coordinates at once, as identification wants it
+    Hold, Step, PointToPoint  hold a pose, step, point-to-point motion
+    Sine, Chirp, Circle       sinusoid, frequency sweep, circle
+    ViaPath                   path through poses, in a given time or time-optimal
+    Excitation                multi-sine in all coordinates, for identification
 
 Experiments
-    experiment_names          those that ship
-    load_experiment           one of them, or a TOML file, with settings of one's own
-    Experiment                what it gives
-    check                     whether the platform can follow its motion
-    MotionCheck               what that gives
-    run                       run one, on the model or the FMU
-    margins                   how far its loop is from instability
-    LoopMargins               what that gives
-    frf                       the frequency response that a run with an injection has shown
-    FrequencyResponse         what that gives
-    ensemble                  thousands that differ in what is not known exactly
-    Ensemble                  what that gives: a row for each member, bands over time
-    read_ensemble             one from its folder
-    tune                      its numbers, searched for the best figure of merit
-    Tuning                    what that gives
-    export                    its controller as C or FMU, its loop as SSP
+    experiment_names          names of the shipped experiments
+    load_experiment           a shipped experiment or a TOML file, with changed settings
+    Experiment                result of `load_experiment`
+    check                     whether the platform can follow the motion of an experiment
+    MotionCheck               result of `check`
+    run                       run an experiment on the model or the FMU
+    margins                   stability margins of an experiment's loop
+    LoopMargins               result of `margins`
+    frf                       frequency response from a run with an injection
+    FrequencyResponse         result of `frf`
+    ensemble                  run thousands of variants with uncertain parameters
+    Ensemble                  result of `ensemble`: a row per member, bands over time
+    read_ensemble             read an ensemble from its folder
+    tune                      optimise numbers of an experiment
+    Tuning                    result of `tune`
+    export                    export the controller as C or FMU, the loop as SSP
 
 Results
-    Record                    a run, row by row
-    read_record               a record from its files
-    save_record               a record to its files, with metrics and figures
+    Record                    signals of a run, row by row
+    read_record               read a record from its files
+    save_record               write a record to files, with metrics and figures
     metrics                   tracking, step response, forces, power, energy
-    view                      a page for the browser: the platform moving beside curves
+    view                      a browser page with the moving platform and charts
 
 Workspace
-    sweep                     where a platform can go, how well, how strongly, on a grid
-    evaluate_poses            the same at poses of one's own
+    sweep                     reachability, conditioning and load capacity on a grid
+    evaluate_poses            the same at given poses
 
 Identification
     identify                  parameters from a log, with confidence intervals
-    Estimate                  what that gives
-    excite                    a motion made to tell parameters
+    Estimate                  result of `identify`
+    excite                    a motion optimised for identification
     before_and_after          an experiment with each platform, errors and margins side by side
-    read_log                  a log of a machine from CSV or Parquet
-    Log                       what it gives
+    read_log                  read a log of a machine from CSV or Parquet
+    Log                       result of `read_log`
 
 The paper
-    reproduce                 Liu, Li & Li (2000) by five roads, compared
+    reproduce                 Liu, Li & Li (2000), computed five ways and compared
 
 Errors
-    GoughStewartError         the base of all that is raised on purpose
-    StepError                 a step that the platform cannot do
-    UnstableLoopError         a loop that has no margins
+    GoughStewartError         base class of this package's errors
+    StepError                 a step that the platform cannot complete
+    UnstableLoopError         a loop without margins
 
-Whatever has no place here is internal, and may change from version to version.
+All other names are internal and may change between versions.
 """
 
 from functools import cache
@@ -106,7 +106,7 @@ from importlib import import_module
 
 @cache
 def _homes() -> dict[str, str]:
-    """Every public name with the module that it lives in, from the stub beside this file, the one list of them."""
+    """Every public name with its module, from the stub beside this file, the only list of them."""
     import ast
     import pkgutil
 
@@ -116,7 +116,7 @@ def _homes() -> dict[str, str]:
 
 
 def __getattr__(name: str) -> object:
-    """Load a public name at its first use (PEP 562)."""
+    """Import a public name on first use (PEP 562)."""
     value: object
     if name == "__version__":
         from importlib.metadata import version
@@ -131,5 +131,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """The public names, whether they are loaded or not."""
+    """All public names, loaded or not."""
     return sorted([*_homes(), "__version__"])

@@ -1,4 +1,4 @@
-"""The public names: type checkers read them here, and `__init__.py` loads each from its module when it is asked for."""
+"""The public names: type checkers read them here, and `__init__.py` imports each from its module on first use."""
 
 from gough_stewart.fmu_build.build import build as build
 from gough_stewart.harness.control.controllers import PD as PD

@@ -88,18 +88,18 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
     owned
         Names of further files that an older set can have.
     """
-    wanted = tuple(names)
+    expected = tuple(names)
     folder.mkdir(parents=True, exist_ok=True)
     files = FileSet(folder, Path(tempfile.mkdtemp(prefix=".", suffix=".part", dir=folder)))
     try:
         yield files
     except BaseException as error:
-        missing = [name for name in wanted if name not in files.names]
+        missing = [name for name in expected if name not in files.names]
         if files.names and missing:
             error.add_note(f"{folder} has {', '.join(files.names)}; missing: {', '.join(missing)}")
         raise
     finally:
-        older = {*wanted, *owned} if files.names else set()
+        older = {*expected, *owned} if files.names else set()
         try:
             _swap_in(files, older)
         except KeyboardInterrupt:  # finish first: an incomplete set is worse than a short delay

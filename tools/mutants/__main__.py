@@ -1,4 +1,4 @@
-"""`python -m tools.mutants`: plants small bugs in copies of the sources and counts how many the tests see."""
+"""`python -m tools.mutants`: plants small bugs in copies of the sources and counts how many the tests detect."""
 
 import argparse
 import json
@@ -12,8 +12,8 @@ from pathlib import Path
 from queue import Queue
 
 from tools.mutants.copies import copy_of
+from tools.mutants.folders import DEFAULT_FOLDERS, LIBRARIES, loaded_for, tests_of
 from tools.mutants.mutation import Mutant
-from tools.mutants.rooms import DEFAULT_FOLDERS, LIBRARIES, loaded_for, tests_of
 from tools.mutants.selection import equivalents, files_in, mutants_in_order
 from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
 
@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Iterable[str] = LIBRARIES) -> int:
-    """The command; 0 if every folder's kill rate is at least what was asked for."""
+    """Run the command; 0 if every folder reaches the required kill rate."""
     options = _parser().parse_args(arguments)
     reached = True
     report: dict[str, str] = {}
@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Itera
                 print(*mutants[: options.number], sep="\n")
                 continue
             tests = tuple(options.tests) if options.tests else tests_of(folder, root)
-            print(f"{folder}: first {' '.join(tests)} on the sources as they are", flush=True)
+            print(f"{folder}: first run of {' '.join(tests)} on the unchanged sources", flush=True)
             fates: dict[Mutant, Fate] = {}
             with _benches(root, options.jobs, (*libraries, *loaded_for(folder))) as benches:
                 evidence = benches[0].clean_run(tests, [folder])
@@ -45,7 +45,7 @@ def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Itera
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted; the sources were never touched", file=sys.stderr)
+        print("interrupted; the sources are unchanged", file=sys.stderr)
         return 130
     finally:
         if options.report:
@@ -57,21 +57,19 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
     parser.add_argument("folders", nargs="*", default=DEFAULT_FOLDERS, help="such as model or harness/loop")
     parser.add_argument("--number", type=int, default=100, help="mutants of each folder (100)")
-    parser.add_argument("--seed", type=int, default=1, help="other seeds give other mutants (1)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the random mutants (1)")
     parser.add_argument("--jobs", type=int, default=1, help="how many at a time (1)")
-    parser.add_argument("--file", default="*", help="only files whose name matches, such as 'pid*.py'")
-    parser.add_argument("--tests", nargs="+", help="these tests instead of the folder's own and nearby ones")
-    parser.add_argument(
-        "--least", type=float, default=90, help="kill rate in percent below which the command fails (90)"
-    )
-    parser.add_argument("--report", type=Path, help="file of JSON for what became of each mutant")
-    parser.add_argument("--again", type=Path, help="such a file: only its survivors are tried")
+    parser.add_argument("--file", default="*", help="only files with matching names, such as 'pid*.py'")
+    parser.add_argument("--tests", nargs="+", help="use these tests instead of the folder's own and related ones")
+    parser.add_argument("--least", type=float, default=90, help="required kill rate in percent (90)")
+    parser.add_argument("--report", type=Path, help="JSON file for the result of each mutant")
+    parser.add_argument("--again", type=Path, help="JSON file of an earlier run: retry only its survivors")
     parser.add_argument("--list", action="store_true", help="only print the mutants")
     return parser
 
 
 def _chosen(root: Path, folder: str, options: argparse.Namespace) -> list[Mutant]:
-    """Mutants of a folder in their order, without those that are known to be equivalent."""
+    """Mutants of a folder in order, without those known to be equivalent."""
     known = equivalents()
     mutants = mutants_in_order(root, files_in(root, [folder], options.file), options.seed)
     if options.again:
@@ -82,7 +80,7 @@ def _chosen(root: Path, folder: str, options: argparse.Namespace) -> list[Mutant
 
 @contextmanager
 def _benches(root: Path, number: int, libraries: Iterable[str]) -> Iterator[list[Bench]]:
-    """Copies of the repository in a temporary folder, gone in the end whatever happens."""
+    """Copies of the repository in a temporary folder, which is always deleted at the end."""
     with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as folder:
         place = Path(folder)
         benches = [Bench(copy_of(root, place / f"copy-{k}"), place / f"run-{k}", libraries) for k in range(number)]
@@ -96,7 +94,7 @@ def _benches(root: Path, number: int, libraries: Iterable[str]) -> Iterator[list
 def _trials(
     benches: list[Bench], mutants: list[Mutant], tests: tuple[str, ...], evidence: Evidence, number: int
 ) -> Iterator[tuple[Mutant, Fate]]:
-    """What becomes of the first mutants that compile, as many as were asked for, and of those between that do not."""
+    """Results of the requested number of mutants that compile, and of those between them that do not."""
     free: Queue[Bench] = Queue()
     for bench in benches:
         free.put(bench)
@@ -122,13 +120,13 @@ def _trials(
 
 
 def _summary(folder: str, fates: dict[Mutant, Fate], least: float) -> bool:
-    """Prints kill rate and survivors; whether the rate is at least what was asked for."""
+    """Print kill rate and survivors; returns whether the rate is high enough."""
     number = {fate: sum(each is fate for each in fates.values()) for fate in Fate}
     tried = len(fates) - number[Fate.INVALID]
     killed = number[Fate.KILLED] + number[Fate.TIMEOUT]
     rate = 100 * killed / tried if tried else 100.0
     print(f"\n{folder}: {killed} of {tried} mutants killed, {rate:.0f} %", end="")
-    print(f" ({number[Fate.TIMEOUT]} by the clock; {number[Fate.INVALID]} more did not compile)")
+    print(f" ({number[Fate.TIMEOUT]} by timeout; {number[Fate.INVALID]} more did not compile)")
     for mutant, fate in fates.items():
         if fate is Fate.SURVIVED:
             print(f"survived: {mutant}")
@@ -136,5 +134,5 @@ def _summary(folder: str, fates: dict[Mutant, Fate], least: float) -> bool:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends what runs, as Ctrl-C does
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends running tests, like Ctrl-C
     sys.exit(main())

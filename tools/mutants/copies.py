@@ -1,4 +1,4 @@
-"""Copies of the repository's files in a temporary folder; what lies in the repository itself stays untouched."""
+"""Copies of the repository's files in a temporary folder; the repository itself is not changed."""
 
 import shutil
 import subprocess
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def copy_of(root: Path, folder: Path) -> Path:
-    """Every file that git knows or would add, links as links, with its times so that compiled Python stays valid."""
+    """Copy all files that git tracks or would add: links as links, and with times, so compiled Python stays valid."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=root,

@@ -1,4 +1,4 @@
-"""A small change of a source file, as bytes replaced in it."""
+"""A small change of a source file, as a replacement of bytes."""
 
 import hashlib
 import re
@@ -8,35 +8,35 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Change:
-    """Bytes `start` to `end` of a source become `replacement`."""
+    """Replaces bytes `start` to `end` of a source by `replacement`."""
 
     start: int
     end: int
     replacement: bytes
 
     def apply(self, source: bytes) -> bytes:
-        """The source with the change in it."""
+        """The changed source."""
         return source[: self.start] + self.replacement + source[self.end :]
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A change of a file, and how it reads: the lines that it touches before and after, with single blanks."""
+    """A change of a file, with the affected lines before and after, normalised to single blanks."""
 
     file: Path  # from the root of the repository
     change: Change
     line_number: int
     before: str
     after: str
-    occurrence: int = 0  # before it, that many mutants of the file read like this
+    occurrence: int = 0  # number of earlier mutants of the file with the same lines
 
     @property
     def key(self) -> str:
-        """The same as long as the lines that it touches are, wherever they stand in the file."""
+        """A key that depends on the affected lines, but not on their position in the file."""
         return f"{self.file.as_posix()}|{self.before}|{self.after}|{self.occurrence}"
 
     def rank(self, seed: int) -> str:
-        """Its place in the random order of this seed, which no other mutant has a part in."""
+        """Its rank in the random order of a seed, independent of other mutants."""
         return hashlib.sha256(f"{seed}|{self.key}".encode()).hexdigest()
 
     def __str__(self) -> str:
@@ -44,7 +44,7 @@ class Mutant:
 
 
 def mutant_of(file: Path, source: bytes, change: Change) -> Mutant:
-    """A change of a file with how it reads."""
+    """The mutant for a change of a file."""
     before, after = _lines(source, change, source[change.start : change.end]), _lines(source, change)
     return Mutant(file, change, source.count(b"\n", 0, change.start) + 1, before, after)
 

@@ -1,4 +1,4 @@
-"""Numbers that differ from one a little, in a language's spelling."""
+"""Numbers slightly different from a literal, in the syntax of its language."""
 
 import re
 
@@ -6,7 +6,7 @@ _NUMBER = re.compile(r"(?P<value>0[xX][0-9a-fA-F]+|[0-9.][0-9_.]*([eE][+-]?[0-9]
 
 
 def other_numbers(text: str) -> list[str]:
-    """One more and one less than an integer; a tenth more than another number, and its negative."""
+    """An integer plus and minus one; another number times 1.1, and its negative."""
     found = _NUMBER.match(text)
     if found is None:
         return []

@@ -1,7 +1,7 @@
-"""pytest's part of a trial: the order of the tests, a limit on each one's time, and what became of them.
+"""The pytest plugin of a trial: order of the tests, time limits, results.
 
-The environment variable `MUTANTS_PLAN` names a file of JSON: `first` are the tests to begin with, `skipped` those left
-out, `limits` the seconds of each by name, `limit` those of others, `result` the file to write.
+The environment variable `MUTANTS_PLAN` has the path of a JSON file: `first` are the tests to run first, `skipped` those
+to leave out, `limits` the time limits in s by name, `limit` that of all others, `result` the file to write.
 """
 
 import faulthandler
@@ -22,7 +22,7 @@ _complaints: list[str] = []
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Those that are likely to see the mutant come first; those that have run already do not run again."""
+    """Put tests that are likely to detect the mutant first; leave out tests that have run already."""
     done = set(_PLAN["skipped"])
     items[:] = [item for item in items if item.nodeid not in done]
     rank = {name: k for k, name in enumerate(_PLAN["first"])}
@@ -31,7 +31,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Ends the process when a test takes too long; the watchdog sees loops in compiled code as well."""
+    """End the process if a test takes too long; the watchdog also catches loops in compiled code."""
     faulthandler.dump_traceback_later(_PLAN["limits"].get(item.nodeid, _PLAN["limit"]), exit=True)
     try:
         return (yield)
@@ -40,7 +40,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Keeps times and what became of it."""
+    """Record time and outcome."""
     _seconds[report.nodeid] = _seconds.get(report.nodeid, 0.0) + report.duration
     if report.when == "setup":
         _setups.append(report.duration)
@@ -52,7 +52,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish() -> None:
-    """Writes them."""
+    """Write the results."""
     result = {"seconds": _seconds, "longest_setup": max(_setups), "complaints": _complaints}
     result |= {"passed": _passed, "failed": _failed}
     Path(_PLAN["result"]).write_text(json.dumps(result), encoding="utf-8")

@@ -1,7 +1,7 @@
 """Changes of Python sources: operators, signs, numbers, indices, conditions, arguments, functions, lost statements.
 
-Annotations, decorators, imports, strings and the texts of exceptions stay as they are: changes there break the import,
-or nothing that a test should ask for.
+Annotations, decorators, imports, strings and exception messages are not changed: such changes break the import or
+affect nothing that a test should check.
 """
 
 import ast
@@ -41,7 +41,7 @@ FUNCTIONS = {
     **{"sorted": "list", "cumsum": "array", "tanh": "arctan", "nanmax": "nanmin", "nanmin": "nanmax"},
 }
 UNWRAPPED = {"sqrt", "abs", "square", "fabs", "copy"}
-# Calls whose first two arguments are as good the other way round, or plainly wrong.
+# Calls whose first two arguments commute, or are obviously wrong when exchanged.
 KEEP_ORDER = {
     "min",
     "max",
@@ -59,7 +59,7 @@ COUNTERS = {"i", "j", "k", "n", "index", "leg"}
 
 
 def python_changes(source: bytes) -> Iterator[list[Change]]:
-    """The changes of each place of a source; a few may be no Python any more."""
+    """The changes at each place of a source; a few may not be valid Python."""
     collector = _Collector(source)
     collector.visit(ast.parse(source))
     yield from collector.places
@@ -75,7 +75,7 @@ def is_python(source: bytes) -> bool:
 
 
 class _Collector(ast.NodeVisitor):
-    """Walks through what runs, and collects the changes of each place."""
+    """Walks through executable code and collects the changes at each place."""
 
     def __init__(self, source: bytes) -> None:
         self.source = source
@@ -177,11 +177,11 @@ class _Collector(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_keyword(self, node: ast.keyword) -> None:
-        if node.arg != "strict":  # of zip: what it asks for holds anyway
+        if node.arg != "strict":  # of zip: its condition always holds
             self.generic_visit(node)
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
-        """Texts are for people."""
+        """Texts are not changed."""
 
     # --- statements --------------------------------------------------------------------------------------------
 

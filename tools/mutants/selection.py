@@ -1,4 +1,4 @@
-"""The mutants of some folders in the random order of a seed."""
+"""The mutants of folders in the random order of a seed."""
 
 import random
 import re
@@ -24,21 +24,21 @@ EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 
 
 def files_in(root: Path, folders: Iterable[str], pattern: str = "*") -> list[Path]:
-    """Sources below some folders whose name matches, from the root of the repository."""
+    """Sources with matching names below some folders, relative to the root of the repository."""
     found = set()
     for folder in folders:
         if not (root / folder).is_dir():
             raise LookupError(f"no folder {folder}; expected one of the repository, such as model or fmu_build/c")
         inside = (path.relative_to(root) for path in (root / folder).rglob(pattern) if path.suffix in _CHANGES)
-        # .venv is not ours
+        # exclude .venv
         found |= {path for path in inside if not any(part.startswith(".") for part in path.parts)}
     return sorted(found)
 
 
 def mutants_in_order(root: Path, files: Iterable[Path], seed: int) -> list[Mutant]:
-    """One mutant for each place of the files, in the order of the seed; that of a place is drawn as well.
+    """One random mutant for each place of the files, in the order of the seed.
 
-    A mutant keeps its rank when other lines change, so that a list stays comparable while tests are written.
+    A mutant keeps its rank when other lines change, so reports stay comparable while tests are written.
     """
     chosen = []
     for file in files:
@@ -55,14 +55,14 @@ def _may_run(mutant: Mutant, source: bytes) -> bool:
 
 
 def every_mutant(file: Path, source: bytes) -> Iterator[Mutant]:
-    """All that a seed may draw."""
+    """All possible mutants."""
     for place in _CHANGES[file.suffix](source):
         for change in place:
             yield mutant_of(file, source, change)
 
 
 def _numbered(mutants: Iterable[Mutant]) -> Iterator[Mutant]:
-    """The same, those that read alike told apart by number."""
+    """The same mutants, with numbers for those with equal lines."""
     seen = Counter[str]()
     for mutant in mutants:
         yield replace(mutant, occurrence=seen[mutant.key])
@@ -71,13 +71,13 @@ def _numbered(mutants: Iterable[Mutant]) -> Iterator[Mutant]:
 
 @dataclass(frozen=True)
 class Equivalents:
-    """Mutants that cannot be told from the source, with the reason: single ones, and families by a pattern."""
+    """Mutants equivalent to the source, with the reason: single ones, and families by a pattern."""
 
     single: dict[tuple[str, str, str], str]  # by file and lines before and after
     families: tuple[tuple[str, re.Pattern[str], str], ...]  # file with wildcards, "before → after", reason
 
     def reason(self, mutant: Mutant) -> str | None:
-        """Why this one cannot be told from the source, if it is known."""
+        """Why a mutant is equivalent to the source, if it is known to be."""
         file = mutant.file.as_posix()
         for pattern, change, why in self.families:
             if fnmatch(file, pattern) and change.search(f"{mutant.before} → {mutant.after}"):
@@ -86,7 +86,7 @@ class Equivalents:
 
 
 def equivalents(path: Path = EQUIVALENT) -> Equivalents:
-    """What the file says."""
+    """The equivalent mutants in the file."""
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     return Equivalents(
         {(each["file"], each["before"], each["after"]): each["reason"] for each in tables.get("mutant", [])},

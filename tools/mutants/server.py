@@ -1,7 +1,7 @@
-"""A process that has loaded libraries, its arguments, and forks into runs of pytest, asked for by lines of JSON.
+"""A process that loads libraries (its arguments) and forks a run of pytest for each request, a line of JSON.
 
-Loading NumPy, SciPy, CasADi and python-control takes longer than most mutants live. Of the repository only what no
-mutant of the folder can change is loaded before the fork.
+Loading NumPy, SciPy, CasADi and python-control takes longer than most trials. Before the fork, only those modules of
+the repository are loaded that no mutant of the folder can change.
 """
 
 import importlib
@@ -18,7 +18,7 @@ _child = 0
 
 
 def serve() -> None:
-    """Answers each request `{"arguments": …, "environment": …, "printed": …}` with the exit code of pytest."""
+    """Answer each request `{"arguments": …, "environment": …, "printed": …}` with the exit code of pytest."""
     for library in sys.argv[1:]:
         with suppress(ImportError):
             importlib.import_module(library)
@@ -39,7 +39,7 @@ def _run(request: dict[str, Any]) -> int:
         os.environ.update(request["environment"])
         os._exit(_pytest(request["arguments"]))
     _, status = os.waitpid(_child, 0)
-    _kill(_child)  # what it may have left behind
+    _kill(_child)  # processes that it may have left
     return os.waitstatus_to_exitcode(status)
 
 

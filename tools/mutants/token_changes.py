@@ -1,4 +1,4 @@
-"""Changes of C and JavaScript sources, found by their tokens: the same kinds as those of Python."""
+"""Changes of C and JavaScript sources by their tokens, of the same kinds as those of Python."""
 
 import re
 from collections.abc import Iterator
@@ -29,13 +29,13 @@ WORDS = {
     **{b"sin": b"cos", b"cos": b"sin", b"fmin": b"fmax", b"fmax": b"fmin", b"min": b"max", b"max": b"min"},
     **{b"floor": b"ceil", b"ceil": b"floor", b"some": b"every", b"every": b"some"},
 }
-# Statements that begin with these are no calls or assignments.
+# Statements that begin with these are not calls or assignments.
 KEYWORDS = frozenset(
     b"return if else for while do switch case default goto break continue const static extern struct enum union typedef"
     b" let var function class import export throw try catch new delete async await unsigned signed int double char"
     b" void size_t bool float long short".split()
 )
-# Calls whose first two arguments are as good the other way round.
+# Calls whose first two arguments commute.
 _COMMUTATIVE = {b"min", b"max", b"fmin", b"fmax", b"dot", b"hypot"}
 _BINARY = {b"+", b"-", b"*", b"/", b"%", b"<", b">", b"|", b"&"}
 
@@ -52,7 +52,7 @@ class _Token:
 
 
 def token_changes(source: bytes) -> Iterator[list[Change]]:
-    """The changes of each place of a source; a few may not compile."""
+    """The changes at each place of a source; a few may not compile."""
     tokens = _tokens(source)
     for k, token in enumerate(tokens):
         before = tokens[k - 1].text if k else b""
@@ -99,7 +99,7 @@ def _tokens(source: bytes) -> list[_Token]:
 
 
 def _is_binary(source: bytes, tokens: list[_Token], k: int) -> bool:
-    """Whether an operator stands between operands: pointers and signs have no blank behind them."""
+    """Whether an operator is binary: pointers and signs have no blank after them."""
     if k == 0 or not (tokens[k - 1].kind in {"number", "word", "text"} or tokens[k - 1].text in {b")", b"]"}):
         return False
     around = source[tokens[k].start - 1 : tokens[k].start], source[tokens[k].end : tokens[k].end + 1]
@@ -107,7 +107,7 @@ def _is_binary(source: bytes, tokens: list[_Token], k: int) -> bool:
 
 
 def _is_size_of_an_array(tokens: list[_Token], k: int) -> bool:
-    """Whether a token stands in brackets of a declaration, where another size changes nothing or does not compile."""
+    """Whether a token is in brackets of a declaration, where another size has no effect or does not compile."""
     opening = next((j for j in range(k - 1, -1, -1) if tokens[j].text in {b"[", b"]", b";", b"{", b"}", b"="}), None)
     if opening is None or tokens[opening].text != b"[":
         return False
@@ -135,7 +135,7 @@ def _conditions(source: bytes, tokens: list[_Token]) -> Iterator[list[Change]]:
 
 
 def _statements(tokens: list[_Token]) -> Iterator[list[Change]]:
-    """Lost calls and assignments."""
+    """Removed calls and assignments."""
     depth = 0
     for k, token in enumerate(tokens):
         starts = (
@@ -161,7 +161,7 @@ def _statements(tokens: list[_Token]) -> Iterator[list[Change]]:
 
 
 def _ends_condition(tokens: list[_Token], k: int) -> bool:
-    """Whether the parenthesis here closes an `if (…)` or `for (…)`."""
+    """Whether this parenthesis closes an `if (…)` or `for (…)`."""
     if tokens[k].text != b")":
         return False
     opening = next((j for j in range(k - 1, 0, -1) if tokens[j].text == b"(" and _closing(tokens, j) == k), 0)
@@ -191,7 +191,7 @@ def _arguments(source: bytes, tokens: list[_Token]) -> Iterator[list[Change]]:
         spans = [(tokens[k + 1].start, tokens[commas[0] - 1].end), (tokens[commas[0] + 1].start, tokens[end - 1].end)]
         first, second = (source[a:b] for a, b in spans)
         if any(token.kind == "text" for token in tokens[k:end]):
-            continue  # texts are for people
+            continue  # texts are not changed
         if first != second and not _declares(tokens[k + 1 : commas[0]]):
             yield [Change(spans[0][0], spans[1][1], second + source[spans[0][1] : spans[1][0]] + first)]
 

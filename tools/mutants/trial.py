@@ -1,4 +1,4 @@
-"""Tests run on a copy of the repository: once as it is, then once for each mutant."""
+"""Runs of the tests on a copy of the repository: once unchanged, then once for each mutant."""
 
 import json
 import os
@@ -17,12 +17,12 @@ from coverage import CoverageData
 from tools.mutants.mutation import Mutant
 
 _ROOT = Path(__file__).parents[2]  # for the plugin
-_QUICK = 0.3  # s; quick tests of a line come before slow ones
+_QUICK = 0.3  # s; quicker tests of a line run before slow ones
 _COMPILER_COMPLAINT = "the compiler failed"
 
 
 class Fate(Enum):
-    """What became of a mutant."""
+    """Result of a mutant."""
 
     KILLED = "killed"
     TIMEOUT = "killed by the clock"
@@ -31,23 +31,23 @@ class Fate(Enum):
 
 
 class CleanRunError(RuntimeError):
-    """The tests fail on the sources as they are."""
+    """The tests fail on the unchanged sources."""
 
 
 @dataclass
 class Evidence:
-    """What the run on the sources as they are tells of some tests; kills are added as they happen."""
+    """Data of the tests from the run on the unchanged sources; kills are added as they occur."""
 
     seconds: dict[str, float]
     longest_setup: float
     lines: dict[tuple[str, int], set[str]]  # tests by file and line
-    kills: dict[tuple[str, str], int] = field(default_factory=dict)  # of a file's mutants by a test
+    kills: dict[tuple[str, str], int] = field(default_factory=dict)  # number of a file's mutants killed by a test
 
     def first(self, mutant: Mutant) -> list[str]:
-        """Tests in the order of how soon they may see a mutant; those that are not named come after them.
+        """Tests in the order of how soon they are likely to detect a mutant; all other tests come after them.
 
-        Killers of this file's mutants, then what runs the line: quick tests, then slow ones, each module's together.
-        What is computed once in a process counts as run by the first test alone, so that no test is left out.
+        First the tests that killed mutants of this file, then those that run the line: quick tests, then slow ones, by
+        module. Code that runs once per process is attributed to the first test only, so no test is left out.
         """
         file = mutant.file.as_posix()
         seen = self.lines.get((file, mutant.line_number), set()) or {
@@ -66,12 +66,12 @@ class Evidence:
         return sorted(candidates, key=place)
 
     def limits(self) -> dict[str, float]:
-        """Seconds after which a test counts as caught in a loop; whichever comes first builds what all share."""
+        """Time limit of a test [s]; whichever test runs first also builds the shared fixtures."""
         return {test: 20 + 2 * self.longest_setup + 10 * seconds for test, seconds in self.seconds.items()}
 
 
 class Bench:
-    """A copy of the repository, on which one mutant after the other is tried."""
+    """A copy of the repository, on which mutants are tried one after the other."""
 
     def __init__(self, copy: Path, scratch: Path, libraries: Iterable[str]) -> None:
         self.copy, self.scratch, self._libraries = copy, scratch, libraries
@@ -81,12 +81,12 @@ class Bench:
         self._stopped = False
 
     def clean_run(self, tests: Iterable[str], folders: Iterable[str]) -> Evidence:
-        """Times of all tests on the sources as they are, and which lines each runs.
+        """Times of all tests on the unchanged sources, and the lines that each runs.
 
         Raises
         ------
         CleanRunError
-            With what pytest printed.
+            The tests fail; has pytest's output.
         """
         data = self.scratch / "coverage"
         data.unlink(missing_ok=True)
@@ -95,11 +95,9 @@ class Bench:
         plan = {"first": [], "skipped": [], "limits": {}, "limit": 3600}
         code, printed, result = self._pytest(tests, options, plan, {"COVERAGE_FILE": str(data)})
         if code != 0:
-            raise CleanRunError(f"the tests have to pass before there are mutants; pytest says:\n{printed[-4000:]}")
+            raise CleanRunError(f"the tests must pass on the unchanged sources; output of pytest:\n{printed[-4000:]}")
         if not result["passed"]:
-            raise CleanRunError(
-                f"no test ran, as where there is no Chromium for scripts; pytest says:\n{printed[-4000:]}"
-            )
+            raise CleanRunError(f"no test ran (tests of scripts need Chromium); output of pytest:\n{printed[-4000:]}")
         return Evidence(result["seconds"], result["longest_setup"], self._tests_of_lines(data))
 
     def _tests_of_lines(self, data: Path) -> dict[tuple[str, int], set[str]]:
@@ -114,7 +112,7 @@ class Bench:
         return found
 
     def trial(self, mutant: Mutant, tests: Iterable[str], evidence: Evidence) -> Fate:
-        """Whether a test fails on the mutant; the copy is as before afterwards."""
+        """Whether a test fails on the mutant; restores the copy afterwards."""
         path = self.copy / mutant.file
         kept = self.scratch / "kept"
         shutil.copy2(path, kept)
@@ -138,7 +136,7 @@ class Bench:
     def _pytest_in_two_parts(
         self, mutant: Mutant, tests: Iterable[str], evidence: Evidence
     ) -> tuple[int, str, dict[str, Any]]:
-        """First the modules with tests that may see the mutant soon, then the other tests."""
+        """Run the modules with tests that are likely to detect the mutant first, then the other tests."""
         first = evidence.first(mutant)
         plan = {"first": first, "skipped": [], "limits": evidence.limits(), "limit": 600}
         options, environment = ["-x"], {"PYTHONDONTWRITEBYTECODE": "1"}
@@ -150,11 +148,11 @@ class Bench:
         return self._pytest(tests, options, plan, environment)
 
     def stop(self) -> None:
-        """Ends the tests that run now, and begins no others."""
+        """End the running tests, and start no others."""
         self._stopped = True
         if self._server is not None:
             self._server.terminate()
-            with self._server:  # waits, and closes what leads to it
+            with self._server:  # waits and closes the pipes
                 pass
 
     def _pytest(
@@ -163,15 +161,15 @@ class Bench:
         result, plan_file = self.scratch / "result.json", self.scratch / "plan.json"
         result.unlink(missing_ok=True)
         plan_file.write_text(json.dumps({**plan, "result": str(result)}), encoding="utf-8")
-        # another one each time: a process that a mutant has left behind may still be busy in the last one
+        # a new one each time: a process left by a mutant may still use the last one
         shutil.rmtree(self._temporary, ignore_errors=True)
         self._temporary = Path(tempfile.mkdtemp(dir=self.scratch))
         plugins = ["-p", "tools.mutants.plugin", "-p", "no:cacheprovider"]
         # what is compiled from a mutant stays out of the user's caches
         own = {
-            "PYTHONPATH": f"{self.copy}{os.pathsep}{_ROOT}",  # of what the tests start
+            "PYTHONPATH": f"{self.copy}{os.pathsep}{_ROOT}",  # for processes started by the tests
             "MUTANTS_PLAN": str(plan_file),
-            "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # the tests need none, and they take a second to load
+            "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # the tests need none; loading them takes 1 s
             "ZIG_GLOBAL_CACHE_DIR": str(self.scratch.parent / "zig"),
             "TMPDIR": str(self._temporary),
         }
@@ -187,17 +185,17 @@ class Bench:
         return code, printed.read_text("utf-8"), json.loads(result.read_text("utf-8")) if result.exists() else {}
 
     def _ask(self, request: str) -> int:
-        """Exit code of a run of pytest; a process that has the libraries forks for it."""
+        """Exit code of a run of pytest, forked from the process that has loaded the libraries."""
         if self._server is None:
             self._server = subprocess.Popen(
                 [sys.executable, "-m", "tools.mutants.server", *self._libraries],
                 cwd=self.copy,
-                # one job is one processor
+                # one job uses one processor
                 env={**os.environ, "PYTHONPATH": str(_ROOT), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
-                start_new_session=True,  # Ctrl-C is for the command
+                start_new_session=True,  # Ctrl-C goes to the command only
             )
         assert self._server.stdin is not None
         assert self._server.stdout is not None
