@@ -1,8 +1,17 @@
-"""Help in which a flag is only a flag, and a value is named without types of Python."""
+"""Help in which a flag is only a flag, and a value is named without types of Python; wrong values in plain words."""
 
 from typing import Any
 
+import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+# What Typer says of a wrong value, and what it is to say.
+_PLAIN = {
+    "Value error, ": "",
+    "Input should be a valid integer, unable to parse string as an integer": "expected a whole number",
+    "Input should be a valid number, unable to parse string as a number": "expected a number",
+    "Input should be": "expected a number",
+}
 
 
 class PlainCommand(TyperCommand):
@@ -11,6 +20,15 @@ class PlainCommand(TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:
         """As Typer has them, made plain."""
         return _made_plain(super().get_params(ctx))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As Typer does; what is wrong with a value is said in plain words."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            for pedantic, plain in _PLAIN.items():
+                error.message = error.message.replace(pedantic, plain)
+            raise
 
 
 class PlainGroup(TyperGroup):

@@ -93,7 +93,7 @@ SetOption = Annotated[
 _FOLDER = "Folder for the files; created if needed."
 OutOption = Annotated[
     Path | None,
-    typer.Option(help=f"{_FOLDER} Default: results/NAME.", metavar="DIR", parser=path),
+    typer.Option(help=f"{_FOLDER} Default: one in results, named after the experiment.", metavar="DIR", parser=path),
 ]
 FolderOption = Annotated[Path, typer.Option("--out", help=_FOLDER, metavar="DIR", parser=path)]
 SeedOption = Annotated[
