@@ -85,7 +85,7 @@ def scaling(plan: Plan) -> float:
             pass
         return time.perf_counter() - start
 
-    Worker(plan.text).chunk(0, 8)  # imports modules
+    Worker().chunk(plan.text, 0, 8)  # imports modules
     one = seconds(1, 6) - seconds(1, 2)
     two = seconds(2, 6) - seconds(2, 2)
     return one / two

@@ -49,8 +49,11 @@ def _end_as_by_ctrl_c() -> None:
 
 def _flushed(code: str | int | None) -> str | int | None:
     """The exit code, or another one if the results could not be printed; Python would end with a traceback."""
+    import gc
     import signal
 
+    # to look for garbage once more would keep the prompt away for up to half a second
+    gc.freeze()
     # what is done is done: an interrupt has nothing left to stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

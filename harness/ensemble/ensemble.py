@@ -4,7 +4,8 @@ import errno
 import json
 import tempfile
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, as
 from gough_stewart.harness.ensemble.chunk import SIZE, check_names
 from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.cluster import chunks_there
-from gough_stewart.harness.ensemble.local import Range, chunks_here, cores
+from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, cores
 from gough_stewart.harness.ensemble.made_with import difference, made_with
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import EnsembleError
@@ -104,8 +105,30 @@ def _run(
     status: StepProgress | None,
 ) -> Ensemble:
     say = status or (lambda _: None)
-    files = ChunkFiles(folder)
     say("planning")
+    with _begun_workers(experiment, resume, workers, scheduler) as begun:
+        return _computed(experiment, folder, resume, begun, scheduler, progress, say)
+
+
+def _begun_workers(
+    experiment: Experiment, resume: bool, workers: int | None, scheduler: str | None
+) -> AbstractContextManager[Workers | int]:
+    """Processes that import while the run is planned; only their number where it may turn out that none is needed."""
+    number, members = workers or cores(), experiment.ensemble.members if experiment.ensemble else None
+    useful = min(number, ceil((members or 0) / SIZE))
+    return nullcontext(number) if resume or scheduler is not None or useful < 2 else Workers(useful)
+
+
+def _computed(
+    experiment: Experiment,
+    folder: Path,
+    resume: bool,
+    workers: Workers | int,
+    scheduler: str | None,
+    progress: MembersProgress | None,
+    say: StepProgress,
+) -> Ensemble:
+    files = ChunkFiles(folder)
     plan = _planned(experiment, folder, files, resume)
     if plan is None:
         return read_ensemble(folder)
@@ -133,12 +156,12 @@ def _run(
 
 
 def _source(
-    plan: Plan, left: Sequence[Range], workers: int | None, scheduler: str | None
+    plan: Plan, left: Sequence[Range], workers: Workers | int, scheduler: str | None
 ) -> Generator[tuple[Range, ChunkBytes], None, None]:
     if not left:
         return
     if scheduler is None:
-        yield from chunks_here(plan, left, workers or cores())
+        yield from chunks_here(plan, left, workers)
     else:
         yield from chunks_there(plan, left, scheduler)
 

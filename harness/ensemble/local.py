@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from pathlib import Path
+from typing import Self
 
 from gough_stewart.harness.ensemble.chunk import chunk
 from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
@@ -29,57 +30,67 @@ def cores() -> int:
 class Worker:
     """What runs in a process of its own."""
 
-    def __init__(self, text: str) -> None:
-        self._plan = plan_from(text)
-
-    def chunk(self, first: int, last: int) -> ChunkBytes:
-        """See `chunk.chunk`."""
-        return ChunkBytes.of(chunk(self._plan, first, last))
+    def chunk(self, plan: str, first: int, last: int) -> ChunkBytes:
+        """See `chunk.chunk`; a plan as `Plan.text`."""
+        return ChunkBytes.of(chunk(plan_from(plan), first, last))
 
     def close(self) -> None:
         """Nothing is open."""
 
 
-def chunks_here(plan: Plan, ranges: Sequence[Range], workers: int) -> Iterator[tuple[Range, ChunkBytes]]:
-    """Chunks as they get ready, in any order.
+def chunks_here(plan: Plan, ranges: Sequence[Range], workers: "int | Workers") -> Iterator[tuple[Range, ChunkBytes]]:
+    """Chunks as they get ready, in any order; by so many processes, or by those that have been started for them.
 
     Raises
     ------
     EnsembleError
         A chunk whose process died again and again.
     """
-    if workers == 1 or len(ranges) < 2:
+    if isinstance(workers, Workers):
+        yield from workers.chunks(plan, ranges)
+    elif workers == 1 or len(ranges) < 2:
         for each in ranges:
             yield each, ChunkBytes.of(chunk(plan, *each))
-        return
-    pool = _Pool(plan)
-    try:
-        with ThreadPoolExecutor(min(workers, len(ranges))) as threads:
-            try:
-                waiting = {threads.submit(pool.chunk, each): each for each in ranges}
-                while waiting:
-                    for done in wait(waiting, _WAIT, FIRST_COMPLETED).done:
-                        yield waiting.pop(done), done.result()
-            except BaseException:
-                threads.shutdown(wait=False, cancel_futures=True)
-                pool.end()
-                raise
-    finally:
-        pool.end()
+    else:
+        with Workers(min(workers, len(ranges))) as started:
+            yield from started.chunks(plan, ranges)
 
 
-class _Pool:
-    """A process for each thread that asks."""
+class Workers:
+    """Processes for chunks, one for each of so many threads; they import what they need as soon as they are here."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._text, self._own = plan.text, threading.local()
-        self._lock, self._open, self._ended = threading.Lock(), list[Isolated](), False
+    def __init__(self, number: int) -> None:
+        self._own, self._lock = threading.local(), threading.Lock()
+        self._open, self._ended = list[Isolated](), False
+        self._threads = ThreadPoolExecutor(number)
+        for _ in range(number):
+            self._threads.submit(self._worker)  # what goes wrong here goes wrong again with the first chunk
 
-    def chunk(self, members: Range) -> ChunkBytes:
+    def __enter__(self) -> Self:
+        """The processes, which get ready."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End all processes, at once; what they do is lost."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            self._ended = True
+            open_now, self._open = self._open, []
+        for worker in open_now:
+            worker.kill()
+
+    def chunks(self, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
+        """See `chunks_here`."""
+        waiting = {self._threads.submit(self._chunk, plan.text, each): each for each in ranges}
+        while waiting:
+            for done in wait(waiting, _WAIT, FIRST_COMPLETED).done:
+                yield waiting.pop(done), done.result()
+
+    def _chunk(self, plan: str, members: Range) -> ChunkBytes:
         """From this thread's process, which is started anew if it dies."""
         for last in (*[False] * (_TRIES - 1), True):
             try:
-                found: ChunkBytes = self._worker().call("chunk", *members)
+                found: ChunkBytes = self._worker().call("chunk", plan, *members)
             except _DiedError as error:
                 self._forget()
                 if last or self._ended:
@@ -90,14 +101,6 @@ class _Pool:
             else:
                 return found
         raise AssertionError
-
-    def end(self) -> None:
-        """All processes, at once; what they do is lost."""
-        with self._lock:
-            self._ended = True
-            open_now, self._open = self._open, []
-        for worker in open_now:
-            worker.kill()
 
     def _forget(self) -> None:
         """The process of this thread, which has ended."""
@@ -114,7 +117,7 @@ class _Pool:
         if worker is None:
             name = Path(f"worker {threading.current_thread().name.rpartition('_')[2]}")
             kind = f"{Worker.__module__}:{Worker.__name__}"
-            worker = Isolated(name, kind, (self._text,), _DiedError, dict.fromkeys(_THREADS, "1"))
+            worker = Isolated(name, kind, (), _DiedError, dict.fromkeys(_THREADS, "1"))
             with self._lock:
                 if self._ended:
                     worker.kill()

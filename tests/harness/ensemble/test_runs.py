@@ -193,7 +193,7 @@ def test_a_killed_worker_is_replaced(
     call = Isolated.call
 
     def kills(self: Isolated, method: str, *arguments: Any) -> Any:
-        if method == "chunk" and arguments[0] == 16 and not killed:
+        if method == "chunk" and arguments[1] == 16 and not killed:
             killed.append(self._process.pid)
             self._process.kill()
         return call(self, method, *arguments)
