@@ -95,13 +95,13 @@ def main() -> int:
     table = Table(*columns, title="exported controllers; sizes in bytes, on a Cortex-M7")
     missed = []
     for what, (name, settings, target) in CASES.items():
-        made = designed(load_experiment(name, settings))
-        sources = controller_sources(made)
+        design = designed(load_experiment(name, settings))
+        sources = controller_sources(design)
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch)
             for file, text in {**sources.units, **sources.headers}.items():
                 (folder / file).write_text(text)
-            np.savetxt(folder / "measured.txt", made.first_measured + 1e-4)
+            np.savetxt(folder / "measured.txt", design.first_measured + 1e-4)
             for real in ("double", "float"):
                 own, plant = step_times(folder, real)
                 row = [

@@ -2,8 +2,8 @@
 
     python benchmarks/first_minutes.py [PAGE …]
 
-Commands run one after the other in one new folder, each in a terminal of 80 columns. Beside the time of each stands
-its longest silence: the longest time without anything new on the terminal, from the start of the process on, imports
+Commands run one after the other in a new folder, each in a terminal of 80 columns. The table has the time of each and
+its longest silence: the longest time without new output on the terminal, from the start of the process, imports
 included. `make …`, `pip …` and `pytest …` are left out, and no browser is opened.
 """
 
@@ -29,16 +29,16 @@ MOST_SILENCE = 1.0  # s
 
 
 class Timed(NamedTuple):
-    """What a user waits for."""
+    """Times of a command."""
 
     seconds: float
     silence: float
-    after: str  # the last of what was on the terminal when the silence began
+    after: str  # the last output before the silence
     code: int
 
 
 def timed(command: str, folder: Path) -> Timed:
-    """One command of a shell, in a terminal of its own."""
+    """Run one shell command in its own terminal."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     environment = {**os.environ, "PATH": path, "TERM": "xterm", "COLUMNS": "80", "LINES": "24", "BROWSER": "true"}
     inner, outer = pty.openpty()
@@ -69,13 +69,13 @@ def timed(command: str, folder: Path) -> Timed:
 
 
 def _last_words(shown: bytes) -> str:
-    """The end of what is on a terminal, without what moves its cursor."""
+    """The end of the terminal output, without control sequences."""
     text = "".join(each if each.isprintable() else " " for each in shown.decode(errors="replace"))
     return " ".join(text.split())[-30:] or "the start"
 
 
 def main() -> int:
-    """Run, measure, and print a row for each command; too long a silence is marked."""
+    """Run and measure the commands, and print a row for each; silences that are too long are marked."""
     pages = [page for page in sys.argv[1:] or PAGES if (ROOT / page).is_file()]
     table = Table("command", "s", "longest silence s", "after", title="a new user's first minutes")
     total, missed = 0.0, 0

@@ -1,7 +1,7 @@
 /* Times the linked FMI 2.0 unit over the paper's 1 s, and its equations alone.
 
-   Usage: fmu_timer ROUNDS. Prints JSON: the pose after one step of 1 s, and for each row the seconds of the best of
-   ROUNDS rounds. A round with steps is the whole 1 s; its initialisation is not timed. */
+   Usage: fmu_timer ROUNDS. Prints JSON: the pose after one step of 1 s, and the best time of ROUNDS rounds for each row
+   [s]. A round with steps simulates 1 s; its initialisation is not timed. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

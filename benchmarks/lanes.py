@@ -76,7 +76,7 @@ def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[st
     plant = plant_of(members)
     batch, code = plant._batch, plant._kernel
     if not isinstance(code, CompiledLanes):
-        raise TypeError("what is timed is the machine code")
+        raise TypeError("expected the machine code")
     signals, results = (rows(len(names), batch.blocks) for names in (range(24), interface.RESULT_COLUMNS))
     rates, library, of = rows(N_STATES, batch.blocks), code.library, reference(batch)
     scalar = scalar_kernel(folder)

@@ -45,7 +45,7 @@ def main() -> None:
         add_times(table, page)
     Console().print(table)
     if CHROMIUM is None:
-        Console().print("skipped what needs a browser: there is no Chromium here; install the package chromium")
+        Console().print("skipped the rows that need a browser: no Chromium found; install the package chromium")
 
 
 def add_times(table: Table, page: bytes) -> None:

@@ -63,7 +63,7 @@ class Component:
     nominal: float = 1.0
     # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
-    # components with another text here cannot restore each other's saved states
+    # saved states can only be restored by components with the same text here
     saved_form: str = ""
 
     @property
@@ -80,11 +80,11 @@ def terminals_of(
     FMI 2.0 has one terminal per actuator, with scalars. In FMI 3.0 a terminal cannot refer to an element of an
     array, so one terminal holds all six actuators.
     """
-    actuator, found = tuple(actuator), [(name, what, tuple(group)) for name, what, group in groups]
+    actuator, found = tuple(actuator), [(name, text, tuple(group)) for name, text, group in groups]
     found = [each for each in found if each[2]]
     if fmi_version == "3.0":
         found.insert(0, ("actuators", "the six actuators", actuator))
-        return tuple(Terminal(name, what, {v: v for v in group}) for name, what, group in found)
+        return tuple(Terminal(name, text, {v: v for v in group}) for name, text, group in found)
     legs = tuple(
         Terminal(
             f"actuator_{leg + 1}",
@@ -94,6 +94,6 @@ def terminals_of(
         for leg in range(6)
     )
     return legs + tuple(
-        Terminal(name, what, {s: s for v in group for s in layout.by_name[v].scalar_names})
-        for name, what, group in found
+        Terminal(name, text, {s: s for v in group for s in layout.by_name[v].scalar_names})
+        for name, text, group in found
     )

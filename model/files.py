@@ -27,8 +27,8 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
     while not os.path.lexists(place) and place != place.parent:
         place = place.parent
     if not place.is_dir():
-        what = "a link that leads nowhere" if place.is_symlink() and not place.exists() else "a file"
-        raise OutputError(f"output folder {folder}: {place} is {what}; expected a folder, existing or new")
+        kind = "a broken link" if place.is_symlink() and not place.exists() else "a file"
+        raise OutputError(f"output folder {folder}: {place} is {kind}; expected a folder, existing or new")
     if not os.access(place, os.W_OK | os.X_OK):
         raise OutputError(f"output folder {folder}: no permission to write in {place}; choose another folder")
     for name in names:
@@ -38,19 +38,19 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
 
 def write_whole(path: Path, content: Content) -> None:
     """Create or replace a file atomically; an interrupted write leaves the old file unchanged."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
         if isinstance(content, bytes):
-            beside.write_bytes(content)
+            temporary.write_bytes(content)
         else:
-            content(beside)
-        beside.replace(path)
+            content(temporary)
+        temporary.replace(path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         # report the target to the user, not the temporary file
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     except BaseException:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
@@ -59,13 +59,13 @@ class FileSet:
     """Temporary files of a set; see `file_set`."""
 
     folder: Path
-    beside: Path
+    temporary: Path
     names: list[str] = field(default_factory=list)
 
     def add(self, name: str, content: Content) -> None:
         """Add a complete file."""
         try:
-            write_whole(self.beside / name, content)
+            write_whole(self.temporary / name, content)
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(self.folder / name)) from error
         self.names.append(name)
@@ -116,14 +116,14 @@ def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str]
 
 def _swap_in(files: FileSet, older: set[str]) -> None:
     """Delete old files first, so that none is ever beside a new one; call again if interrupted."""
-    new = [name for name in files.names if (files.beside / name).exists()]
+    new = [name for name in files.names if (files.temporary / name).exists()]
     in_place = set(files.names) - set(new)
     try:
         for name in older - in_place:
             (files.folder / name).unlink(missing_ok=True)
         for name in new:
-            (files.beside / name).replace(files.folder / name)
+            (files.temporary / name).replace(files.folder / name)
     except OSError as error:
-        error.add_note(f"the new files are in {files.beside}")
+        error.add_note(f"the new files are in {files.temporary}")
         raise
-    shutil.rmtree(files.beside, ignore_errors=True)
+    shutil.rmtree(files.temporary, ignore_errors=True)

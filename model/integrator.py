@@ -29,7 +29,7 @@ def integrate(
     span
         Start and end [s].
     tolerance
-        Relative, and absolute in SI units.
+        Relative tolerance, and absolute tolerance in SI units.
     internal_step
         First step size [s], from the previous span; None lets the integrator choose it.
     check

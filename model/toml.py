@@ -15,7 +15,7 @@ def toml_values(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        Not TOML; one line with the place, the text found there, or the duplicate key.
+        Not TOML, or a duplicate key; the message is one line with the place and the text found there.
     """
     try:
         # with a final newline, so that errors in the last line have a position, too

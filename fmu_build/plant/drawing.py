@@ -1,6 +1,6 @@
 """Pictures of a platform for the FMU: a labelled drawing for its documentation, and an icon without text.
 
-Pure functions of the platform: a list of shapes on paper is made once, and written as SVG or painted as PNG.
+Pure functions of the platform: they create a list of shapes on paper and write it as SVG or PNG.
 """
 
 import io

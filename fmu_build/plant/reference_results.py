@@ -60,7 +60,7 @@ def _varying(case: OpenLoopCase) -> FloatArray:
 
 
 def reference_results(case: ReferenceCase) -> FloatArray:
-    """Results (n, N_RESULTS) at the case's times: the kernel with DOP853, from row to row.
+    """Results (n, N_RESULTS) at the case's times: the kernel, integrated by DOP853 from row to row.
 
     Raises
     ------

@@ -82,7 +82,7 @@ def integrate(
     baumgarte
         (α, β) [1/s]; the paper takes both between 1 and 20.
     rtol
-        Relative tolerance, and absolute in SI units.
+        Relative tolerance, and absolute tolerance in SI units.
     own_steps
         Output at the integrator's own steps between the first and the last time, which shows the drift
         of the constraints without interpolation errors.

@@ -120,7 +120,7 @@ def test_a_place_that_cannot_take_the_files_is_refused_before_the_run(
 def test_a_link_that_leads_nowhere_is_refused_before_the_run(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     for folder in (tmp_path / "link", tmp_path / "link" / "below"):
-        with pytest.raises(OutputError, match="link is a link that leads nowhere; expected a folder"):
+        with pytest.raises(OutputError, match="link is a broken link; expected a folder"):
             check_output_folder(folder, [])
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def copy_of(root: Path, folder: Path) -> Path:
-    """Copy all files that git tracks or would add: links as links, and with times, so compiled Python stays valid."""
+    """Copy all files that git tracks or would add, with links and file times, so compiled Python stays valid."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=root,

@@ -177,7 +177,7 @@ class _Collector(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_keyword(self, node: ast.keyword) -> None:
-        if node.arg != "strict":  # of zip: its condition always holds
+        if node.arg != "strict":  # `strict` of zip: its condition is always true
             self.generic_visit(node)
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> None:

@@ -197,7 +197,7 @@ def _arguments(source: bytes, tokens: list[_Token]) -> Iterator[list[Change]]:
 
 
 def _declares(tokens: list[_Token]) -> bool:
-    """Whether an argument is a parameter of a declaration: two words side by side, or a word and a pointer."""
+    """Whether an argument is a parameter of a declaration: two successive words, or a word and a pointer."""
     return any(
         a.kind == "word" and (b.kind == "word" or (b.text == b"*" and b.start > a.end and c.start == b.end))
         for a, b, c in zip(tokens, tokens[1:], [*tokens[2:], _Token("", b"", -1)], strict=False)

@@ -165,7 +165,7 @@ class Bench:
         shutil.rmtree(self._temporary, ignore_errors=True)
         self._temporary = Path(tempfile.mkdtemp(dir=self.scratch))
         plugins = ["-p", "tools.mutants.plugin", "-p", "no:cacheprovider"]
-        # what is compiled from a mutant stays out of the user's caches
+        # keep code compiled from mutants out of the user's caches
         own = {
             "PYTHONPATH": f"{self.copy}{os.pathsep}{_ROOT}",  # for processes started by the tests
             "MUTANTS_PLAN": str(plan_file),

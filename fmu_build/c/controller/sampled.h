@@ -16,7 +16,7 @@
 
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
 
-/* The complete state. Doubles only: a saved state is these, in this order. */
+/* The complete state. It has doubles only, since a saved state is a copy of them in this order. */
 typedef struct {
     double time;
     double start_time;

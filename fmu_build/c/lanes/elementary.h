@@ -121,7 +121,7 @@ static inline lanes cosine(lanes x)
     return wave(r, quarters + 1);
 }
 
-/* e / (e + 2) with e = exp(2 |x|) - 1 = 2^k (exp(r) - 1) + 2^k - 1, |r| <= ln(2)/2; 1 to the last bit from 20 on */
+/* e / (e + 2) with e = exp(2 |x|) - 1 = 2^k (exp(r) - 1) + 2^k - 1, |r| <= ln(2)/2; equals 1 from |x| = 20 on */
 static inline lanes hyperbolic_tangent(lanes x)
 {
     lanes size = __builtin_elementwise_abs(x);

@@ -8,7 +8,7 @@
 #include "model.h"
 #include "pose_limits.h"
 
-/* The complete state. Doubles only: a saved state is these, in this order. */
+/* The complete state. It has doubles only, since a saved state is a copy of them in this order. */
 typedef struct {
     double time;
     double start_time;

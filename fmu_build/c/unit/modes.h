@@ -1,5 +1,5 @@
-/* The ONE table of which call is allowed for which kind of instance in which mode, for FMI 2.0 and 3.0; and for which
-   kind it may return Discard in FMI 2.0, which lists the functions (2.1.3). In FMI 3.0 every function may. */
+/* The ONE table of allowed calls by kind and mode of the instance, for FMI 2.0 and 3.0; and of the kinds for which a
+   call may return Discard in FMI 2.0, which lists the functions (2.1.3). In FMI 3.0 every function may. */
 #ifndef MODES_H
 #define MODES_H
 
