@@ -46,7 +46,7 @@ def solve(
     """Accelerations and constraint forces by force and moment balance of every body.
 
     Position, velocity, angular velocity, external force and torque at Op (..., 3), rotation from platform to
-    world (..., 3, 3), actuator forces (..., 6); SI units. `axial_inertia` [kg m²] is the inertia of each leg part about u.
+    world (..., 3, 3), actuator forces (..., 6); SI units. `axial_inertia` [kg m²] is that of each leg part about u.
     """
     legs = _leg_bodies(parameters, position, rotation, velocity, angular_velocity, actuator_force, axial_inertia)
     r_G = np.einsum("...ab,...b->...a", rotation, parameters.platform_com)
