@@ -133,8 +133,8 @@ class PlatformFields(ParametersOf[FloatArray, float]):
         default_factory=_vector(0.0, 0.0, 0.0),
         metadata=_row("rad", "roll, pitch, yaw in the home pose, the start value of orientation", shape=(3,)),
     )
-    leg_length_min: float | None = field(default=None, metadata=_row("m", "minimum leg length", "> 0"))
-    leg_length_max: float | None = field(default=None, metadata=_row("m", "maximum leg length", "> 0"))
+    leg_length_min: float | None = field(default=None, metadata=_row("m", "shortest leg", "> 0"))
+    leg_length_max: float | None = field(default=None, metadata=_row("m", "longest leg", "> 0"))
     leg_velocity_max: float | None = field(default=None, metadata=_row("m/s", "maximum leg velocity", "> 0"))
     actuator_force_max: float | None = field(default=None, metadata=_row("N", "maximum actuator force", "> 0"))
     actuator_power_max: float | None = field(default=None, metadata=_row("W", "maximum actuator power", "> 0"))

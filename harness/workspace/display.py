@@ -139,7 +139,7 @@ def limits_text(workspace: Workspace) -> str:
 
 def limit_title(name: str) -> str:
     """What a limit of the platform is of, in words."""
-    return TABLE[name].description.removesuffix(", at most")
+    return TABLE[name].description.removeprefix("maximum ")
 
 
 def limit_values(workspace: Workspace) -> dict[str, str]:
