@@ -20,7 +20,7 @@ POINTS = {2: 101, 3: 31}
 # Larger results would give files that programs cannot open.
 LARGEST_GRID = 250_000
 # Ranges for unbounded platforms: about home, in characteristic lengths and in rad.
-UNBOUNDED_LENGTH, UNBOUNDED_ANGLE = 1.0, np.pi / 4
+UNBOUNDED_LENGTH, UNBOUNDED_ANGLE = 1.0, np.pi / 2
 # Search for a range: points per coordinate, and number of refinements.
 _SEARCH, _ROUNDS = {2: 101, 3: 21}, 3
 # Margin around the reachable region, as a fraction of its size on either side.
@@ -74,7 +74,8 @@ def sweep(
         The platform with its limits; limits that it does not state are not checked.
     over
         Two or three coordinates and their ranges [m or rad]; with None the range is derived from the limits. Default:
-        x and y.
+        x and y, or roll and pitch where the platform states no `leg_length_max`: singular poses bound angles, but not
+        lengths.
     at
         Values of other coordinates [m or rad]; by default those of the home pose.
     points
@@ -92,7 +93,7 @@ def sweep(
     >>> space = gs.sweep(gs.load_preset("motion_base"), {"x": None, "pitch": (-0.2, 0.2)}, {"z": 2.2}, points=21)
     >>> space.qualities.reachable.mean(), space.swept["x"][[0, -1]]
     """
-    over = {"x": None, "y": None} if over is None else dict(over)
+    over = default_coordinates(platform) if over is None else dict(over)
     at = {} if at is None else dict(at)
     _check(over, at)
     count = _checked_points(points, len(over))
@@ -111,6 +112,11 @@ def sweep(
 def home_of(platform: Platform) -> dict[str, float]:
     """The home pose by coordinate [m or rad]."""
     return dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
+
+
+def default_coordinates(platform: Platform) -> dict[str, Range | None]:
+    """What `sweep` goes over by itself; a map over x and y would be empty where no leg has an end."""
+    return dict.fromkeys(("roll", "pitch") if platform.leg_length_max is None else ("x", "y"))
 
 
 def default_ranges(

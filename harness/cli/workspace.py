@@ -18,13 +18,13 @@ def workspace_command(
     preset: PresetOption = None,
     platform: PlatformOption = None,
     over: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Two coordinates to sweep, or three for a volume: x, y, z, roll, pitch, yaw; with a range as in "
-            "x=-1:1, or without one, and it is found.",
+            "x=-1:1, or without one, and it is found. Default: x,y, or roll,pitch where no leg_length_max is stated.",
             metavar="NAME[=LOW:HIGH],…",
         ),
-    ] = "x,y",
+    ] = None,
     at: Annotated[
         list[str] | None,
         typer.Option(
@@ -57,9 +57,10 @@ def workspace_command(
     - `gough-stewart workspace --preset desktop_hexapod --over x,y,z --points 41 --out results/volume`
     """
     with clear_errors() as command:
-        ranges, fixed = _swept(over), _fixed(at or [])
+        ranges, fixed = None if over is None else _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
         with preparing():
+            from gough_stewart.harness.workspace.explained import notices
             from gough_stewart.harness.workspace.figures import workspace_figures
             from gough_stewart.harness.workspace.page import workspace_page
             from gough_stewart.harness.workspace.tables import sheets_of, size_text, workspace_csv
@@ -68,8 +69,9 @@ def workspace_command(
 
         check_output_folder(out, FILES)
         with progress_bar() as progress:
-            count = points or POINTS.get(len(ranges), 1)
-            task = progress.add_task("poses", total=count ** len(ranges))
+            dimensions = 2 if ranges is None else len(ranges)
+            count = points or POINTS.get(dimensions, 1)
+            task = progress.add_task("poses", total=count**dimensions)
             try:
                 workspace = sweep(chosen, ranges, fixed, points, lambda done: progress.update(task, completed=done))
             except WorkspaceError as error:  # all of it comes from the options
@@ -84,10 +86,8 @@ def workspace_command(
         command.written.append(out)
         show(*(sheet for sheet in sheets_of(workspace) if sheet.rows))
         Terminal().print(size_text(workspace))
-        if not workspace.qualities.reachable.any():
-            warn(
-                "no pose of this grid can be reached; sweep a wider range, or fix the other coordinates nearer to home"
-            )
+        for notice in notices(workspace):
+            warn(notice)
         command.close(files, out)
 
 

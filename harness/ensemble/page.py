@@ -15,9 +15,11 @@ from gough_stewart.harness.ensemble.statistics import failures, finite
 from gough_stewart.harness.ensemble.tables import failure_sheet, quantile_sheet, worst_sheet
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
+from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric_names import Shown, shown_metric
+from gough_stewart.model.vectors import FloatArray
 
 PAGE = "report.html"
 # Points that a browser still moves at once.
@@ -58,7 +60,8 @@ def ensemble_page(
     )
     scripts = [plotly(), asset("output", "page.js") + asset("ensemble", "ensemble.js")]
     data = _data(ensemble, by, sensitivities)
-    return document(f"{ensemble.title}: ensemble", body, asset("ensemble", "ensemble.css"), data, scripts)
+    style = asset("output", "panels.css") + asset("ensemble", "ensemble.css")
+    return document(f"{ensemble.title}: ensemble", body, style, data, scripts)
 
 
 def _hint(n: int) -> str:
@@ -106,7 +109,7 @@ def _data(ensemble: Ensemble, by: str, sensitivities: Sequence[Sensitivity]) -> 
         "completed": packed((first[OUTCOME] == "completed").to_numpy().astype(int), "i1"),
         "metrics": [_metric(ensemble, some, name) for name in names],
         "inputs": [
-            {**_named(shown_input(name), name), "values": packed(some.values(name), "f4")}
+            {**_named(shown_input(name), name, some.values(name)), "values": packed(some.values(name), "f4")}
             for name in ensemble.varied
             if len(finite(some.values(name)))
         ],
@@ -116,15 +119,17 @@ def _data(ensemble: Ensemble, by: str, sensitivities: Sequence[Sensitivity]) -> 
     }
 
 
-def _named(shown: Shown, name: str) -> dict[str, Any]:
-    return {"name": name, "text": shown.text, "unit": shown.unit}
+def _named(shown: Shown, name: str, values: FloatArray) -> dict[str, Any]:
+    """How something is shown, and the least span of an axis for these values of it [shown unit]."""
+    largest = float(np.abs(finite(values)).max(initial=0.0))
+    return {"name": name, "text": shown.text, "unit": shown.unit, "least": least_span(shown.unit or "1", largest)}
 
 
 def _metric(ensemble: Ensemble, some: Ensemble, name: str) -> dict[str, Any]:
     shown = shown_metric(name)
     levels = np.quantile(finite(ensemble.values(name)), [level for level, _ in _MARKS])
     return {
-        **_named(shown, name),
+        **_named(shown, name, shown.factor * some.values(name)),
         "values": packed(shown.factor * some.values(name), "f4"),
         "marks": [
             {"value": float(shown.factor * value), "text": text}
@@ -135,11 +140,9 @@ def _metric(ensemble: Ensemble, some: Ensemble, name: str) -> dict[str, Any]:
 
 def _signal(ensemble: Ensemble, column: str) -> dict[str, Any]:
     part, shown = ensemble.bands.filter(polars.col("signal") == column), shown_signal(column)
-    lines = {
-        name: packed(shown.factor * part[name].fill_null(np.nan).to_numpy(), "f4")
-        for name in ("lowest", *QUANTILES, "highest")
-    }
-    return {**_named(shown, column), **lines}
+    lines = {name: shown.factor * part[name].fill_null(np.nan).to_numpy() for name in ("lowest", *QUANTILES, "highest")}
+    extremes = np.concatenate([lines["lowest"], lines["highest"]])
+    return {**_named(shown, column, extremes), **{name: packed(line, "f4") for name, line in lines.items()}}
 
 
 def _sensitivity(found: Sensitivity) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.tables import sheets_of
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
+from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.model.platform import Platform
 
@@ -28,7 +29,8 @@ def identification_page(estimate: Estimate, nominal: Platform, more: Sequence[Sh
         ),
     )
     scripts = [plotly(), asset("output", "page.js") + asset("identify", "identify.js")]
-    return document(title, body, asset("identify", "identify.css"), _data(estimate), scripts)
+    style = asset("output", "panels.css") + asset("identify", "identify.css")
+    return document(title, body, style, _data(estimate), scripts)
 
 
 def _data(estimate: Estimate) -> dict[str, Any]:
@@ -53,6 +55,7 @@ def _data(estimate: Estimate) -> dict[str, Any]:
         "aside": found["validation_from"],
         "quantity": estimate.residuals.quantity,
         "unit": estimate.residuals.unit,
+        "least": least_span(estimate.residuals.unit, float(np.nanmax(np.abs(found["measured"])))),
         "colours": list(COLOURS),
     }
 

@@ -72,14 +72,19 @@ def to_terminal(sheet: Sheet) -> TerminalTable:
 
 def to_html(sheet: Sheet) -> str:
     """For a page; every text is escaped."""
-    heads = "".join(f'<th scope="col">{escape(head)}</th>' for head in sheet.heads)
+    heads = "".join(_heading("col", head) for head in sheet.heads)
     rows = []
     for k, (first, *rest) in enumerate(sheet.rows):
         kind = ' class="group-end"' if k in sheet.group_ends else ""
         cells = "".join(f"<td>{_hypertext(cell)}</td>" for cell in rest)
-        rows.append(f'<tr{kind}><th scope="row">{_hypertext(first)}</th>{cells}</tr>')
+        rows.append(f"<tr{kind}>{_heading('row', first)}{cells}</tr>")
     caption = f"<caption>{escape(sheet.title)}</caption>"
     return f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _heading(scope: str, cell: str | Named) -> str:
+    """A head of a column or row; an empty cell is the head of nothing."""
+    return f'<th scope="{scope}">{_hypertext(cell)}</th>' if cell else "<td></td>"
 
 
 def text_of(table: "RenderableType") -> str:

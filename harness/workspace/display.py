@@ -7,9 +7,10 @@ import numpy as np
 
 from gough_stewart.harness.output.tables import number_text
 from gough_stewart.model.parameters import LIMITS, TABLE
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit
+from gough_stewart.model.workspace import Limit, PoseQualities
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace, home_of
 
 # A platform smaller than this is shown in mm [m].
@@ -89,15 +90,18 @@ def reachable_values(workspace: Workspace, values: FloatArray) -> FloatArray:
 
 
 def clearance(workspace: Workspace) -> FloatArray:
+    """That of `clearance_of` at every pose of the grid."""
+    return clearance_of(workspace.platform, workspace.qualities, workspace.coordinates()[..., 4])
+
+
+def clearance_of(platform: Platform, q: PoseQualities, pitch: FloatArray) -> FloatArray:
     """A continuous measure of distance from the nearest limit, positive within the border of what can be reached.
 
     The least of: stroke left in characteristic lengths, joint angle and pitch left in rad, smallest singular value.
     """
-    q = workspace.qualities
-    pitch = workspace.coordinates()[..., 4]
     least = np.minimum(LARGEST_PITCH - np.abs(pitch), q.singular_margin)
     if q.leg_length_margin is not None:
-        least = np.fmin(least, q.leg_length_margin / workspace.platform.characteristic_length)
+        least = np.fmin(least, q.leg_length_margin / platform.characteristic_length)
     if q.joint_angle_margin is not None:
         least = np.fmin(least, q.joint_angle_margin)
     return np.asarray(least)

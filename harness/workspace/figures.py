@@ -1,5 +1,6 @@
 """Pictures of a workspace for screen and print: what can be reached, how well, and how strongly."""
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from gough_stewart.harness.workspace.display import (
     shown_coordinate,
     shown_length,
 )
+from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.maps import (
     LIMIT_COLOURS,
     MAPS,
@@ -37,6 +39,8 @@ _SLICES = 4
 # Everything is placed by hand [inch]: maps of equal scales, and their colour bars, would not line up otherwise.
 _LEFT, _TOP, _BOTTOM, _RIGHT = 0.65, 0.62, 0.98, 0.62
 _GAP, _BAR, _BAR_GAP = 1.32, 0.11, 0.08
+# Of a notice: height of a line [inch], letters per inch.
+_LINE, _LETTERS = 0.17, 15.5
 
 
 def workspace_figures(workspace: Workspace) -> dict[str, bytes]:
@@ -52,14 +56,13 @@ def workspace_figures(workspace: Workspace) -> dict[str, bytes]:
 def _maps(workspace: Workspace, results: list[Result]) -> dict[str, bytes]:
     width, height = _map_size(workspace, 3.3)
     columns = 2 if results else 1
-    rows, above, between = -(-(1 + len(results)) // columns), 0.3, 0.8
-    size = (
-        max(_LEFT + columns * width + (columns - 1) * _GAP + _RIGHT, 5.5),
-        _TOP + above + rows * height + (rows - 1) * between + _BOTTOM,
-    )
+    across = max(_LEFT + columns * width + (columns - 1) * _GAP + _RIGHT, 5.5)
+    lines = _notices(workspace, across)
+    rows, above, between = -(-(1 + len(results)) // columns), 0.3 + _LINE * len(lines), 0.8
+    size = (across, _TOP + above + rows * height + (rows - 1) * between + _BOTTOM)
 
     def draw(figure: Figure) -> None:
-        _title(figure, workspace, size)
+        _title(figure, workspace, size, lines)
         plane = plane_of(workspace)
         for k, result in enumerate([None, *results]):
             row, column = divmod(k, columns)
@@ -79,17 +82,16 @@ def _maps(workspace: Workspace, results: list[Result]) -> dict[str, bytes]:
 
 def _slices(workspace: Workspace, results: list[Result]) -> dict[str, bytes]:
     width, height = _map_size(workspace, 2.0)
-    chosen, gap, above, between = _chosen_slices(workspace), 0.12, 0.5, 0.36
-    rows = 1 + len(results)
-    size = (
-        _LEFT + len(chosen) * width + (len(chosen) - 1) * gap + _RIGHT,
-        _TOP + above + rows * height + (rows - 1) * between + _BOTTOM,
-    )
+    chosen, gap, between = _chosen_slices(workspace), 0.12, 0.36
+    across = _LEFT + len(chosen) * width + (len(chosen) - 1) * gap + _RIGHT
+    lines = _notices(workspace, across)
+    rows, above = 1 + len(results), 0.5 + _LINE * len(lines)
+    size = (across, _TOP + above + rows * height + (rows - 1) * between + _BOTTOM)
     name, values = list(workspace.swept.items())[2]
     shown = shown_coordinate(workspace, name)
 
     def draw(figure: Figure) -> None:
-        _title(figure, workspace, size)
+        _title(figure, workspace, size, lines)
         planes = [plane_of(workspace, k) for k in chosen]
         for row, result in enumerate([None, *results]):
             top = _TOP + above + row * (height + between)
@@ -138,12 +140,20 @@ def _chosen_slices(workspace: Workspace) -> list[int]:
     return sorted({round(low + share * (high - low)) for share in shares})
 
 
-def _title(figure: Figure, workspace: Workspace, size: tuple[float, float]) -> None:
+def _notices(workspace: Workspace, width: float) -> list[str]:
+    """Lines that fit a figure of this width [inch]."""
+    return [line for notice in notices(workspace) for line in textwrap.wrap(notice, int(_LETTERS * (width - 0.2)))]
+
+
+def _title(figure: Figure, workspace: Workspace, size: tuple[float, float], lines: list[str]) -> None:
     figure.set_layout_engine("none")
     heading = f"Workspace of {workspace.platform.name} at {fixed_text(workspace)}"
     place: dict[str, Any] = {"x": 0.01, "y": 1 - 0.1 / size[1], "ha": "left", "va": "top"}
     figure.suptitle(heading, fontsize=10.5, fontweight="bold", parse_math=False, **place)
-    figure.text(0.01, 1 - 0.34 / size[1], limits_text(workspace), va="top", fontsize=8.5, color="#555555")
+    quiet: dict[str, Any] = {"va": "top", "fontsize": 8.5, "color": "#555555", "parse_math": False}
+    figure.text(0.01, 1 - 0.34 / size[1], limits_text(workspace), **quiet)
+    for k, line in enumerate(lines, start=1):
+        figure.text(0.01, 1 - (0.38 + _LINE * k) / size[1], line, **quiet | {"color": "black"})
 
 
 def _title_of(workspace: Workspace, result: Result | None) -> str:

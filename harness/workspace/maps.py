@@ -37,7 +37,10 @@ LIMIT_COLOURS = {
 }
 # Perceptually uniform, and told apart by colour-blind readers. So many steps do not show, and pack well.
 MAPS = {"condition_number": "magma_r", "payload": "viridis", "force_margin": "cividis"}
+_OTHER_MAP = "viridis"
 _STEPS = 64
+# Of a map's colours; what comes behind them is nearly black, and hides lines, crosses and the shape of a surface.
+_SHARES = {"magma_r": 0.72}
 # A singular pose would leave one colour for all others.
 LARGEST_SHOWN = 1000.0
 _ROUND = np.array([1.2, 1.5, 2, 2.5, 3, 4, 5, 7, 10, 15, 20, 30, 50, 70, 100, 200, 500])
@@ -110,8 +113,7 @@ def draw_field(axes: Axes, workspace: Workspace, plane: Plane, result: Result) -
     values = np.asarray(result.values[plane.part] * result.shown.factor)
     norm = norm_of(workspace, result)
     bounded = np.nan_to_num(values, nan=norm.vmax or 0.0, posinf=norm.vmax)
-    colours = mpl.colormaps[MAPS[result.name]].resampled(_STEPS)
-    image = _image(axes, plane, bounded, cmap=colours, norm=norm, interpolation="bilinear")
+    image = _image(axes, plane, bounded, cmap=colour_map(result), norm=norm, interpolation="bilinear")
     reached = workspace.qualities.reachable[plane.part]
     if not reached.any():
         image.set_visible(False)
@@ -146,6 +148,12 @@ def norm_of(workspace: Workspace, result: Result) -> Normalize:
     if result.logarithmic:
         return LogNorm(low, max(min(high, LARGEST_SHOWN), 1.01 * low))
     return Normalize(low, high if high > low else low + 1.0)
+
+
+def colour_map(result: Result) -> ListedColormap:
+    """The colours of a result, from its least value to its largest."""
+    name = MAPS.get(result.name, _OTHER_MAP)
+    return ListedColormap(mpl.colormaps[name](np.linspace(0, _SHARES.get(name, 1.0), _STEPS)))
 
 
 def height_over_width(workspace: Workspace) -> float:

@@ -4,7 +4,6 @@ import html
 from string import Template
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
@@ -21,14 +20,13 @@ from gough_stewart.harness.workspace.display import (
     shown_coordinate,
     swept_text,
 )
-from gough_stewart.harness.workspace.isosurface import isosurface
-from gough_stewart.harness.workspace.maps import LARGEST_SHOWN, LIMIT_COLOURS, MAPS, limits_behind, norm_of
+from gough_stewart.harness.workspace.explained import notices
+from gough_stewart.harness.workspace.maps import LIMIT_COLOURS, colour_map, limits_behind, norm_of
+from gough_stewart.harness.workspace.surface import surface_of
 from gough_stewart.harness.workspace.tables import sheets_of, size_text
 from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import Workspace, home_of
 
-# Of results that the pictures for print leave out.
-_OTHER_MAP = "viridis"
 _STOPS = 17
 
 
@@ -52,6 +50,7 @@ def workspace_page(workspace: Workspace) -> bytes:
         title=html.escape(title),
         lead=html.escape(lead),
         size=html.escape(size_text(workspace)),
+        notices="".join(f'<p class="notice">{html.escape(notice)}</p>' for notice in notices(workspace)),
         legend=_legend(workspace),
         hint=hint,
         tables="".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets_of(workspace) if sheet.rows),
@@ -62,7 +61,8 @@ def workspace_page(workspace: Workspace) -> bytes:
         ),
     )
     scripts = [plotly(), asset("output", "page.js") + asset("workspace", "workspace.js")]
-    return document(title, body, asset("workspace", "workspace.css"), _data(workspace), scripts)
+    style = asset("output", "panels.css") + asset("workspace", "workspace.css")
+    return document(title, body, style, _data(workspace), scripts)
 
 
 def _data(workspace: Workspace) -> dict[str, Any]:
@@ -84,14 +84,14 @@ def _data(workspace: Workspace) -> dict[str, Any]:
 
 
 def _result(workspace: Workspace, result: Result) -> dict[str, Any]:
-    norm = norm_of(workspace, result)
+    norm, colours = norm_of(workspace, result), colour_map(result)
     return {
         "title": result.title,
         "unit": result.shown.unit,
         "logarithmic": result.logarithmic,
         "low": norm.vmin,
         "high": norm.vmax,
-        "colours": _colour_scale(MAPS.get(result.name, _OTHER_MAP)),
+        "colours": [[float(share), to_hex(colours(float(share)))] for share in np.linspace(0, 1, _STOPS)],
         "values": packed(result.values * result.shown.factor, "f4"),
     }
 
@@ -128,30 +128,23 @@ def _level(workspace: Workspace) -> int:
 
 
 def _surface(workspace: Workspace) -> dict[str, Any] | None:
-    """Of the reachable volume, coloured by the logarithm of the condition number."""
-    # poses exactly at a limit are reachable, and have no surface about them
-    if len(workspace.shape) == 2 or not (clearance(workspace) > 0).any():
+    """Of the reachable volume in shown units, with the logarithm of the condition number; None if it is empty."""
+    surface = surface_of(workspace) if len(workspace.shape) == 3 else None
+    if surface is None:
         return None
-    axes = [values * shown_coordinate(workspace, name).factor for name, values in workspace.swept.items()]
-    number = np.log10(np.minimum(workspace.qualities.condition_number, LARGEST_SHOWN))
-    surface = isosurface(axes, clearance(workspace), number)
+    factors = [shown_coordinate(workspace, name).factor for name in workspace.swept]
     return {
-        "vertices": packed(surface.vertices, "f4"),
+        "vertices": packed(surface.vertices * factors, "f4"),
         "triangles": packed(surface.triangles, "i4"),
         "colour": packed(surface.colour, "f4"),
     }
-
-
-def _colour_scale(name: str) -> list[list[Any]]:
-    colours = mpl.colormaps[name]
-    return [[float(share), to_hex(colours(float(share)))] for share in np.linspace(0, 1, _STOPS)]
 
 
 def _legend(workspace: Workspace) -> str:
     limits = [Limit.NONE] if workspace.qualities.reachable.any() else []
     parts = []
     for limit in [*limits, *limits_met(workspace)]:
-        edge = "border-color:#222" if limit == Limit.NONE else ""
-        swatch = f'<i style="background:{LIMIT_COLOURS[limit]};{edge}"></i>'
+        look = 'class="reachable"' if limit == Limit.NONE else f'style="background:{LIMIT_COLOURS[limit]}"'
+        swatch = f"<i {look}></i>"
         parts.append(f"<span>{swatch}{html.escape(limit.text)}</span>")
     return "".join(parts)

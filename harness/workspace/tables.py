@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.harness.output.tables import Named, Sheet, number_text
 from gough_stewart.harness.workspace.display import (
     Result,
     Shown,
@@ -91,8 +91,21 @@ def size_text(workspace: Workspace) -> str:
         ends = np.ones(len(values))
         ends[[0, -1]] = 0.5
         weights = weights * ends.reshape([-1 if k == axis else 1 for k in range(weights.ndim)])
-    kind, unit = ("an area", "m²") if len(workspace.swept) == 2 else ("a volume", "m³")
-    return f"{text}, {kind} of {cell * weights.sum():.4g} {unit}"
+    kind = "an area" if len(workspace.swept) == 2 else "a volume"
+    return f"{text}, {kind} of {extent_text(cell * weights.sum(), len(workspace.swept))}"
+
+
+def extent_text(size: float, dimensions: int) -> str:
+    """An area [m²] or a volume [m³] in a unit that leaves it a number to read: m, cm or mm to that power.
+
+    The largest unit in which an area is at least 0.1, a volume at least 0.01.
+    """
+    power, least = {2: "²", 3: "³"}[dimensions], 10.0 ** (1 - dimensions)
+    for unit, factor in (("m", 1.0), ("cm", 1e2)):
+        value = size * factor**dimensions
+        if value >= least or size == 0:
+            return f"{number_text(value)} {unit}{power}"
+    return f"{number_text(size * 1e3**dimensions)} mm{power}"
 
 
 def _extremes(workspace: Workspace) -> Sheet:

@@ -261,21 +261,21 @@ def test_default_ranges_hold_what_can_be_reached_and_little_else(platform: Platf
 
 
 def test_without_limits_a_range_about_home_is_assumed_and_said() -> None:
-    """Expected: as documented, one characteristic length (here 1 m), and 45°."""
+    """Expected: as documented, one characteristic length (here 1 m), and 90°."""
     w = sweep(PAPER, {"z": None, "roll": None}, points=3)
     assert w.assumed == ("z", "roll")
     assert w.found == ()
     assert w.swept["z"] == pytest.approx([2, 3, 4])
-    assert w.swept["roll"] == pytest.approx([-np.pi / 4, 0, np.pi / 4])
+    assert w.swept["roll"] == pytest.approx([-np.pi / 2, 0, np.pi / 2])
 
 
 @pytest.mark.parametrize(
-    ("home", "ends"), [(0.1, (-0.685398, 0.885398)), (1.2, (0.414602, np.pi / 2)), (-1.2, (-np.pi / 2, -0.414602))]
+    ("home", "ends"), [(0.1, (-1.470796, np.pi / 2)), (1.2, (-0.370796, np.pi / 2)), (-1.2, (-np.pi / 2, 0.370796))]
 )
-def test_a_pitch_without_limits_goes_45_degrees_about_home_but_not_beyond_90(
+def test_a_pitch_without_limits_goes_90_degrees_about_home_but_not_beyond_90(
     home: float, ends: tuple[float, float]
 ) -> None:
-    """Expected: home ± π/4 = 0.785398, cut at ± π/2."""
+    """Expected: home ± π/2 = 1.570796, cut at ± π/2."""
     tilted = replace(PAPER, home_orientation=np.array([0.0, home, 0.0]))
     w = sweep(tilted, {"pitch": None, "x": (-0.1, 0.1)}, points=2)
     assert w.swept["pitch"] == pytest.approx(ends, abs=1e-6)

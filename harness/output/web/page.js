@@ -21,6 +21,9 @@ const GoughStewart = (() => {
     addEventListener(event, () => { root.classList.toggle("printing", isPrinting); changed(); });
   }
 
+  // a finger that swipes over a chart scrolls the page; buttons of the chart let it zoom or turn
+  const drags = matchMedia("(pointer: coarse)").matches ? { dragmode: false } : {};
+
   return {
     page: JSON.parse(document.getElementById("data").textContent),
     numbers: (packed) => new KINDS[packed.dtype](Uint8Array.from(atob(packed.bdata), (c) => c.charCodeAt(0)).buffer),
@@ -47,6 +50,21 @@ const GoughStewart = (() => {
         hoverlabel: { align: "left", bgcolor: card, bordercolor: quiet, font: { color: ink } },
         modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: ink },
       } } };
+    },
+    // both ends of an axis on which less than a least span would be rounding; undefined where plotly may choose
+    widened: (values, least) => {
+      const finite = values.filter(Number.isFinite);
+      const low = finite.reduce((a, b) => Math.min(a, b), Infinity), high = finite.reduce((a, b) => Math.max(a, b), -Infinity);
+      return high - low < least ? [(low + high - least) / 2, (low + high + least) / 2] : undefined;
+    },
+    // a chart in an element: in the colours of the theme, with a name for screen readers, every point of its lines drawn
+    plot(element, traces, layout, name, config = this.quiet) {
+      element.setAttribute("role", "figure");
+      element.setAttribute("aria-label", name);
+      const whole = traces.map((trace) => (trace.type === "scatter" ? { ...trace, line: { simplify: false, ...trace.line } } : trace));
+      // a browser does not wait for charts that follow the width of the paper
+      const size = root.classList.contains("printing") ? { width: element.clientWidth, autosize: false } : { autosize: true };
+      return Plotly.react(element, whole, { ...this.plotTheme(), ...drags, ...layout, ...size }, config);
     },
   };
 })();

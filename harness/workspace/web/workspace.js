@@ -1,40 +1,45 @@
 "use strict";
 // Maps over two coordinates, a volume over three; every map shows the same part of the plane, and tells everything.
 (() => {
-  const { page, numbers, quiet, short: said } = GoughStewart;
+  const GS = GoughStewart, { page, numbers, quiet, short } = GS;
   const [first, second, third] = page.swept;
   const axes = page.swept.map((axis) => Array.from(numbers(axis.values)));
   const limit = numbers(page.limit), behind = numbers(page.behind), clearance = numbers(page.clearance);
   const results = page.results.map((result) => ({ ...result, values: numbers(result.values) }));
   const depth = third ? axes[2].length : 1;
   const turning = { ...quiet, modeBarButtons: [["toImage", "orbitRotation", "tableRotation", "resetCameraDefault3d"]] };
-  const font = { family: 'system-ui, "Segoe UI", sans-serif', size: 12, color: "#1d2733" };
   const unit = (name) => (name && name !== "°" ? ` ${name}` : name);
 
   // Rows of the second coordinate, as plotly.js wants them.
   const plane = (k, of) => axes[1].map((_, j) => axes[0].map((_, i) => of((i * axes[1].length + j) * depth + k)));
   const axisTitle = (axis) => ({ text: `${axis.name} [${axis.unit}]`, standoff: 6 });
-  const told = (k) => axes[1].map((y, j) => axes[0].map((x, i) => {
+  const hoverTexts = (k) => axes[1].map((y, j) => axes[0].map((x, i) => {
     const at = (i * axes[1].length + j) * depth + k;
     const where = [[first, x], [second, y]].concat(third ? [[third, axes[2][k]]] : []);
-    const lines = [where.map(([axis, value]) => `${axis.name} ${said(value)}${unit(axis.unit)}`).join(", ")];
+    const lines = [where.map(([axis, value]) => `${axis.name} ${short(value)}${unit(axis.unit)}`).join(", ")];
     lines.push(`<b>${page.limits[limit[at]].text}</b>`);
-    for (const r of results) lines.push(`${r.title} ${said(r.values[at])}${unit(r.unit)}`);
+    for (const r of results) lines.push(`${r.title} ${short(r.values[at])}${unit(r.unit)}`);
     return lines.join("<br>");
   }));
 
-  const colours = page.limits.flatMap((l, k) => [[k / page.limits.length, l.colour], [(k + 1) / page.limits.length, l.colour]]);
+  // Of the present theme: what can be reached, and what maps of results do not show.
+  const reachedColour = () => GS.theme().card;
+  const emptyColour = () => (GS.theme().dark ? "#2a343f" : "#f0f0f0");
+  const limitColours = () => page.limits.flatMap((l, k) => {
+    const colour = k ? l.colour : reachedColour();
+    return [[k / page.limits.length, colour], [(k + 1) / page.limits.length, colour]];
+  });
   // Colours go on beyond the border, smoothly, and are covered there: the border itself is finer than the grid.
   const border = (k, isReach) => {
     const values = plane(k, (at) => clearance[at]);
     const all = { type: "contour", x: axes[0], y: axes[1], z: values, hoverinfo: "skip", showscale: false, showlegend: false };
-    const line = { color: "#222", width: 1.4 };
+    const line = { color: GS.theme().ink, width: 1.4 };
     const signs = new Set(values.flat().map((value) => value > 0));
     if (signs.size < 2) return { ...all, contours: { start: 0, end: 0, size: 1, coloring: "none" }, line };
     // a constraint fills what it does not keep
     return isReach
-      ? { ...all, contours: { type: "constraint", operation: "<", value: 0 }, fillcolor: page.limits[0].colour, line }
-      : { ...all, contours: { type: "constraint", operation: ">", value: 0 }, fillcolor: "#f0f0f0", line };
+      ? { ...all, contours: { type: "constraint", operation: "<", value: 0 }, fillcolor: reachedColour(), line }
+      : { ...all, contours: { type: "constraint", operation: ">", value: 0 }, fillcolor: emptyColour(), line };
   };
   const ticks = (result) => {
     if (!result.logarithmic) return {};
@@ -61,56 +66,61 @@
   };
   const reach = (k, text) => ({
     type: "heatmap", x: axes[0], y: axes[1], text, hovertemplate: "%{text}<extra></extra>", z: plane(k, (at) => behind[at]),
-    zmin: -0.5, zmax: page.limits.length - 0.5, colorscale: colours, showscale: false,
+    zmin: -0.5, zmax: page.limits.length - 0.5, colorscale: limitColours(), showscale: false,
   });
+  // A cross with an edge, so that it can be seen on any colour.
+  const home = (k) => [[6, GS.theme().card], [2, GS.theme().ink]].map(([width, color]) => ({
+    type: "scatter", mode: "markers", hoverinfo: "skip", showlegend: false,
+    x: page.home ? [page.home.place[0]] : [], y: page.home ? [page.home.place[1]] : [],
+    marker: { symbol: "cross-thin", size: 11, line: { width, color } },
+    visible: Boolean(page.home) && page.home.level === k,
+  }));
 
   const panels = [{ title: "what can be reached", unit: "", trace: reach, isReach: true }];
   for (const r of results) panels.push({ title: r.title, unit: r.unit, trace: (k, text) => heat(r, k, text), isReach: false });
   const isEqual = first.unit === second.unit;
-  const home = (k) => ({
-    type: "scatter", mode: "markers", hoverinfo: "skip", showlegend: false,
-    x: page.home ? [page.home.place[0]] : [], y: page.home ? [page.home.place[1]] : [],
-    marker: { symbol: "cross-thin", size: 11, line: { width: 2, color: "#000" } },
-    visible: Boolean(page.home) && page.home.level === k,
-  });
   const extent = (values) => [values[0], values.at(-1)];
-  // colours shine through at the edge of what covers them
-  const frame = { type: "rect", xref: "x domain", yref: "y domain", x0: 0, x1: 1, y0: 0, y1: 1, line: { width: 2, color: "#dfe4ea" } };
   let level = page.level;
-  const drawn = [];
-  const firstText = told(level);
   for (const panel of panels) {
-    const box = document.createElement("section"), heading = document.createElement("h2"), plot = document.createElement("div");
-    box.className = "map";
+    const box = document.createElement("section"), heading = document.createElement("h2");
+    panel.plot = document.createElement("div");
+    box.className = "panel";
     heading.textContent = panel.title;
     if (panel.unit) heading.appendChild(Object.assign(document.createElement("small"), { textContent: `  ${panel.unit}` }));
-    box.append(heading, plot);
+    box.append(heading, panel.plot);
     document.getElementById("maps").appendChild(box);
-    drawn.push({ panel, plot });
   }
+  const drawMaps = () => {
+    const text = hoverTexts(level), { grid } = GS.theme();
+    // colours shine through at the edge of what covers them
+    const frame = { type: "rect", xref: "x domain", yref: "y domain", x0: 0, x1: 1, y0: 0, y1: 1, line: { width: 2, color: grid } };
+    for (const panel of panels) {
+      const layout = {
+        height: 380, showlegend: false, margin: { l: 58, r: 12, t: 8, b: 46 }, plot_bgcolor: emptyColour(), shapes: [frame],
+        // a zoom stays where it is
+        uirevision: "zoom",
+        xaxis: { title: axisTitle(first), range: extent(axes[0]), zeroline: false, showgrid: false, constrain: "domain" },
+        yaxis: { title: axisTitle(second), range: extent(axes[1]), zeroline: false, showgrid: false, constrain: "domain",
+          ...(isEqual ? { scaleanchor: "x" } : {}) },
+      };
+      const name = `map of ${panel.title}${panel.unit && ` [${panel.unit}]`} over ${first.name} and ${second.name}`;
+      GS.plot(panel.plot, [panel.trace(level, text), border(level, panel.isReach), ...home(level)], layout, name);
+    }
+  };
   // when all boxes are there, and have their widths
-  for (const { panel, plot } of drawn) {
-    const layout = {
-      height: 380, showlegend: false, margin: { l: 58, r: 12, t: 8, b: 46 }, font, paper_bgcolor: "#fff", plot_bgcolor: "#f0f0f0",
-      shapes: [frame],
-      hoverlabel: { align: "left", bgcolor: "#fff", bordercolor: "#5c6a79", font: { size: 12, color: "#1d2733" } },
-      xaxis: { title: axisTitle(first), range: extent(axes[0]), zeroline: false, showgrid: false, constrain: "domain" },
-      yaxis: { title: axisTitle(second), range: extent(axes[1]), zeroline: false, showgrid: false, constrain: "domain",
-        ...(isEqual ? { scaleanchor: "x" } : {}) },
-    };
-    Plotly.newPlot(plot, [panel.trace(level, firstText), border(level, panel.isReach), home(level)], layout, quiet);
-  }
+  drawMaps();
+  GS.onTheme(drawMaps);
 
   // A zoom of one is a zoom of all.
   let isFollowing = false;
-  for (const { plot } of drawn) {
+  for (const { plot } of panels) {
     plot.on("plotly_relayout", () => {
       if (isFollowing) return;
       isFollowing = true;
       const { xaxis, yaxis } = plot.layout;
-      const others = drawn.filter((d) => d.plot !== plot);
+      const others = panels.filter((panel) => panel.plot !== plot);
       const same = { "xaxis.range": [...xaxis.range], "yaxis.range": [...yaxis.range] };
-      Promise.all(others.map((d) => Plotly.relayout(d.plot, same))).finally(() => { isFollowing = false; });
+      Promise.all(others.map((panel) => Plotly.relayout(panel.plot, same))).finally(() => { isFollowing = false; });
     });
   }
   if (!third) return;
@@ -124,38 +134,49 @@
   const [x, y] = [extent(axes[0]), extent(axes[1])];
   const sheet = (k) => ({
     type: "mesh3d", x: [x[0], x[1], x[1], x[0]], y: [y[0], y[0], y[1], y[1]], z: Array(4).fill(axes[2][k]),
-    i: [0, 0], j: [1, 2], k: [2, 3], color: "#0072b2", opacity: 0.14, hoverinfo: "skip", showscale: false,
+    i: [0, 0], j: [1, 2], k: [2, 3], color: GS.theme().accent, opacity: 0.14, hoverinfo: "skip", showscale: false,
   });
   const skin = {
     type: "mesh3d", x: every(vertex, 0), y: every(vertex, 1), z: every(vertex, 2),
     i: every(part, 0), j: every(part, 1), k: every(part, 2), intensity: m ? Array.from(numbers(m.colour)) : [],
     cmin: low, cmax: high, colorscale: condition.colours, flatshading: false,
-    customdata: m ? Array.from(numbers(m.colour), (v) => said(10 ** v)) : [],
-    lighting: { ambient: 0.62, diffuse: 0.6, specular: 0.08, roughness: 0.9 }, lightposition: { x: 3000, y: -4000, z: 8000 },
+    // a triangle counts however small it is: in metres, those of a small volume are smaller than plotly's bounds
+    facenormalsepsilon: 0, vertexnormalsepsilon: 0,
+    customdata: m ? Array.from(numbers(m.colour), (v) => short(10 ** v)) : [],
+    // what lies in the shadow is no darker than this share of its colour
+    lighting: { ambient: 0.8, diffuse: 0.4, specular: 0.05, roughness: 0.9, fresnel: 0 }, lightposition: { x: 3000, y: -4000, z: 8000 },
     colorbar: { title: { text: "condition<br>number" }, thickness: 14, len: 0.7, outlinewidth: 0, ...ticks(condition) },
     hovertemplate: page.swept.map((a, k) => `${a.name} %{${"xyz"[k]}:.4~g}${unit(a.unit)}`).join(", ")
       + "<br>condition number %{customdata}<extra></extra>",
   };
-  const side = (axis) => ({ title: { text: `${axis.name} [${axis.unit}]` }, gridcolor: "#d5dbe2", zerolinecolor: "#d5dbe2", showbackground: false });
-  const scene = {
-    xaxis: side(first), yaxis: side(second), zaxis: side(third), camera: { eye: { x: 1.5, y: -1.7, z: 0.8 }, center: { x: 0, y: 0, z: -0.1 } },
-    aspectmode: page.swept.every((a) => a.unit === first.unit) ? "data" : "cube",
+  const side = (axis) => ({ title: { text: `${axis.name} [${axis.unit}]` } });
+  const drawVolume = () => {
+    const scene = {
+      xaxis: side(first), yaxis: side(second), zaxis: side(third), camera: { eye: { x: 1.5, y: -1.7, z: 0.8 }, center: { x: 0, y: 0, z: -0.1 } },
+      aspectmode: page.swept.every((a) => a.unit === first.unit) ? "data" : "cube",
+    };
+    const layout = { scene, uirevision: "camera", margin: { l: 0, r: 0, t: 0, b: 0 } };
+    const name = `reachable volume over ${page.swept.map((axis) => axis.name).join(", ")}, coloured by condition number`;
+    GS.plot(volume, [skin, sheet(level)], layout, name, turning);
   };
-  Plotly.newPlot(volume, [skin, sheet(level)], { scene, font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff" }, turning);
+  drawVolume();
+  GS.onTheme(drawVolume);
 
+  const place = () => {
+    const text = `${short(axes[2][level])}${unit(third.unit)}`;
+    document.querySelector("#slice output").textContent = text;
+    slider.setAttribute("aria-valuetext", text);
+  };
   const show = (k) => {
     level = k;
-    const text = told(k);
-    for (const { panel, plot } of drawn) {
-      Plotly.react(plot, [panel.trace(k, text), border(k, panel.isReach), home(k)], plot.layout, quiet);
-    }
+    drawMaps();
     Plotly.restyle(volume, { z: [sheet(k).z] }, [1]);
-    document.querySelector("#slice output").textContent = `${said(axes[2][k])}${unit(third.unit)}`;
+    place();
   };
   document.querySelector("#slice label").textContent = `slice at ${third.name}`;
   slider.max = depth - 1;
   slider.value = level;
-  document.querySelector("#slice output").textContent = `${said(axes[2][level])}${unit(third.unit)}`;
+  place();
   let waiting = false;
   slider.addEventListener("input", () => {
     if (waiting) return;

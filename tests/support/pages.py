@@ -1,0 +1,61 @@
+"""One page of every kind that the harness makes, of small data."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.sensitivity import sensitivity
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.page import identification_page
+from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.workspace.page import workspace_page
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.workspace_grid import sweep
+from tests.harness.identify.machine import NOMINAL, machine_log
+from tests.support.ensembles import ensemble_of
+from tests.support.records import waving_record
+
+_PEAK = "tracking.position.norm_peak"
+
+
+def _ensemble() -> bytes:
+    outcome, cause = ["completed"] * 300, list[str | None]([None] * 300)
+    outcome[17], cause[17] = "diverged", "the platform is 1.2 m from its reference; the bound is 0.05 m"
+    members = ensemble_of(np.random.default_rng(2).normal(size=(300, 4)), outcome, cause)
+    known = [sensitivity(members, _PEAK)]
+    return ensemble_page(members, _PEAK, {17: "worst/member-17/report.html", 5: ""}, known)
+
+
+def _identification() -> bytes:
+    names = ["platform_mass", "platform_com", "leg_viscous_friction", "leg_coulomb_friction"]
+    return identification_page(identify(machine_log(duration=8.0), NOMINAL, names), NOMINAL)
+
+
+def _runs(number: int) -> bytes:
+    platform = load_preset("motion_base")
+    records = [waving_record(platform, rows=201, size=0.01 + 0.015 * k) for k in range(number)]
+    return view_page(records, [f"run {k}" for k in range(1, number + 1)])
+
+
+def _workspace(*over: str) -> bytes:
+    return workspace_page(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=15))
+
+
+PAGES: Mapping[str, Callable[[], bytes]] = {
+    "one run": lambda: _runs(1),
+    "three runs": lambda: _runs(3),
+    "ensemble": _ensemble,
+    "identification": _identification,
+    "workspace": lambda: _workspace("x", "z"),
+    "volume": lambda: _workspace("x", "y", "z"),
+}
+# What is true when a page has drawn everything.
+DRAWN: Mapping[str, str] = {
+    "one run": "GoughStewart.ready.picture && GoughStewart.ready.curves",
+    "three runs": "GoughStewart.ready.picture && GoughStewart.ready.curves",
+    "ensemble": "document.querySelectorAll('#sensitivity .barlayer .point').length > 0",
+    "identification": "document.querySelector('#residuals .main-svg') !== null",
+    "workspace": "document.querySelectorAll('.heatmaplayer').length >= 7",
+    "volume": "document.querySelector('.gl-container canvas') !== null",
+}
