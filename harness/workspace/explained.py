@@ -4,7 +4,6 @@ import numpy as np
 
 from gough_stewart.harness.workspace.display import Shown, clearance, shown_coordinate, shown_length
 from gough_stewart.model.kinematics import joint_angles, leg_geometry
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, limits_at
 from gough_stewart.model.workspace_grid import Workspace, home_of
@@ -64,10 +63,8 @@ def _cause(workspace: Workspace, pose: FloatArray) -> str:
 
 
 def _remedy(workspace: Workspace) -> str:
+    """What leads back to home, which lies within the limits of every platform."""
     home, away = home_of(workspace.platform), []
-    if not _is_home_reachable(workspace.platform):
-        cause = _cause(workspace, np.array(list(home.values())))
-        return f"Home cannot be reached either: {cause}. Change the limits of the platform, or its home pose."
     for name, value in workspace.fixed.items():
         if abs(value - home[name]) > _SAME:
             away.append(f"{name} at {shown_coordinate(workspace, name).text(home[name])}")
@@ -79,7 +76,3 @@ def _remedy(workspace: Workspace) -> str:
     if away:
         return f"Home can be reached, with {', '.join(away)}: sweep a range about it, or none, so that it is found."
     return "Home can be reached, between two poses of this grid: take more points, or smaller ranges."
-
-
-def _is_home_reachable(platform: Platform) -> bool:
-    return bool(limits_at(platform, platform.home_position, platform.home_orientation) == Limit.NONE)
