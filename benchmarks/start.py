@@ -2,7 +2,7 @@
 
 Every row is a separate process with warm caches. Rounds of all rows alternate; the best of each counts. Ratios are
 relative to a process that only imports python-control, CasADi, polars and pyplot, so they depend less on the machine
-and its load than seconds.
+and its load than times in seconds.
 """
 
 import resource

@@ -47,7 +47,7 @@ def test_what_the_tests_look_at_is_killed_and_what_they_only_call_survives(
     fates = {key.split("|")[1]: fate for key, fate in json.loads(report.read_text()).items()}
     assert fates == {"return a * b": "KILLED", "return a + b": "SURVIVED"}
     printed = capsys.readouterr().out
-    assert "toy: 1 of 2 mutants killed, 50 % (0 by the clock; 0 more did not compile)" in printed
+    assert "toy: 1 of 2 mutants killed, 50 % (0 by timeout; 0 more did not compile)" in printed
     assert printed.count("\nsurvived: toy/rectangle.py:6") == 1
     assert (toy / "toy/rectangle.py").read_text() == TOY
     assert sorted(path.name for path in toy.iterdir()) == [".git", "tests", "toy"]
@@ -55,7 +55,7 @@ def test_what_the_tests_look_at_is_killed_and_what_they_only_call_survives(
 
 @pytest.mark.parametrize(
     ("body", "message"),
-    [("assert False", "have to pass before"), ("import pytest; pytest.skip('no browser')", "no test ran")],
+    [("assert False", "must pass on the unchanged"), ("import pytest; pytest.skip('no browser')", "no test ran")],
 )
 def test_tests_that_fail_without_a_mutant_or_do_not_run_are_no_evidence(
     toy: Path, capsys: pytest.CaptureFixture[str], body: str, message: str
