@@ -6,31 +6,31 @@ from gough_stewart.model.errors import GoughStewartError
 
 
 class UsageError(GoughStewartError):
-    """A command with options that contradict each other, or words that say nothing."""
+    """A command with options that contradict each other, or with an argument that has no meaning."""
 
 
 class PlantError(GoughStewartError):
-    """A plant that cannot be had, or that refuses what it was asked: no FMU, another model, the FMU's own complaint."""
+    """A plant that is not available or refuses a request: no FMU, another model, an error of the FMU."""
 
 
 class ControllerError(GoughStewartError, ValueError):
-    """A controller of the wrong size or rate, gains that no controller can have, or a law that gave no forces."""
+    """A controller of the wrong size or sample time, impossible gains, or a control law that gave no forces."""
 
 
 class ExportError(GoughStewartError, ValueError):
-    """A controller or a loop that cannot leave: no law that can be written as C, or a system that no importer takes."""
+    """A controller or a loop that cannot be exported: no law that C can express, or an SSP that is not portable."""
 
 
 class RecordError(GoughStewartError, ValueError):
-    """A file that is no record of a run, or a column that a record has not."""
+    """A file that is not a record of a run, or a column that a record does not have."""
 
 
 class LogError(GoughStewartError, ValueError):
-    """A log of a machine that cannot be read, or that no such machine can have recorded; names column and row."""
+    """A log that cannot be read, or with implausible values; names column and row."""
 
 
 class IdentificationError(GoughStewartError, ValueError):
-    """Parameters that a log cannot tell; `names` are those, as far as they are known."""
+    """Parameters that a log cannot determine; `names` lists them, as far as they are known."""
 
     def __init__(self, message: str, names: Sequence[str] = ()) -> None:
         super().__init__(message)
@@ -38,15 +38,15 @@ class IdentificationError(GoughStewartError, ValueError):
 
 
 class TableError(GoughStewartError, ValueError):
-    """A file that is no table of numbers; names column and row."""
+    """A file that is not a table of numbers; names column and row."""
 
 
 class MotionError(GoughStewartError, ValueError):
-    """A reference motion that cannot be: impossible numbers, a table with holes, a time outside of it."""
+    """An impossible reference motion: invalid numbers, a table with gaps, a time outside its range."""
 
 
 class ReachError(GoughStewartError, ValueError):
-    """A reference that the platform cannot follow: which `quantity` has which `value`, when, and in which `leg`."""
+    """A reference that the platform cannot follow: the `quantity`, its `value`, the `time` and the `leg`."""
 
     def __init__(self, message: str, time: float, quantity: str, value: float, leg: int | None = None) -> None:
         super().__init__(message)
@@ -57,11 +57,11 @@ class ReachError(GoughStewartError, ValueError):
 
 
 class TuningError(GoughStewartError, ValueError):
-    """A search that cannot be: nothing to vary, a metric that is none, conditions that no candidate keeps."""
+    """An impossible search: nothing to vary, an unknown metric, conditions that no candidate meets."""
 
 
 class ExperimentError(GoughStewartError, ValueError):
-    """An experiment that cannot be run as it is written: `where` names the file, `key` the place in it."""
+    """An experiment that cannot run as written: `where` names the file, `key` the place in it."""
 
     def __init__(self, where: str, key: str, message: str) -> None:
         super().__init__(": ".join(part for part in (where, key, message) if part))
@@ -70,15 +70,15 @@ class ExperimentError(GoughStewartError, ValueError):
 
 
 class SettingError(ExperimentError, UsageError):
-    """A setting of an experiment's key that cannot be read; the command line's `--set`."""
+    """An invalid setting of an experiment's key; `--set` on the command line."""
 
 
 class EnsembleError(GoughStewartError, ValueError):
-    """An ensemble that cannot run, or not go on: other results in its place, no scheduler, workers that differ."""
+    """An ensemble that cannot start or continue: a folder of other results, no scheduler, workers that differ."""
 
 
 class UnstableLoopError(GoughStewartError, ValueError):
-    """A loop that is unstable when closed; `eigenvalue` is the worst, s [1/s] or z."""
+    """A loop that is unstable when closed; `eigenvalue` is the worst one, s [1/s] or z."""
 
     def __init__(self, message: str, eigenvalue: complex) -> None:
         super().__init__(message)

@@ -1,7 +1,6 @@
-"""Quantities of experiments: a number in SI units, or a text with a unit, "20 mm"; vectors are lists or arrays of them.
+"""Quantities of experiments: numbers in SI units, or strings with a unit, "20 mm"; vectors are lists or arrays of them.
 
-A small table instead of a units library: those take Hz and rad/s for the same unit, and would let 31 rad/s pass as 31
-Hz.
+This small table replaces a units library: those treat Hz and rad/s as the same unit, and would read 31 rad/s as 31 Hz.
 """
 
 import math
@@ -18,7 +17,7 @@ from pydantic_core.core_schema import no_info_before_validator_function, no_info
 
 from gough_stewart.model.real import real_array
 
-# What each unit is in the SI unit that heads its row.
+# Each unit in the SI unit that heads its row.
 UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
     "rad": {"rad": 1, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
@@ -39,7 +38,7 @@ UNITS: dict[str, dict[str, float]] = {
     "W": {"W": 1, "kW": 1e3},
 }
 
-# The unit of plain numbers, which is never written.
+# The unit of plain numbers, never written out.
 PLAIN = ""
 LARGEST = 1e12
 # A number and its unit, with or without a space between them.
@@ -53,11 +52,11 @@ def number(value: object, unit: str) -> float:
     Raises
     ------
     ValueError
-        Neither a finite number nor a text of a number and a unit of this kind.
+        Neither a finite number nor a string with a number and a unit of this kind.
     """
     if unit == PLAIN:
         return plain_number(value)
-    expected = f"expected a number of {unit}, or a text with one of the units {', '.join(UNITS[unit])}"
+    expected = f"expected a number of {unit}, or a string with one of the units {', '.join(UNITS[unit])}"
     if not isinstance(value, str):
         try:
             size = float(real_array(value, ()))
@@ -74,14 +73,14 @@ def number(value: object, unit: str) -> float:
 
 
 def _of_this_world(size: float) -> float:
-    """Refuse what no machine has, and NaN; squares and cubes would overflow further on."""
+    """Refuse NaN and implausibly large values, whose squares and cubes would overflow."""
     if not abs(size) <= LARGEST:
         raise ValueError(f"expected a number of at most {LARGEST:g} in SI units")
     return size
 
 
 def positive_or_word(value: object, unit: str, *words: str) -> float | str:
-    """A quantity > 0 in SI units, or one of some words.
+    """A quantity > 0 in SI units, or one of some keywords.
 
     Raises
     ------
@@ -101,12 +100,12 @@ def positive_or_word(value: object, unit: str, *words: str) -> float | str:
 
 
 def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """A list or array of so many quantities, as numbers in SI units.
+    """A list or array of `size` quantities, as numbers in SI units.
 
     Raises
     ------
     ValueError
-        Another length, or as `number`, with the place in the list.
+        Wrong length, or as `number`, with the index in the list.
     """
     values = _listed(value)
     if not isinstance(values, list | tuple) or len(values) != size:
@@ -142,7 +141,7 @@ def _listed(value: object) -> object:
 
 
 def plain_number(value: object) -> float:
-    """A finite number without unit; not a text, nor a truth value.
+    """A finite number without unit; neither a string nor a boolean.
 
     Raises
     ------
@@ -157,7 +156,7 @@ def plain_number(value: object) -> float:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Annotates what may be written as a text with a unit; what is kept is a number in SI units."""
+    """Annotates a field that accepts a string with a unit; it stores a number in SI units."""
 
     unit: str
     bound: Literal["> 0", ">= 0"] | None = None
@@ -175,7 +174,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Vector:
-    """Annotates what may be written as any list or array; what is kept is a tuple of numbers in SI units."""
+    """Annotates a field that accepts a list or array; it stores a tuple of numbers in SI units."""
 
     unit: str
     size: int
@@ -187,13 +186,13 @@ class Vector:
 
 @dataclass(frozen=True)
 class Unit:
-    """Annotates the unit of what has a parser of its own."""
+    """Annotates the unit of a field that has its own parser."""
 
     unit: str
 
 
 def quantity_in(*annotations: object) -> Quantity | Vector | Unit | None:
-    """What annotates a field of a table as a quantity, also where the field may have none."""
+    """The annotation of a field as a quantity, or None if it has none."""
     for each in annotations:
         found = each if isinstance(each, Quantity | Vector | Unit) else quantity_in(*get_args(each))
         if found is not None:
@@ -206,7 +205,7 @@ def _share(value: object) -> float:
     try:
         size = number(value, "1")
     except ValueError:
-        raise ValueError("expected a number from 0 to below 1, or a text such as '10 %'") from None
+        raise ValueError("expected a number from 0 to below 1, or a string such as '10 %'") from None
     if not 0 <= size < 1:
         raise ValueError("expected a number from 0 to below 1, or from '0 %' to below '100 %'")
     return size
@@ -231,7 +230,7 @@ AngularVelocity = Annotated[ArrayLike, Vector("rad/s", 3)]
 Force = Annotated[ArrayLike, Vector("N", 3)]
 Torque = Annotated[ArrayLike, Vector("N.m", 3)]
 LegForces = Annotated[ArrayLike, Vector("N", 6)]
-# In task space the last three channels are torques over angles: N.m/rad and so on, plain numbers.
+# In task space the last three channels are torques per angle: N.m/rad and so on, plain numbers.
 ProportionalGains = Annotated[ArrayLike, Vector("N/m", 6, channels)]
 DerivativeGains = Annotated[ArrayLike, Vector("N.s/m", 6, channels)]
 IntegralGains = Annotated[ArrayLike, Vector("N/(m.s)", 6, channels)]

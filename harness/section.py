@@ -1,4 +1,4 @@
-"""A table of an experiment, from a file or made in Python, and what is said of one that is wrong."""
+"""Tables of an experiment, from a file or from Python, and the messages for invalid ones."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,15 +13,15 @@ from gough_stewart.model.interface import nearest
 
 
 class Section(BaseModel):
-    """A table: unknown keys are errors, nothing changes once it is made.
+    """A table: unknown keys are errors, and instances are immutable.
 
     Raises
     ------
     ExperimentError
-        Made in Python from wrong values; references and controllers have errors of their own.
+        Wrong values in Python; references and controllers have errors of their own.
     """
 
-    # pydantic builds its validator of a table at first use: most are only used as parts of an experiment
+    # pydantic builds the validator of a table at first use: most are only used as parts of an experiment
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
     def __init__(self, /, **values: Any) -> None:
@@ -30,27 +30,27 @@ class Section(BaseModel):
         except ValidationError as error:
             raise self.refusal(complaints(error, type(self), values)) from None
 
-    # Python's constructor only: for tables inside of tables pydantic would call it too, and lose their places.
+    # For Python callers only: pydantic would call it for nested tables too, and lose their keys.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @classmethod
     def refusal(cls, message: str) -> GoughStewartError:
-        """The error of wrong values."""
+        """The error for wrong values."""
         return ExperimentError("", "", message)
 
 
 class Kind(Section):
-    """A table whose key `type` says which subclass of a base it is; that key is always written."""
+    """A table whose key `type` selects a subclass of a base; that key is always written."""
 
     type: str
 
     def model_post_init(self, _context: Any, /) -> None:
-        """Count the type as set, also where Python has left it to the class."""
+        """Mark the type as set, also where Python code has left it to the class."""
         self.model_fields_set.add("type")
 
 
 class ByType:
-    """Annotates the base of kinds where one of them is expected."""
+    """Annotates the base class where one of its kinds is expected."""
 
     def __get_pydantic_core_schema__(self, base: type[Kind], handler: GetCoreSchemaHandler) -> CoreSchema:
         """The union of all subclasses that have a `type`."""
@@ -59,7 +59,7 @@ class ByType:
 
 
 def kinds(base: type[Section]) -> dict[str, type[Section]]:
-    """The subclasses of a base by their `type`; by nothing but being written they are known."""
+    """The subclasses of a base by their `type`; defining a subclass registers it."""
     found = dict[str, type[Section]]()
     for each in base.__subclasses__():
         field = each.model_fields.get("type")
@@ -68,7 +68,7 @@ def kinds(base: type[Section]) -> dict[str, type[Section]]:
 
 
 def complaints(error: ValidationError, section: type[Section], values: Mapping[str, Any]) -> str:
-    """What is wrong with the values of a table, each place once: key, value found, what was expected, the remedy."""
+    """What is wrong with the values of a table, once per key: key, value found, value expected, remedy."""
     lines = [
         ": ".join(part for part in (_key_of(each["loc"], values), _complaint(each, section, values)) if part)
         for each in error.errors()
@@ -77,7 +77,7 @@ def complaints(error: ValidationError, section: type[Section], values: Mapping[s
 
 
 def _key_of(place: tuple[int | str, ...], values: Any) -> str:
-    """A place among the values; the schema also counts the type of a controller or reference as a step on the way."""
+    """The key of a location; pydantic also counts the type of a controller or reference as a step of the path."""
     parts: list[str] = []
     for step in place:
         if isinstance(values, Mapping) and step not in values and values.get("type") == step:
@@ -91,7 +91,7 @@ def _key_of(place: tuple[int | str, ...], values: Any) -> str:
 
 
 def _complaint(error: Any, section: type[Section], values: Mapping[str, Any]) -> str:
-    """What is wrong, in this project's words."""
+    """What is wrong, in the words of this project."""
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         beside = _keys_beside(error["loc"], section, values)
@@ -110,7 +110,7 @@ def _complaint(error: Any, section: type[Section], values: Mapping[str, Any]) ->
 
 
 def _keys_beside(place: tuple[int | str, ...], section: type[Section], values: Mapping[str, Any]) -> list[str]:
-    """The keys that the table at a place may have."""
+    """The keys that the table at a location may have."""
     for step in place[:-1]:
         found = _sections_in(section.model_fields[step].annotation) if step in section.model_fields else []
         if found:

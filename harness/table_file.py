@@ -18,19 +18,19 @@ _SEPARATORS = {b";": "semicolons", b"\t": "tabulators"}
 
 
 def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
-    """The table of a file: of CSV as texts, of Parquet with its own types.
+    """The table of a file: of CSV as strings, of Parquet with its own types.
 
     Parameters
     ----------
     what
-        It should be, for messages: "reference", "log".
+        The kind of file for messages: "reference", "log".
 
     Raises
     ------
     TableError
-        The file cannot be read, or is neither.
+        The file cannot be read, or is neither CSV nor Parquet.
     """
-    import polars  # the schema of experiments, which knows of tables, does without
+    import polars  # slow to import, and the schema of experiments uses this module without it
 
     try:
         content = path.read_bytes()
@@ -51,19 +51,19 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
             "them, and points in numbers"
         )
     try:
-        # as texts, so that true is no number
+        # as strings, so that "true" is not read as a number
         return polars.read_csv(content, infer_schema=False).with_columns(polars.all().str.strip_chars())
     except polars.exceptions.PolarsError as error:
         raise TableError(f"is not CSV: {str(error).splitlines()[0]}") from error
 
 
 def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatArray:
-    """A column as numbers (n,); `remedy` ends the message of one that holds something else.
+    """A column as numbers (n,); `remedy` ends the message for non-numeric values.
 
     Raises
     ------
     TableError
-        The column is there twice, or holds something else than finite numbers; names the first row, counted from 1.
+        The column appears twice, or has values that are not finite numbers; names the first row, counted from 1.
     """
     import polars
 
@@ -83,9 +83,9 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatA
 
 
 def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
-    """A column of times as its first number, and all of them (n,) since then.
+    """A column of times as its first number and the times (n,) since then.
 
-    Whole numbers are subtracted as such: nanoseconds since 1970 have more digits than a floating-point number.
+    Integers are subtracted as integers: nanoseconds since 1970 have more digits than a floating-point number.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""The controllers that an experiment may name: `[controller]` of its file, and the same in Python.
+"""The controllers of experiments: `[controller]` in a file, and the same in Python.
 
-One class a kind: its keys, their units, bounds and defaults, and how it is made. A further class is all that a further
-kind takes; its `type` makes it known to experiment files.
+Each kind is one class: its keys with units, bounds and defaults, and the controller that they define. A new class is
+all that a new kind needs; its `type` makes it known to experiment files.
 """
 
 from abc import abstractmethod
@@ -35,47 +35,47 @@ from gough_stewart.model.vectors import FloatArray
 
 
 class ControllerChoice(Kind):
-    """A controller that an experiment asks for, and the feedforward beside it.
+    """The controller of an experiment, with its feedforward.
 
     Raises
     ------
     ControllerError
-        Values that make no controller; names the key, its value, and what was expected.
+        Impossible values; names the key, its value, and what was expected.
     """
 
     feedforward: Feedforward = "none"
 
     @abstractmethod
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
-        """For a platform and a sample time [s], None where nothing is fed back; files are looked for in the folder.
+        """The controller for a platform and a sample time [s], None without feedback; `folder` resolves file names.
 
         Raises
         ------
         ControllerError
-            No controller for this platform and sample time, or a file that holds none.
+            No controller for this platform and sample time, or a file without one.
         """
 
     @property
     def is_closed(self) -> bool:
-        """Whether anything is fed back."""
+        """Whether the loop has feedback."""
         return True
 
     @property
     def code(self) -> tuple[str, ...]:
-        """Files that it names and that a run executes."""
+        """Files that it names and a run executes."""
         return ()
 
     def planned(self, feedforward: FloatArray) -> FloatArray:
-        """Forces that are known beforehand (n, 6) [N], with the feedforward (n, 6)."""
+        """Forces known in advance (n, 6) [N], including the feedforward (n, 6)."""
         return feedforward
 
     def gains(self, platform: Platform) -> Gains | None:  # noqa: ARG002 - of the kinds that have any
-        """Of a PD or PID."""
+        """The gains of a PD or PID."""
         return None
 
     @classmethod
     def refusal(cls, message: str) -> ControllerError:
-        """The error of wrong values."""
+        """The error for wrong values."""
         return ControllerError(message)
 
     @model_validator(mode="before")
@@ -83,14 +83,14 @@ class ControllerChoice(Kind):
     def _no_model(cls, values: Any) -> Any:
         if isinstance(values, Mapping) and "model" in values:
             raise ValueError(
-                "the key model is no more: controllers believe in [platform]; give what is different on the machine "
-                "in [plant.parameters] or as [plant] file"
+                "the key model was removed: controllers use the nominal model [platform]; describe a different machine "
+                "in [plant.parameters] or by [plant] file"
             )
         return values
 
 
 class OpenLoop(ControllerChoice):
-    """Constant forces, and feedforward if wanted."""
+    """Constant forces, with optional feedforward."""
 
     type: Literal["open_loop"] = "open_loop"
     force: LegForces = (0.0,) * 6
@@ -100,16 +100,16 @@ class OpenLoop(ControllerChoice):
 
     @property
     def is_closed(self) -> bool:
-        """Nothing is fed back."""
+        """An open loop has no feedback."""
         return False
 
     def planned(self, feedforward: FloatArray) -> FloatArray:
-        """The constant forces and the feedforward."""
+        """The constant forces plus the feedforward."""
         return np.asarray(feedforward + np.array(self.force))
 
 
 class _SixChannels(ControllerChoice):
-    """Proportional and derivative action; gains, or a bandwidth from which they follow."""
+    """Proportional and derivative action; gains, or a bandwidth that determines them."""
 
     space: Space = "leg"
     bandwidth: Frequency | None = None
@@ -122,12 +122,12 @@ class _SixChannels(ControllerChoice):
 
     @abstractmethod
     def gains(self, platform: Platform) -> Gains:
-        """As they are named, or from bandwidth and damping ratio on this platform.
+        """The stated gains, or gains from bandwidth and damping ratio on this platform.
 
         Raises
         ------
         ControllerError
-            Gains that no controller can have.
+            Impossible gains.
         """
 
     def controller(
@@ -136,7 +136,7 @@ class _SixChannels(ControllerChoice):
         sample_time: float,
         folder: Path = Path(),  # noqa: ARG002 - there is no file
     ) -> LinearController:
-        """Sampled as `discretisation` says."""
+        """Discretised by `discretisation`."""
         continuous = pid_matrices(self.gains(platform), self.derivative_on)
         return LinearController(discretised(continuous, sample_time, self.discretisation), space=self.space)
 
@@ -159,7 +159,7 @@ class _SixChannels(ControllerChoice):
         if self.bandwidth is not None and gains != (None, None):
             raise ValueError("expected a bandwidth or gains, not both")
         if self.bandwidth is None and self.damping_ratio is not None:
-            raise ValueError("damping_ratio goes with a bandwidth; gains have theirs")
+            raise ValueError("damping_ratio needs a bandwidth; remove it, or replace the gains by a bandwidth")
         return self
 
 
@@ -204,13 +204,13 @@ class PID(_SixChannels):
         return self._gains(platform, self.integral_gain, self.integral_time, self.anti_windup_time)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:
-        """Sampled as `discretisation` says, with anti-windup that such samples can follow."""
+        """Discretised by `discretisation`, with an anti-windup time of at least one sample."""
         gains = self.gains(platform)
         tracking = float(gains.tracking_time[np.asarray(gains.integral) > 0].min(initial=np.inf))
         if tracking < sample_time:
             raise ControllerError(
-                f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since a "
-                "controller hears of the limits one sample late"
+                f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since "
+                "the controller receives the effect of the limits one sample late"
             )
         return super().controller(platform, sample_time, folder)
 
@@ -221,12 +221,12 @@ class PID(_SixChannels):
         if self.integral_gain is None and self.integral_time is None:
             raise ValueError("a PID needs an integral_time or an integral_gain; or choose type = 'pd'")
         if self.integral_gain is not None and self.bandwidth is not None:
-            raise ValueError("integral_gain goes with gains; with a bandwidth give integral_time")
+            raise ValueError("integral_gain needs gains; with a bandwidth use integral_time")
         return self
 
 
 class PythonController(ControllerChoice):
-    """One's own, from a Python file: a discrete python-control system, a LinearController, or a function."""
+    """A controller from a Python file: a discrete python-control system, a LinearController, or a function."""
 
     type: Literal["python"] = "python"
     file: str
@@ -238,12 +238,12 @@ class PythonController(ControllerChoice):
         return (self.file,)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:  # noqa: ARG002
-        """The object of that name in the file, which is executed."""
+        """The object of that name in the file. The file is executed."""
         return controller_from_file(folder / self.file, self.name)
 
 
 class UnitChoice(ControllerChoice):
-    """An FMU, of this project or somebody else's; `names` says which variables are meant where names differ."""
+    """A controller FMU, of this project or a third party; `names` maps the names of variables where they differ."""
 
     type: Literal["fmu"] = "fmu"
     file: str
@@ -256,5 +256,5 @@ class UnitChoice(ControllerChoice):
         return (self.file,)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> UnitController:  # noqa: ARG002
-        """The FMU, in a process of its own."""
+        """The FMU, in its own process."""
         return UnitController(folder / self.file, self.names, self.parameters)

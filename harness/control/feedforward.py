@@ -1,4 +1,4 @@
-"""Forces known beforehand from the reference: none, those that hold the pose, those that make the motion."""
+"""Forces computed in advance from the reference: none, static, or by computed torque."""
 
 from typing import Literal
 
@@ -16,12 +16,12 @@ Feedforward = Literal["none", "gravity", "computed_torque"]
 def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatArray:
     """Actuator forces (n, 6) [N] along a reference motion.
 
-    gravity: Jᵀ F = n(pose, 0), at rest in each pose. computed_torque: Jᵀ F = M [v̇; ω̇] + n, the inverse dynamics.
+    gravity: Jᵀ F = n(pose, 0), at rest in each pose. computed_torque: Jᵀ F = M [v̇; ω̇] + n, inverse dynamics.
 
     Raises
     ------
     SingularPoseError
-        The legs cannot hold a pose on the way.
+        The legs cannot hold a pose of the motion.
     """
     if kind == "gravity":
         return np.asarray(static_leg_forces(platform, motion.position, motion.orientation))

@@ -1,4 +1,4 @@
-"""S, T and L of a loop from a periodic injection: averages over periods, coherence, and how sure they are."""
+"""S, T and L of a loop from a periodic injection: averages over periods, coherence, and confidence."""
 
 from typing import NamedTuple
 
@@ -14,57 +14,57 @@ CONFIDENCE = 0.95
 
 
 class Response(NamedTuple):
-    """Of one channel, at the lines of the injection; the others closed."""
+    """The response of one channel at the lines of the injection, the other channels closed."""
 
-    S: ComplexArray  # u/d, from the injected to the whole force
-    radius: FloatArray  # of the circle about S, or about T, that holds the truth in 95 of 100
+    S: ComplexArray  # u/d, from the injected to the total force
+    radius: FloatArray  # of the 95 % confidence circle about S, or about T
     coherence: FloatArray  # share of the power of u that the injection explains, 0 to 1
     periods: int
 
     @property
     def T(self) -> ComplexArray:
-        """1 − S: the share of the injected force that the controller takes back."""
+        """1 − S: the share of the injected force that the controller cancels."""
         return np.asarray(1 - self.S)
 
     @property
     def L(self) -> ComplexArray:
-        """1/S − 1, what goes around with the loop cut here and the other channels closed."""
+        """1/S − 1, the loop transfer with this channel cut and the others closed."""
         return np.asarray(1 / self.S - 1)
 
     @property
     def loop_radius(self) -> FloatArray:
-        """Of the circle about L: radius/|S|², as long as it is small."""
+        """Radius of the circle about L: radius/|S|², valid while it is small."""
         return np.asarray(self.radius / np.abs(self.S) ** 2)
 
 
 def response_of_periods(
     injected: FloatArray, force: FloatArray, samples: int, lines: NDArray[np.intp], settle: int
 ) -> Response:
-    """S at the harmonics of a period from forces (n,) [N] at the samples of a loop.
+    """S at the harmonics of a period, from forces (n,) [N] at the samples of a loop.
 
     With D_p, U_p the transforms of period p: S = ∑ U_p D_p* / ∑ |D_p|², coherence |∑ U_p D_p*|² / (∑ |U_p|² ∑ |D_p|²).
-    If what differs between P periods is circular, complex and normal with variance s², |S − truth|² P |D|²/s² has
+    If the deviations between P periods are circular complex normal with variance s², |S − S_true|² P |D|²/s² has
     Fisher's distribution with 2 and 2 (P − 1) degrees of freedom [Pintelon & Schoukens, System Identification, 2012,
     ch. 2].
 
     Parameters
     ----------
     injected, force
-        What was added, and the sum of it and of what the feedback makes of it; whole periods from the beginning.
+        The injected force, and the total force with the feedback's reaction; whole periods from the beginning.
     samples
-        Of one period.
+        Samples per period.
     settle
-        Periods that are dropped.
+        Number of periods that are dropped.
 
     Raises
     ------
     ControllerError
-        Less than two periods are left.
+        Fewer than two periods are left.
     """
     periods = len(force) // samples - settle
     if periods < 2:
         raise ControllerError(
-            f"{len(force) / samples:.3g} periods, of which {settle} settle; expected two more at least: a longer run"
+            f"{len(force) / samples:.3g} periods, of which {settle} settle; expected at least two more: a longer run"
         )
     D, U = (_transforms(values, samples, settle, periods)[:, lines] for values in (injected, force))
     power_of_d, power_of_u = (np.abs(D) ** 2).sum(axis=0), (np.abs(U) ** 2).sum(axis=0)

@@ -1,4 +1,4 @@
-"""Gains of PD and PID from a wanted bandwidth and damping, by the linear model of the platform."""
+"""Gains of PD and PID from bandwidth and damping, by the linear model of the platform."""
 
 import math
 
@@ -24,9 +24,9 @@ def gains_from_bandwidth(
     derivative_filter: float | None = None,
     anti_windup_time: float | None = None,
 ) -> Gains:
-    """Equal behaviour in all channels: kp = m ωn², kd = 2 ζ m ωn, and ki = kp / Ti if there is an integral time.
+    """Gains for equal behaviour in all channels: kp = m ωn², kd = 2 ζ m ωn, and with an integral time ki = kp / Ti.
 
-    ωn = 2π · bandwidth. In leg space m is the largest eigenvalue of J⁻ᵀ M J⁻¹, the mass that legs feel in the heaviest
+    ωn = 2π · bandwidth. In leg space m is the largest eigenvalue of J⁻ᵀ M J⁻¹, the mass at the legs in the heaviest
     mode at home. Mode k then has ωn √(m/m_k) and ζ √(m/m_k): lighter modes are better damped, and where that exceeds 1
     their slow pole tends to ωn/(2 ζ). In task space each axis has its own m, the diagonal of M, and all behave alike.
 
@@ -37,9 +37,9 @@ def gains_from_bandwidth(
     damping_ratio
         ζ of that mode.
     space
-        "leg", or "task" for a controller of the pose.
+        "leg", or "task" for control of the pose.
     integral_time
-        Ti [s]; the loop stays stable for Ti > 1 / (2 ζ ωn). None is no integral action.
+        Ti [s]; the loop is stable for Ti > 1 / (2 ζ ωn). None: no integral action.
     derivative_filter, anti_windup_time
         As in `Gains` [s].
 

@@ -1,7 +1,7 @@
-"""The injections that an experiment may name: `[injection]` of its file, and the same in Python.
+"""The injections of experiments: `[injection]` in a file, and the same in Python.
 
-A known force is added to the command of one leg, or of one mode of the platform, period after period: what the loop
-makes of it is its frequency response. One class a kind; a further class is all that a further kind takes.
+A known periodic force is added to the command of one leg, or of one mode of the platform; the loop's reaction gives its
+frequency response. Each kind is one class; a new class is all that a new kind needs.
 """
 
 from abc import abstractmethod
@@ -18,43 +18,43 @@ from gough_stewart.model.vectors import FloatArray
 
 Mode = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
 MODES: tuple[Mode, ...] = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-# Periods that a run needs at least: one to settle, two that can differ.
+# The least number of periods in a run: one to settle, two to compare.
 _LEAST_PERIODS = 2
-# Draws of phases, of which the flattest signal is taken.
+# Number of random phase sets; the flattest signal is used.
 _DRAWS = 50
 # A shift register repeats after 2^n − 1 bits.
 _REGISTERS = range(3, 21)
-# Up to this share of its clock a random sequence has about even power (it falls by 1 dB).
+# Up to this share of its clock rate a random sequence has a nearly flat spectrum (it falls by 1 dB).
 _FLAT_PART = 0.4
 _LINES = 60
 
 
 class InjectionChoice(Kind):
-    """A force that is added to the command of one leg or mode, to see what the loop makes of it.
+    """A force added to the command of one leg or mode, to measure the frequency response of the loop.
 
     Raises
     ------
     ControllerError
-        Values that make no injection; names the key, its value, and what was expected.
+        Impossible values; names the key, its value, and what was expected.
     """
 
     leg: Annotated[int, Field(ge=1, le=6)] | None = None
-    # a force along, or a torque about, an axis of world
+    # a force along, or a torque about, a world axis
     mode: Mode | None = None
     # the largest force on a leg
     amplitude: PositiveForce
     # the lowest and the highest frequency
     band: Band
-    # after which the signal repeats; one of the lowest frequency unless stated
+    # after which the signal repeats; one period of the lowest frequency by default
     period: PositiveTime | None = None
-    # periods at the beginning that are left out
+    # number of periods at the beginning that are dropped
     settle: Annotated[int, Field(ge=0)] = 1
     seed: Annotated[int, Field(ge=0)] = 0
 
     @model_validator(mode="after")
     def _makes_sense(self) -> "InjectionChoice":
         if (self.leg is None) == (self.mode is None):
-            raise ValueError(f"expected leg (1 to 6) or mode ({', '.join(MODES)}), one of both")
+            raise ValueError(f"expected leg (1 to 6) or mode ({', '.join(MODES)}), and only one of them")
         low, high = np.asarray(self.band)
         if not 0 < low < high:
             raise ValueError(f"band is {low:g} to {high:g} Hz; expected two frequencies > 0, the lower one first")
@@ -62,39 +62,39 @@ class InjectionChoice(Kind):
 
     @classmethod
     def refusal(cls, message: str) -> ControllerError:
-        """The error of wrong values."""
+        """The error for wrong values."""
         return ControllerError(message)
 
     @abstractmethod
     def signal(self, sample_time: float) -> FloatArray:
-        """One period at the samples (n,), at most 1 in size."""
+        """One period at the samples (n,), with an absolute value of at most 1."""
 
     @property
     def channel(self) -> str:
-        """What is excited, as a text."""
+        """The excited channel, for display."""
         return f"leg {self.leg}" if self.mode is None else self.mode
 
     def samples(self, sample_time: float) -> int:
-        """Of one period."""
+        """Number of samples per period."""
         wanted = 1 / float(np.asarray(self.band)[0]) if self.period is None else self.period
         return max(1, round(wanted / sample_time))
 
     def lines(self, sample_time: float) -> NDArray[np.intp]:
-        """The harmonics of the period that are in the band, and there to be looked at.
+        """The harmonics of the period in the band, at which the response is evaluated.
 
         Raises
         ------
         ControllerError
-            None, or some above half the sample rate.
+            None in the band, or some above half the sample rate.
         """
         n = len(self.signal(sample_time))
         return _in_band(self.band, n, sample_time)
 
     def directions(self, jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Forces a (6,) of the six legs, at most 1, and the row b (6,) that reads the excited channel, b a = 1.
+        """Forces a (6,) of the six legs, at most 1, and the row b (6,) that measures the excited channel, b a = 1.
 
-        Of a leg both are unit vectors. Of a mode a = J⁻ᵀ e / max|J⁻ᵀ e|, forces that sum up to one force or torque
-        alone, and b the force or torque Jᵀ u over that of a. J is the leg Jacobian (6, 6).
+        For a leg both are unit vectors. For a mode a = J⁻ᵀ e / max|J⁻ᵀ e|, forces that add up to a single force or
+        torque, and b gives the force or torque Jᵀ u relative to that of a. J is the leg Jacobian (6, 6).
         """
         if self.mode is None:
             one = np.eye(6)[(self.leg or 1) - 1]
@@ -105,19 +105,19 @@ class InjectionChoice(Kind):
         return forces / size, jacobian.T[k] * size
 
     def forces(self, count: int, sample_time: float, jacobian: FloatArray) -> FloatArray:
-        """What is added at every sample of a run (count, 6) [N].
+        """The injected force at every sample of a run (count, 6) [N].
 
         Raises
         ------
         ControllerError
-            A band or a period that does not fit the sample time, or a run of too few periods.
+            A band or a period that does not fit the sample time, or too few periods in the run.
         """
         self.lines(sample_time)
         one = self.signal(sample_time)
         periods = count / len(one)
         if periods < self.settle + _LEAST_PERIODS:
             raise ControllerError(
-                f"a period of {len(one) * sample_time:g} s in a run of {count * sample_time:g} s, {periods:.3g} times; "
+                f"a run of {count * sample_time:g} s has {periods:.3g} periods of {len(one) * sample_time:g} s; "
                 f"expected at least {self.settle} to settle and {_LEAST_PERIODS} to compare: a loop.duration of "
                 f"{(self.settle + _LEAST_PERIODS) * len(one) * sample_time:g} s"
             )
@@ -125,20 +125,20 @@ class InjectionChoice(Kind):
 
 
 class Multisine(InjectionChoice):
-    """Sines of equal size at harmonics of the period, whose phases make the sum flat; the best for a linear loop."""
+    """Sines of equal amplitude at harmonics of the period, with a low crest factor; best for a linear loop."""
 
     type: Literal["multisine"] = "multisine"
-    # how many, spread by ratio over the band; fewer are larger each
+    # number of lines, spaced logarithmically over the band; fewer lines have larger amplitudes
     lines_at_most: Annotated[int, Field(ge=1)] = _LINES
 
     def lines(self, sample_time: float) -> NDArray[np.intp]:
-        """Of those in the band so many, spread by ratio."""
+        """At most so many of those in the band, spaced logarithmically."""
         inside = _in_band(self.band, self.samples(sample_time), sample_time)
         wanted = np.geomspace(inside[0], inside[-1], self.lines_at_most)
         return np.unique(np.clip(np.round(wanted), inside[0], inside[-1])).astype(np.intp)
 
     def signal(self, sample_time: float) -> FloatArray:
-        """The flattest of some sums Σ cos(2π k t/n + φ_k) with random phases."""
+        """The flattest of several sums Σ cos(2π k t/n + φ_k) with random phases."""
         n, k = self.samples(sample_time), self.lines(sample_time)
         rng, best = np.random.default_rng(self.seed), np.zeros(n)
         smallest = np.inf
@@ -152,12 +152,12 @@ class Multisine(InjectionChoice):
 
 
 class Sweep(InjectionChoice):
-    """A sine that sweeps the band in every period, up and at even rate."""
+    """A sine that sweeps the band once per period, linearly in time."""
 
     type: Literal["chirp"] = "chirp"
 
     def signal(self, sample_time: float) -> FloatArray:
-        """sin(2π (f₁ t + (f₂ − f₁) t²/(2 T))), with whole turns in the period T, so that it repeats without a jump."""
+        """sin(2π (f₁ t + (f₂ − f₁) t²/(2 T))), with whole cycles in the period T, so that it repeats without a jump."""
         n = self.samples(sample_time)
         low, high = np.asarray(self.band)
         turns = np.arange(n) / n
@@ -167,12 +167,12 @@ class Sweep(InjectionChoice):
 
 
 class Prbs(InjectionChoice):
-    """A pseudo-random binary sequence of greatest length: full amplitude at every time, much power at low amplitude."""
+    """A pseudo-random binary sequence of maximum length: full amplitude at all times, so much power."""
 
     type: Literal["prbs"] = "prbs"
 
     def signal(self, sample_time: float) -> FloatArray:
-        """Bits ±1, each held over some samples, so that the band has about even power; the period is that or longer."""
+        """Bits ±1, each held over some samples for a nearly flat spectrum in the band; the period may get longer."""
         hold = max(1, int(_FLAT_PART / (float(np.asarray(self.band)[1]) * sample_time)))
         wanted = self.samples(sample_time) / hold
         register = next((r for r in _REGISTERS if 2**r - 1 >= wanted), None)
@@ -183,12 +183,12 @@ class Prbs(InjectionChoice):
         state = np.random.default_rng(self.seed).integers(0, 2, register)
         from scipy.signal import max_len_seq
 
-        state[-1] = 1  # a register of zeros stays so
+        state[-1] = 1  # a register of zeros would stay zero
         return np.repeat(2.0 * max_len_seq(register, state=state)[0] - 1, hold)
 
 
 def _in_band(band: object, n: int, sample_time: float) -> NDArray[np.intp]:
-    """The harmonics of a period of n samples that are in the band."""
+    """The harmonics of a period of n samples in the band."""
     low, high = np.asarray(band)
     if not high < 0.5 / sample_time:
         raise ControllerError(

@@ -1,4 +1,4 @@
-"""Controllers at work: from what is wanted and measured at a sample to six forces."""
+"""Control laws in a run: from references and measurements at a sample to six forces."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ Space = Literal["leg", "task"]
 
 
 class Sample(NamedTuple):
-    """What a controller that is a function gets at a sample; signals by name, in SI units.
+    """The argument of a controller that is a function; signals by name, in SI units.
 
     Names are position, orientation, velocity, angular_velocity, leg_length, leg_velocity.
 
@@ -35,9 +35,9 @@ class Sample(NamedTuple):
     time: float
     """[s]"""
     reference: Mapping[str, FloatArray]
-    """What is wanted, with acceleration and angular_acceleration beside the signals."""
+    """The reference signals, with acceleration and angular_acceleration."""
     measured: Mapping[str, FloatArray]
-    """What the sensors say."""
+    """The measurements of the sensors."""
 
 
 _ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
@@ -48,19 +48,19 @@ ControlFunction = Callable[[Sample], Any]
 class LinearController:
     """A discrete python-control system as controller.
 
-    In leg space its inputs are, for n the size of the signals together: the errors reference − measured (n), or
-    references and measurements (2 n), or these and the excess of the limits at the last sample (2 n + 6; force after
-    the limits minus force before them, for anti-windup). Its outputs are the six actuator forces.
+    With n the total size of its signals, the inputs of a controller in leg space are the errors reference − measured
+    (n), or references and measurements (2 n), or these and the excess of the limits at the last sample (2 n + 6; force
+    after the limits minus force before them, for anti-windup). Its outputs are the six actuator forces.
 
-    In task space measurements are displacements as far as legs tell, y = Σ J⁻¹ ΔL over the samples since the start, [m]
-    and [rad] about the world's axes, whose rate is the twist J⁻¹ L̇; references are y + J⁻¹ (L_reference − L), so that
-    errors are J⁻¹ (L_reference − L). The outputs are a wrench w [N, N m], from which F = J⁻ᵀ w. J is the leg Jacobian
-    in the reference pose at each sample.
+    In task space measurements are displacements computed from the legs, y = Σ J⁻¹ ΔL over the samples since the start,
+    [m] and [rad] about the world's axes, whose rate is the twist J⁻¹ L̇; references are y + J⁻¹ (L_reference − L), so
+    that errors are J⁻¹ (L_reference − L). The outputs are a wrench w [N, N m], and F = J⁻ᵀ w. J is the leg Jacobian in
+    the reference pose at each sample.
 
     Raises
     ------
     ControllerError
-        Not a linear python-control system, not of these sizes, or not discrete.
+        Not a linear python-control system, wrong sizes, or not discrete.
     """
 
     system: Any
@@ -73,14 +73,14 @@ class LinearController:
         if self.space not in ("leg", "task"):
             raise ControllerError(f"space is {self.space!r}; expected 'leg' or 'task'")
         if self.space == "task" and self.signals != ("leg_length",):
-            raise ControllerError("a controller in task space takes the signal leg_length, from which it has the pose")
+            raise ControllerError("a controller in task space needs the signal leg_length to compute the pose")
         n = len(signals.positions(self.signals))
         sizes = (n, 2 * n, 2 * n + N_LEGS)
         if self.system.ninputs not in sizes or self.system.noutputs != N_LEGS:
             raise ControllerError(
                 f"controller has {self.system.ninputs} inputs and {self.system.noutputs} outputs; expected for the "
                 f"signals {', '.join(self.signals)} {sizes[0]} inputs (errors), {sizes[1]} (references, measurements) "
-                f"or {sizes[2]} (and what the limits cut off), and {N_LEGS} outputs (forces)"
+                f"or {sizes[2]} (also what the limits cut off), and {N_LEGS} outputs (forces)"
             )
         for name in "ABCD":
             if not np.isfinite(getattr(self.system, name)).all():
@@ -93,11 +93,11 @@ class LinearController:
 
     @property
     def sample_time(self) -> float | None:
-        """Of the system [s]; None where it names none (a static gain)."""
+        """Of the system [s]; None if it has none (a static gain)."""
         return None if self.system.dt in (None, True, 0) else float(self.system.dt)
 
     def check_sample_time(self, sample_time: float) -> None:
-        """Refuse a loop of another sample time [s] than the controller was made for.
+        """Refuse a loop whose sample time [s] differs from the controller's.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class LinearController:
         own = self.sample_time
         if own is not None and abs(own - sample_time) > 1e-9 * sample_time:
             raise ControllerError(
-                f"the controller's sample time is {own:g} s, the loop's {sample_time:g} s; sample the controller anew, "
+                f"the controller's sample time is {own:g} s, the loop's {sample_time:g} s; resample the controller, "
                 "or set the loop's sample_time"
             )
 
@@ -116,11 +116,11 @@ Controller = LinearController | UnitController | ControlFunction
 
 
 class Law(Protocol):
-    """A controller in a run, with its memory."""
+    """A controller with its memory during a run."""
 
     @property
     def used(self) -> tuple[str, ...]:
-        """The signals it looks at."""
+        """The signals that it uses."""
 
     @property
     def state(self) -> FloatArray:
@@ -128,19 +128,19 @@ class Law(Protocol):
 
     @property
     def limited(self) -> "NDArray[np.bool_] | None":
-        """Which forces (6,) it has limited itself; None where it leaves that to the actuators."""
+        """Which forces (6,) it has limited itself; None if the actuators limit them."""
 
     def force(self, k: int, time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N].
 
-        References are all signals and then the accelerations [m/s², rad/s²]; the excess is what limits cut off.
+        References are all signals, then the accelerations [m/s², rad/s²]; the excess is what the limits cut off.
         """
 
 
 def controller_of(given: Any) -> Controller:
-    """A controller from what a user has: itself, a function, the path of an FMU, or a python-control system.
+    """A controller from a user's object: a controller, a function, the path of an FMU, or a python-control system.
 
-    Such a system is fed with leg lengths.
+    Such a system acts on leg lengths.
 
     Raises
     ------
@@ -151,21 +151,21 @@ def controller_of(given: Any) -> Controller:
         return given
     if isinstance(given, Path | str):
         return UnitController(Path(given))
-    # python-control's systems can be called, too: with a frequency
+    # python-control's systems are callable too, with a frequency
     if callable(given) and not is_control_system(given):
         return given  # type: ignore[no-any-return]
     return LinearController(given)
 
 
 def signals_of(controller: Controller) -> tuple[str, ...]:
-    """The signals that a controller looks at; a function may look at all."""
+    """The signals that a controller uses; a function may use all."""
     return controller.signals if isinstance(controller, LinearController) else signals.NAMES
 
 
 def law_of(
     controller: Controller, sample_time: float, jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
 ) -> Law:
-    """A controller made ready for a run; one that is a unit is opened instead.
+    """The law of a controller, ready for a run; a controller that is an FMU is opened instead.
 
     Parameters
     ----------
@@ -174,16 +174,16 @@ def law_of(
     jacobians
         Leg Jacobians (n, 6, 6) in the reference poses of all samples.
     wanted, measured
-        References and measurements at the first sample (24,): the controller's memory starts as if both had stood
-        there for ever, its integrators at zero. So a start off the reference gives no kick of the derivative.
+        References and measurements at the first sample (24,): the controller's memory starts in steady state for these
+        constant inputs, its integrators at zero, so that a start off the reference gives no derivative kick.
 
     Raises
     ------
     ControllerError
-        The controller was made for another sample time.
+        The controller has another sample time.
     """
     if isinstance(controller, UnitController):
-        raise ControllerError("a controller that is a unit has to be opened, and closed after the run")
+        raise ControllerError("a controller that is an FMU has to be opened, and closed after the run")
     if not isinstance(controller, LinearController):
         return FunctionLaw(controller)
     controller.check_sample_time(sample_time)
@@ -191,7 +191,7 @@ def law_of(
 
 
 class FunctionLaw:
-    """A function at work; what it raises or gives instead of forces is an error of its controller."""
+    """A control function during a run; exceptions and invalid results become errors of the controller."""
 
     limited = None
 
@@ -201,7 +201,7 @@ class FunctionLaw:
 
     @property
     def state(self) -> FloatArray:
-        """What a function remembers, it keeps to itself."""
+        """Empty: the memory of a function is not visible."""
         return np.zeros(0)
 
     def force(self, _k: int, time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
@@ -209,7 +209,7 @@ class FunctionLaw:
         reference = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), wanted.copy())
         try:
             given = self._function(Sample(time, reference, interface.unpack(signals.VARIABLES, measured.copy())))
-        except (Exception, SystemExit) as error:  # a user's code may fail in any way
+        except (Exception, SystemExit) as error:  # user code may raise anything
             raise ControllerError(
                 f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
             ) from error
@@ -218,5 +218,7 @@ class FunctionLaw:
         except ValueError:  # ragged
             force = np.zeros(0)
         if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
-            raise ControllerError(f"the control function gave {given!r} at time {time:g} s; expected {N_LEGS} forces")
+            raise ControllerError(
+                f"the control function returned {given!r} at time {time:g} s; expected {N_LEGS} forces"
+            )
         return force.astype(float)

@@ -1,6 +1,6 @@
-"""Many controllers at work side by side: linear ones as one, functions member by member.
+"""Control laws of many members: linear ones in one computation, functions member by member.
 
-Numbers of a member are those of its own law, `laws.law_of`, but for rounding; they do not depend on who else is there.
+A member's forces equal those of its own law, `laws.law_of`, up to rounding; they do not depend on the other members.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,11 +19,11 @@ from gough_stewart.model.vectors import FloatArray
 
 
 class LawOfMany(Law, Protocol):
-    """The controllers of N members in a run; all arrays of a `Law` with a leading axis, references also without."""
+    """The controllers of N members in a run; as `Law`, with a leading axis, optional for references."""
 
     @property
     def failures(self) -> Mapping[int, ControllerError]:
-        """Whose controller gave no forces at the last sample, and why."""
+        """Members whose controller gave no forces at the last sample, with the error."""
 
     def force(
         self,
@@ -34,18 +34,18 @@ class LawOfMany(Law, Protocol):
         excess: FloatArray,
         due: BoolArray | None = None,
     ) -> FloatArray:
-        """Forces (N, 6) [N], valid until the next call; `due` (N,) names whose sample it is, None is everyone's."""
+        """Forces (N, 6) [N], valid until the next call; `due` (N,) selects the members to sample, None means all."""
 
 
 def laws_together(
     controllers: Sequence[Controller], sample_time: float, jacobians: FloatArray
 ) -> Callable[[FloatArray, FloatArray], LawOfMany]:
-    """What makes the controllers of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
+    """Make the laws of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
 
     Parameters
     ----------
     controllers
-        Of each member, linear ones of one structure (states, inputs, signals, space), or functions.
+        One for each member: linear ones of one structure (states, inputs, signals, space), or functions.
     sample_time
         Of the run [s].
     jacobians
@@ -54,12 +54,12 @@ def laws_together(
     Raises
     ------
     ControllerError
-        Controllers of another sample time, of different structure, or that are units.
+        Another sample time, different structures, or FMUs.
     """
     for controller in controllers:
         if isinstance(controller, UnitController):
             raise ControllerError(
-                f"{controller.path} is a unit, of which there is one a process; expected for many at once a "
+                f"{controller.path} is an FMU, which allows one instance per process; expected for many members a "
                 "controller that is linear or a function"
             )
         if isinstance(controller, LinearController):
@@ -86,7 +86,7 @@ def _structure(controller: Controller) -> str:
 
 
 class _Turn(NamedTuple):
-    """(x, u) of a sample, and what makes x⁺ and forces of it; samples take turns between two."""
+    """(x, u) of a sample, and the product that gives x⁺ and forces; samples alternate between two buffers."""
 
     xu: FloatArray
     x: FloatArray  # views
@@ -103,7 +103,7 @@ class _LinearLaws:
 
     def __init__(self, controllers: Sequence[LinearController], n_members: int) -> None:
         first = controllers[0]
-        # all of one system are one matrix
+        # if all members have the same system, one matrix serves all
         same = all(each.system is first.system for each in controllers)
         systems = [each.system for each in (controllers[:1] if same else controllers)]
         A, B, C, D = (np.stack([getattr(system, name) for system in systems]) for name in "ABCD")
@@ -122,7 +122,7 @@ class _LinearLaws:
         self._form = first.system.ninputs
 
     def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
-        """Memory at rest under constant inputs."""
+        """Set the steady state under constant inputs."""
         n = len(self._now.x)
         self._feed(wanted, measured, np.zeros((N_LEGS, 1)))
         self._now.next_state()
@@ -189,7 +189,7 @@ class _TaskLaws(_LinearLaws):
         self, controllers: Sequence[LinearController], jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
     ) -> None:
         super().__init__(controllers, len(controllers))
-        # (n, 6, 6, N), or (n, 6, 6, 1) where it is that of all
+        # (n, 6, 6, N), or (n, 6, 6, 1) if common to all members
         each = jacobians if jacobians.ndim == 4 else jacobians[:, None]
         self._J = np.ascontiguousarray(np.moveaxis(each, 1, -1))
         self._J_inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(each), 1, -1))
@@ -229,7 +229,7 @@ class _Functions:
 
     @property
     def state(self) -> FloatArray:
-        """What functions remember, they keep to themselves."""
+        """Empty: the memory of functions is not visible."""
         return np.zeros((len(self._laws), 0))
 
     def force(
@@ -253,12 +253,12 @@ class _Functions:
 
 
 def _columns(values: FloatArray) -> FloatArray:
-    """(size, N) of values of the members (N, size), (size, 1) of values of all (size,)."""
+    """(size, N) of values of the members (N, size), or (size, 1) of values common to all (size,)."""
     return values.T if values.ndim == 2 else values[:, None]
 
 
 def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    """M v of matrices (m, n, N) or (m, n, 1) and vectors (n, N), as a sum of columns in their order."""
+    """M v of matrices (m, n, N) or (m, n, 1) and vectors (n, N), as a sum of columns in fixed order."""
     total: FloatArray = matrices[:, 0] * vectors[0]
     term = np.empty_like(total)
     for k in range(1, len(vectors)):

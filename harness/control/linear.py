@@ -1,7 +1,7 @@
-"""The platform as a python-control object: nonlinear, linearised exactly, at rest, and its modes.
+"""The platform as a python-control object: nonlinear, linearised exactly at rest, and its modes.
 
-python-control and the compiled kernel are imported where systems are made: those who only want the mass that legs feel
-should not wait for them.
+python-control and the compiled kernel are imported where systems are made, since other functions of this module do not
+need these slow imports.
 """
 
 import math
@@ -37,20 +37,20 @@ class OperatingPoint(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """A mode of a linear system; a conjugate pair is one."""
+    """A mode of a linear system; a conjugate pair counts as one."""
 
-    eigenvalue: complex  # of continuous time [1/s]; of a pair the one with the positive imaginary part
+    eigenvalue: complex  # in continuous time [1/s]; of a pair, the one with positive imaginary part
     frequency: float  # |eigenvalue| / 2π [Hz]
-    damping_ratio: float  # −Re / |eigenvalue|; negative where it grows
+    damping_ratio: float  # −Re / |eigenvalue|; negative if the mode is unstable
 
 
 def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "control.NonlinearIOSystem":
-    """The platform as python-control's nonlinear system: ẋ = f(x, u), y = g(x, u).
+    """The platform as a nonlinear python-control system: ẋ = f(x, u), y = g(x, u).
 
-    States, inputs and outputs carry the interface's scalar names: `position[1]`, `actuator_force[6]`, `leg_length[3]`.
-    python-control takes such names as parts of one signal, so that `interconnect` joins `plant.leg_length` as a whole,
-    and of a range `plant.leg_length[2:4]` elements 2 and 3. Not so `joint_force[2,1]`, of two indices, which it knows
-    one by one only.
+    States, inputs and outputs have the interface's scalar names: `position[1]`, `actuator_force[6]`, `leg_length[3]`.
+    python-control treats such names as elements of one signal: `interconnect` connects `plant.leg_length` as a whole,
+    and `plant.leg_length[2:4]` is elements 2 and 3. Elements with two indices, such as `joint_force[2,1]`, can only be
+    connected one by one.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     Raises
     ------
     InterfaceError
-        A name that is none of these, a name twice, or no name.
+        Another name, a repeated name, or no name.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def trim(
     Raises
     ------
     InterfaceError
-        The pose or the wrench is not finite, or has another shape; or the pitch is ±90°.
+        The pose or the wrench is not finite or has another shape, or the pitch is ±90°.
     SingularPoseError
         The legs cannot hold the pose.
 
@@ -120,7 +120,7 @@ def linearise(
     *,
     coulomb_friction: bool = False,
 ) -> "control.StateSpace":
-    """Linear model δẋ = A δx + B δu, δy = C δx + D δu about rest in a pose (default: home), by exact Jacobians.
+    """Linear model δẋ = A δx + B δu, δy = C δx + D δu at rest in a pose (default: home), by exact Jacobians.
 
     Signals are named as in `plant_system`.
 
@@ -128,7 +128,7 @@ def linearise(
     ----------
     coulomb_friction
         Keep the slope of the smoothed Coulomb friction at rest, leg_coulomb_friction / leg_friction_velocity [N s/m].
-        It acts like a huge damper, which the platform in motion does not have; so it is left out by default.
+        It acts as a large damper that the moving platform does not have, so it is left out by default.
 
     Raises
     ------
@@ -153,9 +153,9 @@ def linearise(
 
 
 def modes(system: Any) -> list[Mode]:
-    """Modes of a linear system, the slowest first; those of discrete time through λ = ln(z) / dt.
+    """Modes of a linear system, slowest first; discrete poles are mapped by λ = ln(z) / dt.
 
-    A pole at z = 0, of a pure delay, has no counterpart in continuous time and is left out.
+    A pole at z = 0, of a pure delay, has no continuous counterpart and is left out.
 
     Examples
     --------
@@ -168,25 +168,25 @@ def modes(system: Any) -> list[Mode]:
     for pole in poles:
         size = abs(pole)
         if pole.imag < -1e-9 * size:
-            continue  # its conjugate is there
+            continue  # covered by its conjugate
         found.append(Mode(complex(pole), float(size / (2 * math.pi)), float(-pole.real / size) if size else 1.0))
     return sorted(found, key=lambda mode: mode.frequency)
 
 
 def leg_space_mass(platform: Platform, position: Array | None = None, orientation: Array | None = None) -> FloatArray:
-    """Mass matrix that the legs feel in a pose (default: home), J⁻ᵀ M J⁻¹ (6, 6) [kg].
+    """Mass matrix seen by the legs in a pose (default: home), J⁻ᵀ M J⁻¹ (6, 6) [kg].
 
     At rest and without gravity L̈ = (J⁻ᵀ M J⁻¹)⁻¹ F, since L̇ = J [v; ω] and M [v̇; ω̇] = Jᵀ F.
 
     Raises
     ------
     InterfaceError
-        The pose is not finite, or has another shape; or the pitch is ±90°.
+        The pose is not finite or has another shape, or the pitch is ±90°.
     SingularPoseError
         The legs do not determine the motion of the platform.
     """
     pose = _pose(platform, position, orientation)
-    # row k is J⁻ᵀ e_k, so that together they are J⁻¹
+    # row k is J⁻ᵀ e_k, so the rows form J⁻¹
     J_inverse = solve_leg_forces(leg_jacobian(platform, *pose).T, np.eye(6))
     return np.asarray(J_inverse.T @ mass_matrix(platform, *pose) @ J_inverse)
 
@@ -207,11 +207,11 @@ def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
 
 
 def _rows(outputs: Iterable[str]) -> tuple[list[str], NDArray[np.intp]]:
-    """Scalar names of some results, and where they lie in the kernel's y."""
+    """Scalar names of some results, and their positions in the kernel's y."""
     chosen = [outputs] if isinstance(outputs, str) else list(outputs)
     everything = interface.unpack(interface.RESULTS, np.arange(interface.size_of(interface.RESULTS)))
     if not chosen:
-        raise InterfaceError("outputs", "is empty; expected one name at least, such as 'leg_length'")
+        raise InterfaceError("outputs", "is empty; expected at least one name, such as 'leg_length'")
     for name in chosen:
         if name not in everything:
             raise InterfaceError(str(name), f"is no result of the plant{interface.nearest(str(name), everything)}")

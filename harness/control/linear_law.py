@@ -1,4 +1,4 @@
-"""Linear controllers at work, in leg and in task space; their memory at rest."""
+"""Linear controllers in a run, in leg and in task space; their initial state."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from gough_stewart.harness.control.laws import LinearController
 
 N_LEGS = 6
-# (1 − z)² of a pole that integrates: by 1e-6 of itself at most, it leaks in a sample.
+# Limit on (1 − z)² of a pole that counts as an integrator: it leaks at most 1e-6 of itself per sample.
 _INTEGRATES = 1e-12
 
 
 class LinearLaw:
-    """x⁺ = A x + B u, w = C x + D u; both at once, as one product with (x, u)."""
+    """x⁺ = A x + B u, w = C x + D u, computed as one product with (x, u)."""
 
     limited = None
 
@@ -33,7 +33,7 @@ class LinearLaw:
         self._form = system.ninputs
 
     def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
-        """Memory at rest under constant inputs."""
+        """Set the steady state under constant inputs."""
         self._feed(wanted, measured, np.zeros(N_LEGS))
         n = len(self._x)
         A = self._matrix[:n, :n]
@@ -61,7 +61,7 @@ class LinearLaw:
 
 
 class LegLaw(LinearLaw):
-    """From the signals of the legs, or of the pose, to forces."""
+    """From the signals of the legs, or of the pose, to leg forces."""
 
     def __init__(
         self, controller: "LinearController", _jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
@@ -76,7 +76,7 @@ class LegLaw(LinearLaw):
 
 
 class TaskLaw(LinearLaw):
-    """From leg lengths to displacements of the platform, and from a wrench to forces."""
+    """From leg lengths to displacements of the platform, and from a wrench to leg forces."""
 
     def __init__(
         self, controller: "LinearController", jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
@@ -91,16 +91,16 @@ class TaskLaw(LinearLaw):
     def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """As `Law`."""
         lengths = measured[self._at]
-        # J⁻¹ dL summed up: its rate is the twist J⁻¹ L̇, which that of J⁻¹ (L − L₀) is not where J changes
+        # the sum of J⁻¹ dL: its rate is the twist J⁻¹ L̇; the rate of J⁻¹ (L − L₀) is not, where J changes
         self._pose = self._pose + self._J_inverse[k] @ (lengths - self._lengths)
         self._lengths = lengths.copy()
-        # w = Jᵀ F also for what the limits cut off
+        # w = Jᵀ F also for the force that the limits cut off
         self._feed(self._pose + self._J_inverse[k] @ (wanted[self._at] - lengths), self._pose, self._J[k].T @ excess)
         return np.asarray(self._J_inverse[k].T @ self._advance())
 
 
 def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:
-    """State x = A x + forcing in the modes that have one; zero in integrators, on which `integrating` projects."""
+    """Steady state x = A x + forcing; zero in integrators, on which `integrating` projects."""
     P = integrating
     return solve(np.eye(len(A)) - A + P, forcing - P @ forcing)
 
@@ -116,11 +116,11 @@ def integrating_modes(A: FloatArray) -> FloatArray:
 
 
 def integrates(poles: FloatArray) -> NDArray[np.bool_]:
-    """Which eigenvalues are 1 by the measure of `integrating_modes`."""
+    """Which eigenvalues are 1 within the tolerance of `integrating_modes`."""
     return (1 - poles) ** 2 < _INTEGRATES
 
 
 def as_slice(positions: NDArray[np.intp]) -> slice | NDArray[np.intp]:
-    """A slice where positions follow each other, which NumPy takes out faster."""
+    """A slice for consecutive positions, which NumPy reads faster."""
     first, last = int(positions[0]), int(positions[-1])
     return slice(first, last + 1) if positions.tolist() == list(range(first, last + 1)) else positions

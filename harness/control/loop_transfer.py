@@ -1,4 +1,4 @@
-"""The loop of an experiment as a linear system: what goes around from the actuators back to them."""
+"""The loop of an experiment as a linear system: the transfer from the actuators around the loop and back."""
 
 import control
 import numpy as np
@@ -11,7 +11,7 @@ from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array
 
-# Eigenvalues of twice as many take ten times as long, half a minute.
+# Doubling the number multiplies the time for eigenvalues by ten, to half a minute.
 MOST_STATES = 300
 
 
@@ -26,10 +26,10 @@ def loop_transfer(
     orientation: Array | None = None,
     coulomb_friction: bool = False,
 ) -> control.StateSpace:
-    """Loop transfer L(z) (6×6) at the actuators, u = −L u, as the sampled loop has it at a pose (default: home).
+    """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
     L = C(z) · z⁻ᵈ · ZOH{P(s) / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
-    computational delay, and the controller from measurement to force with its sign turned.
+    computational delay, and the controller from measurement to force with inverted sign.
 
     Parameters
     ----------
@@ -40,20 +40,19 @@ def loop_transfer(
     lag
         τ [s]
     coulomb_friction
-        Keep its slope at rest; see `linearise`.
+        Keep the slope of Coulomb friction at rest; see `linearise`.
 
     Raises
     ------
     ControllerError
-        The controller has another sample time, or a delay of so many samples that there would be more than
-        `MOST_STATES`.
+        The controller has another sample time, or the delay needs more states than `MOST_STATES`.
     """
     controller.check_sample_time(sample_time)
     states = 12 + 6 * (lag > 0) + 6 * delay + controller.system.nstates
     if states > MOST_STATES:
         raise ControllerError(
             f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "
-            f"{MOST_STATES}: a delay of fewer and longer samples"
+            f"{MOST_STATES}: a delay of fewer, longer samples"
         )
     linear = linearise(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
     plant = control.ss(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
@@ -71,10 +70,10 @@ def feedback_part(
     position: Array | None = None,
     orientation: Array | None = None,
 ) -> control.StateSpace:
-    """C with F = −C y: the controller from measurements to forces at a pose, in whichever space it works."""
+    """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
     K = controller.system
     n = len(signals.positions(controller.signals))
-    # errors are references − measurements; of separate inputs the second n are the measurements
+    # errors are references − measurements; separate inputs have the measurements second
     B, D = (K.B, K.D) if K.ninputs == n else (-K.B[:, n : 2 * n], -K.D[:, n : 2 * n])
     C = control.ss(K.A, B, K.C, D, K.dt)
     if controller.space == "leg":

@@ -1,4 +1,4 @@
-"""How far a loop is from instability: margins per leg, and of all legs at once.
+"""Stability margins of a loop: per leg, and for all legs at once.
 
 L is the 6×6 loop transfer cut at the actuators, u = −L u; S = (1 + L)⁻¹, T = L S. Seiler, Packard & Gahinet (2020),
 "An introduction to disk margins", IEEE Control Systems 40(5), 78–95.
@@ -22,44 +22,44 @@ from gough_stewart.model.vectors import FloatArray
 
 _GRID = 600
 _FINE_GRID = 4000
-# Up to so many states the equations are solved as they are; beyond, in triangular form, in parts of so many numbers.
+# Up to so many states the equations are solved directly; beyond, in triangular form, in blocks of so many numbers.
 _FEW_STATES = 64
 _FEW_FREQUENCIES = 16
 _MOST_NUMBERS = 4_000_000
-# What gains are tried of an unstable loop, the nearest first.
+# Factors on the gains that are tried for an unstable loop, the nearest first.
 _GAINS = tuple(2.0**k for n in range(1, 5) for k in (-n, n))
-_FLAT = 0.02  # relative change of a response that has come to its limit, and its distance from the real axis
-_BOUNDLESS = 1e6  # a gain that may grow or sink by more than this is free
+_FLAT = 0.02  # relative change of a response that has reached its limit, and its distance from the real axis
+_BOUNDLESS = 1e6  # a gain margin beyond this factor counts as infinite
 
 
 @dataclass(frozen=True)
 class LegMargins:
-    """Margins with the loop cut at one leg and closed at the others; infinite where nothing is to be feared."""
+    """Margins with the loop open at one leg and closed at the others; infinite where there is no limit."""
 
     gain_up: float
-    """Factor by which the leg's gain may grow."""
+    """Largest factor on the leg's gain."""
     gain_down: float
-    """Factor to which it may sink."""
+    """Smallest factor on the leg's gain."""
     phase: float
-    """By which the leg may lag or lead [rad]."""
+    """Largest phase lag or lead of the leg [rad]."""
     delay: float
-    """The same as time at the crossover that allows least [s]."""
+    """The phase margin as time, at the critical crossover [s]."""
     crossover: float
-    """Of the gain, the fastest [Hz]; NaN if there is none."""
+    """The highest gain crossover [Hz]; NaN if there is none."""
 
 
 @dataclass(frozen=True)
 class DiskMargin:
-    """What all legs may change by at the same time, each in its own way."""
+    """Variations that all legs may have at the same time, independently of each other."""
 
     alpha: float
-    """1 / max μ((S − T)/2), by the upper bound min σ(D (S − T) D⁻¹)/2 of μ, so never too large."""
+    """1 / max μ((S − T)/2), with the upper bound min σ(D (S − T) D⁻¹)/2 of μ, so never too large."""
     gain: tuple[float, float]
     """(1 − α/2)/(1 + α/2) to its inverse."""
     phase: float
     """2 atan(α/2) [rad]."""
     frequency: float
-    """Where μ peaks [Hz]."""
+    """Frequency of the peak of μ [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -67,30 +67,30 @@ class Margins:
     """All margins of a loop."""
 
     legs: tuple[LegMargins, ...]
-    """With the loop cut at each leg and closed at the others."""
+    """With the loop open at each leg and closed at the others."""
     disk: DiskMargin
-    """Of all legs at once."""
+    """For all legs at once."""
     sensitivity_peak: float
     """max σ(S)"""
     complementary_peak: float
     """max σ(T)"""
 
     def as_dict(self) -> dict[str, Any]:
-        """In plain types; None for what is infinite or undefined."""
+        """As plain types; None for infinite or undefined values."""
         return {name: _plain(value) for name, value in asdict(self).items()}
 
 
 def loop_margins(L: Any) -> Margins:
     """Margins of a loop transfer (6×6), in continuous or discrete time.
 
-    Peaks and crossings are looked for on a grid of frequencies that is dense about the poles, then refined.
+    Peaks and crossings are searched on a grid of frequencies that is dense near the poles, then refined.
 
     Raises
     ------
     ControllerError
-        Not square, not finite, or an algebraic loop without solution.
+        Not square, not finite, or an algebraic loop without a solution.
     UnstableLoopError
-        The closed loop is unstable, so that it has no margins.
+        The closed loop is unstable, and margins are undefined.
     """
     L = control.ss(L)
     check_stable(L)
@@ -114,21 +114,21 @@ def closed_loop(L: Any) -> control.StateSpace:
     Raises
     ------
     ControllerError
-        Not square, not finite, or an algebraic loop without solution.
+        Not square, not finite, or an algebraic loop without a solution.
     """
     L = control.ss(L)
     if L.ninputs != L.noutputs:
         raise ControllerError(f"the loop transfer is {L.noutputs}×{L.ninputs}; expected as many outputs as inputs")
     if not all(np.isfinite(block).all() for block in (L.A, L.B, L.C, L.D)):
-        raise ControllerError("the loop transfer is not finite; expected finite numbers only")
+        raise ControllerError("the loop transfer is not finite; expected finite numbers")
     one = np.eye(L.noutputs)
     if not np.linalg.cond(one + L.D) < 1 / np.finfo(float).eps:
-        raise ControllerError("1 + L has no inverse at infinite frequency; expected a delay or a lag in the loop")
+        raise ControllerError("1 + L is singular at infinite frequency; expected a delay or a lag in the loop")
     return control.feedback(L, control.ss([], [], [], one, L.dt))
 
 
 def check_stable(L: Any) -> None:
-    """Refuse a loop that is unstable when it is closed.
+    """Refuse a loop that is unstable when closed.
 
     Raises
     ------
@@ -152,12 +152,12 @@ def check_stable(L: Any) -> None:
 
 
 def is_stable(L: Any) -> bool:
-    """Whether a loop is stable when it is closed."""
+    """Whether the closed loop is stable."""
     return _worst_pole(closed_loop(L))[1] < 0
 
 
 def _worst_pole(closed: Any) -> tuple[complex, float]:
-    """The eigenvalue nearest to instability or farthest beyond, and by how much: |z| − 1, or its real part [1/s]."""
+    """The eigenvalue nearest to or farthest beyond the stability limit, and by how much: |z| − 1, or Re s [1/s]."""
     poles = np.asarray(closed.poles(), dtype=complex)
     if not poles.size:
         return 0j, -math.inf
@@ -167,7 +167,7 @@ def _worst_pole(closed: Any) -> tuple[complex, float]:
 
 
 def _remedy(L: Any) -> str:
-    """Which gains would make a loop stable: the nearest power of two."""
+    """Gains that would make a loop stable: the nearest power of two."""
     for factor in _GAINS:
         if is_stable(factor * L):
             way = "lower" if factor < 1 else "higher"
@@ -181,7 +181,7 @@ def response(L: Any, omega: FloatArray) -> ComplexArray:
     if L.nstates <= _FEW_STATES:
         resolvent = s[:, None, None] * np.eye(L.nstates) - L.A
         return np.asarray(L.C @ np.linalg.solve(resolvent, L.B.astype(complex)[None]) + L.D)
-    # delays have many states: a triangle is solved row by row from below, for all frequencies at once
+    # delays add many states: a triangular system is solved row by row from below, for all frequencies at once
     T, B, C = _triangular(L)
     parts = np.array_split(s, math.ceil(len(s) * L.nstates * L.ninputs / _MOST_NUMBERS))
     return np.concatenate([C @ _solved(T, B, part) + L.D for part in parts])
@@ -207,9 +207,9 @@ def _solved(T: ComplexArray, B: ComplexArray, s: ComplexArray) -> ComplexArray:
 
 
 def one_leg_open(response_of_all: ComplexArray, k: int) -> ComplexArray:
-    """What leg k (0-based) sees when the other legs are closed (n,).
+    """The loop transfer at leg k (0-based) with the other legs closed (n,).
 
-    L_kk − L_ko (1 + L_oo)⁻¹ L_ok with o the other legs: they answer with u_o = −(1 + L_oo)⁻¹ L_ok u_k.
+    L_kk − L_ko (1 + L_oo)⁻¹ L_ok with o the other legs, whose forces are u_o = −(1 + L_oo)⁻¹ L_ok u_k.
     """
     R, others = response_of_all, [leg for leg in range(response_of_all.shape[-1]) if leg != k]
     L_oo, L_ok, L_ko = R[:, others][:, :, others], R[:, others, k], R[:, k, others]
@@ -218,7 +218,7 @@ def one_leg_open(response_of_all: ComplexArray, k: int) -> ComplexArray:
 
 
 def frequency_range(L: Any) -> tuple[float, float]:
-    """Where a loop has something to say [rad/s]: about its poles, and up to half the sample rate."""
+    """The range of frequencies that matters [rad/s]: about the poles, and up to half the sample rate."""
     L = control.ss(L)
     sizes = np.abs(_poles(L))
     sizes = sizes[sizes > 1e-6]
@@ -235,7 +235,7 @@ def sensitivities(L: Any, omega: FloatArray) -> tuple[ComplexArray, ComplexArray
 
 
 def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMargins:
-    # on the response, since the polynomials of so many states have no correct digits
+    # from the frequency response, since polynomials of this order have no correct digits
 
     def at(frequencies: FloatArray) -> ComplexArray:
         return one_leg_open(response(L, frequencies), k)
@@ -245,7 +245,7 @@ def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMa
     gains = 1 / np.abs(real[real.real < 0])
     gains = gains[(gains > 1 / _BOUNDLESS) & (gains < _BOUNDLESS)]
     crossings = _crossings(lambda w: np.log(np.abs(at(w))), omega, np.log(np.abs(loop)))
-    # a loop may only lag more: what leads by φ lags by 2π − φ
+    # delay only adds lag: a lead of φ is a lag of 2π − φ
     lags = np.mod(np.angle(-at(crossings)), 2 * math.pi)
     return LegMargins(
         float(gains[gains > 1].min(initial=math.inf)),
@@ -257,10 +257,10 @@ def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMa
 
 
 def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray) -> ComplexArray:
-    """The response at frequency 0 and at the highest, where it has come to rest on the real axis (at most 2).
+    """The response at frequency 0 and at the highest, where it has converged to the real axis (at most 2).
 
-    There it may end on the negative real axis, which is an edge of stability, without a change of sign before. One that
-    tends to infinity or zero along the axis does not come to rest.
+    It may end on the negative real axis there, a stability limit without a change of sign. A response that tends to
+    infinity or zero along the axis does not converge.
     """
     low, high = omega[0], omega[-1]
     beyond = high if L.isdtime(strict=True) else 10 * high
@@ -270,13 +270,13 @@ def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray)
 
 
 def _crossings(of: Callable[[FloatArray], FloatArray], omega: FloatArray, values: FloatArray) -> FloatArray:
-    """Frequencies [rad/s] at which a function, of these values on the grid, changes its sign."""
+    """Frequencies [rad/s] at which a function, with these values on the grid, changes its sign."""
     after = np.nonzero(np.diff(np.sign(values)))[0]
     return np.array([brentq(lambda w: float(of(np.array([w]))[0]), omega[i], omega[i + 1]) for i in after])
 
 
 def _poles(L: Any) -> ComplexArray:
-    """Poles of the open and of the closed loop in continuous time [1/s], without those of pure delays."""
+    """Open- and closed-loop poles in continuous time [1/s], without those of pure delays."""
     poles = np.concatenate([np.asarray(each.poles(), dtype=complex) for each in (L, closed_loop(L))])
     if L.isdtime(strict=True):
         poles = np.log(poles[np.abs(poles) > 1e-9]) / L.dt
@@ -284,7 +284,7 @@ def _poles(L: Any) -> ComplexArray:
 
 
 def _frequencies(L: Any, n: int) -> FloatArray:
-    """Grid [rad/s] over `frequency_range`, dense where a pole near the axis makes a narrow peak."""
+    """Grid [rad/s] over `frequency_range`, dense where a lightly damped pole makes a narrow peak."""
     low, high = frequency_range(L)
     high *= 1 - 1e-9
     poles = _poles(L)
@@ -293,7 +293,7 @@ def _frequencies(L: Any, n: int) -> FloatArray:
 
 
 def _peak(of: Any, L: Any, grid: FloatArray) -> tuple[float, float]:
-    """Largest value over frequency of a size of S and T, and where [rad/s]."""
+    """Largest value over frequency of a function of S and T, and its frequency [rad/s]."""
 
     def size(omega: FloatArray) -> FloatArray:
         return np.asarray(of(*sensitivities(L, omega)))

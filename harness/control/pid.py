@@ -4,9 +4,9 @@ Channel i of a leg-space controller, with e = r − y [m], F [N]:
 
     F = kp e + kd s/(Tf s + 1) (e or −y) + x,   ẋ = ki e + (1/Tt) (F_limited − F)
 
-kp, kd, ki in N/m, N s/m, N/(m s); the last term (back-calculation) keeps x from winding up while a limit acts.
+kp, kd, ki in N/m, N s/m, N/(m s); the last term (back-calculation) keeps x from winding up while a limit is active.
 Åström & Hägglund, Advanced PID Control (2006), §3.3 to §3.5. A task-space controller has the same form, with the pose
-error as e [m, rad] and a wrench [N, N m] in the place of F.
+error as e [m, rad] and a wrench [N, N m] instead of F.
 """
 
 from dataclasses import dataclass
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
 DerivativeOn = Literal["error", "measurement"]
 N_CHANNELS = 6
-# A filter of the derivative this much faster than the derivative itself (N of the textbooks).
+# By this factor the derivative filter is faster than the derivative itself (N in textbooks).
 FILTER_RATIO = 20.0
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of six channels; numbers, or six of them. Without integral action by default.
+    """Gains of six channels, each a number or six of them. No integral action by default.
 
     Raises
     ------
     ControllerError
-        Gains that are not finite or below 0, a proportional one of 0, or a time that is not above 0 s.
+        Gains that are not finite or negative, a proportional gain of 0, or a time that is not > 0 s.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class Gains:
             return self.derivative_filter
         active = np.asarray(self.derivative)[np.asarray(self.derivative) > 0]
         if not active.size:
-            return 1.0  # of a derivative that is not there
+            return 1.0  # any value: there is no derivative
         return (
             float((np.asarray(self.derivative) / self.proportional)[np.asarray(self.derivative) > 0].min())
             / FILTER_RATIO
@@ -86,7 +86,7 @@ class Gains:
 
 
 class Channels(NamedTuple):
-    """Of six channels, each (6,): numbers, or CasADi symbols."""
+    """Gains and times of six channels, each (6,): numbers, or CasADi symbols."""
 
     proportional: Array  # [N/m]
     derivative: Array  # [N s/m]
@@ -96,14 +96,14 @@ class Channels(NamedTuple):
 
 
 class Actions(NamedTuple):
-    """Which of six channels differentiate and which integrate; each (6,)."""
+    """Which of six channels have derivative and which have integral action; each (6,)."""
 
     differentiate: NDArray[np.bool_]
     integrate: NDArray[np.bool_]
 
 
 def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSpace":
-    """Six channels of PD, or of PID with anti-windup where a gain is integral; continuous.
+    """Six channels of PD, or of PID with anti-windup where an integral gain is set; continuous.
 
     With e = r − y [m], F = kp e + kd s/(Tf s + 1) (e or −y) + x, ẋ = ki e + (F_limited − F)/Tt [N]. Inputs:
     reference_leg_length[1..6], leg_length[1..6], and of PID limit_excess[1..6] (force after the limits minus force
@@ -112,9 +112,9 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
     Parameters
     ----------
     gains
-        From `gains_from_bandwidth`, or one's own.
+        From `gains_from_bandwidth`, or chosen by hand.
     derivative_on
-        "error" follows moving references without lag; "measurement" spares the actuators the kick of a step.
+        "error" follows moving references without lag; "measurement" avoids the derivative kick at a step.
 
     Raises
     ------
@@ -142,10 +142,11 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
 
 
 def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSpace:
-    """The same without python-control.
+    """`pid` without python-control.
 
     A channel's states are the filter's, ż = v − z/Tf with v = e or −y, whose derivative kd s/(Tf s + 1) v is
-    kd/Tf (v − z/Tf); and x. It has those for which it has a gain.
+    kd/Tf (v − z/Tf); and x. A channel has only the states for which it has a gain.
+
     """
     if derivative_on not in get_args(DerivativeOn):
         raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
@@ -153,13 +154,13 @@ def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSp
 
 
 def channels_of(gains: Gains) -> Channels:
-    """What the gains are in every channel."""
+    """The gains and times of every channel."""
     kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
     return Channels(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time)
 
 
 def actions_of(gains: Gains) -> Actions:
-    """Which channels differentiate and which integrate: those that have a gain for it."""
+    """Which channels have derivative and integral action: those with a gain for it."""
     return Actions(np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0)
 
 
@@ -174,7 +175,7 @@ def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: A
     kind = channels.proportional.dtype
     poles, B, C, D = [], [], [], np.zeros((N_CHANNELS, n_kinds, N_CHANNELS), dtype=kind)
     for k in range(N_CHANNELS):
-        # (1,) each: a bare symbol would take an array for a matrix of its own
+        # (1,) each: a bare symbol would treat an array as a matrix
         kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels)
         D[k, :, k] = kp * error
         if actions.differentiate[k]:
@@ -190,7 +191,7 @@ def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: A
     n, m = len(poles), n_kinds * N_CHANNELS
     return StateSpace(
         np.diag(np.concatenate([np.zeros(0, dtype=kind), *poles])),
-        # all references, then all measurements, then all excesses
+        # order: all references, all measurements, all excesses
         np.reshape(np.array(B, dtype=kind), (n, m)),
         np.reshape(np.array(C, dtype=kind), (n, N_CHANNELS)).T,
         D.reshape(N_CHANNELS, m),
@@ -198,7 +199,7 @@ def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: A
 
 
 def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "control.StateSpace":
-    """The continuous system at a sample time [s], as python-control's `sample_system` has it; names are kept.
+    """The continuous system at a sample time [s], as python-control's `sample_system` gives it; names are kept.
 
     Raises
     ------
@@ -223,7 +224,7 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "cont
 
 
 def _channels(name: str, value: Any) -> FloatArray:
-    """A gain of each channel."""
+    """A gain for each channel."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""A controller from a Python file of the user's."""
+"""A controller from a Python file of the user."""
 
 import importlib.util
 import sys
@@ -12,25 +12,25 @@ from gough_stewart.harness.errors import ControllerError
 
 
 def controller_from_file(file: Path, name: str) -> Controller:
-    """The object of a name in a Python file, which is executed: code of whoever wrote it, with the user's rights.
+    """An object of a Python file. The file is executed with the user's rights.
 
     Raises
     ------
     ControllerError
-        No such file or name, the file fails, or the object is no controller.
+        No such file or name, the file fails, or the object is not a controller.
     """
     if not file.is_file():
         raise ControllerError(f"{file}: no such file; expected a Python file that defines '{name}'")
-    # a name that no other module has; pickles and dataclasses look for the module under it
+    # a unique module name; pickles and dataclasses look up the module by it
     module_name = f"_gough_stewart_controller_{sha256(str(file.absolute()).encode()).hexdigest()[:16]}"
     spec = importlib.util.spec_from_file_location(module_name, file)
     if spec is None or spec.loader is None:
-        raise ControllerError(f"{file}: is no Python file; expected a name that ends in .py")
+        raise ControllerError(f"{file}: is not a Python file; expected a name that ends in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module_name] = module
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # the user's code may fail in any way
+    except (Exception, SystemExit) as error:  # user code may raise anything
         del sys.modules[module_name]
         raise ControllerError(f"{file}: fails with {type(error).__name__}: {error}") from error
     if not hasattr(module, name):
@@ -40,7 +40,7 @@ def controller_from_file(file: Path, name: str) -> Controller:
 
 
 class _FromFile:
-    """A control function of a file; its pickle is the place, so that another process finds it again."""
+    """A control function of a file; it pickles as its location, so that another process can load it."""
 
     def __init__(self, function: ControlFunction, file: Path, name: str) -> None:
         self._function, self._file, self._name = function, file, name

@@ -1,6 +1,6 @@
-"""Linear systems as plain matrices: all that a controller in a run needs.
+"""Linear systems as plain matrices, all that a controller needs in a run.
 
-python-control makes and analyses systems; importing it takes as long as a run of ten seconds.
+python-control designs and analyses systems; importing it takes as long as a run of ten seconds.
 """
 
 import sys
@@ -30,7 +30,7 @@ class StateSpace:
 
     @property
     def nstates(self) -> int:
-        """As python-control calls it, and the next two."""
+        """Number of states; named as in python-control, like the next two."""
         return len(self.A)
 
     @property
@@ -45,19 +45,19 @@ class StateSpace:
 
 
 def is_control_system(value: Any) -> bool:
-    """Whether it is a system of python-control."""
-    # nobody has one without having imported the package, and nobody else should wait for that
+    """Whether it is a python-control system."""
+    # such a system exists only if the package is imported; do not import it otherwise
     package = sys.modules.get("control")
     return package is not None and isinstance(value, package.InputOutputSystem)
 
 
 def state_space_of(system: Any) -> Any:
-    """The state space of a linear system: itself, ours or python-control's, or that of a transfer function.
+    """The state space of a linear system: itself, this project's or python-control's, or that of a transfer function.
 
     Raises
     ------
     ControllerError
-        Another kind of system, or none.
+        Another kind of system, or not a system.
     """
     if isinstance(system, StateSpace):
         return system
@@ -77,17 +77,17 @@ def state_space_of(system: Any) -> Any:
 def discretised(system: StateSpace, sample_time: float, method: Method = "tustin") -> StateSpace:
     """The continuous system at a sample time T [s].
 
-    tustin: s = 2/T (z − 1)/(z + 1); backward_diff: s = (z − 1)/(T z); zoh: exact under inputs that are held. The states
-    are those of python-control's `sample_system`.
+    tustin: s = 2/T (z − 1)/(z + 1); backward_diff: s = (z − 1)/(T z); zoh: exact for held inputs. The states are those
+    of python-control's `sample_system`.
 
     Raises
     ------
     ControllerError
-        The system is sampled already, the sample time is not > 0, the method is unknown, or a pole of the system is
-        faster than the samples can tell: by Tustin's rule it would ring from sample to sample.
+        The system is already discrete, the sample time is not > 0, the method is unknown, or a pole is too fast for the
+        sample time: by Tustin's rule it would ring from sample to sample.
     """
     if system.dt:
-        raise ControllerError(f"the system is sampled already, every {system.dt:g} s; expected a continuous one")
+        raise ControllerError(f"the system is already discrete, with {system.dt:g} s; expected a continuous system")
     if not (np.isfinite(sample_time) and sample_time > 0):
         raise ControllerError(f"sample_time is {sample_time!r}; expected a time > 0 s")
     if method not in METHODS:
@@ -103,7 +103,7 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
 
 
 def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Solve = np.linalg.solve) -> StateSpace:
-    """`discretised` without its checks, for numbers, and for CasADi symbols in arrays with a `solve` of their own."""
+    """`discretised` without its checks, for numbers or for CasADi symbols in arrays with their own `solve`."""
     if method == "zoh":
         return _held(system, sample_time)
     return _by_differences(system, sample_time, 0.5 if method == "tustin" else 1.0, solve)
@@ -120,16 +120,16 @@ def _by_differences(system: StateSpace, T: Any, alpha: float, solve: Solve) -> S
 
 
 def _held(system: StateSpace, T: Any) -> StateSpace:
-    """[A_d B_d; 0 1] = exp([A B; 0 0] T); of a diagonal A element by element."""
+    """[A_d B_d; 0 1] = exp([A B; 0 0] T); for a diagonal A element by element."""
     poles = np.diag(system.A)
     if _is_zero(system.A - np.diag(poles)):
-        # (e^(pT) − 1)/p, without the difference of two numbers near 1, and T for p = 0
+        # (e^(pT) − 1)/p without cancellation near 1, and T for p = 0
         half = poles * T / 2
         grown = 2 * np.exp(half) * np.sinh(half)
         each = zip(poles, grown, T + 0 * poles, strict=True)
         phi = np.array([t if _is_zero(p) else g / p for p, g, t in each], dtype=poles.dtype)
         return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
-    from scipy.linalg import expm  # a rare method; its import takes longer than all else here
+    from scipy.linalg import expm  # rarely needed, and slow to import
 
     n, m = system.B.shape
     both = expm(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T)
@@ -137,14 +137,14 @@ def _held(system: StateSpace, T: Any) -> StateSpace:
 
 
 def _is_zero(values: Any) -> bool:
-    """Whether nothing but zeros is there; a symbol is none."""
+    """Whether all values are zero; a symbol is not."""
     return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))
 
 
 def _by_elements(matrix: Any) -> Any:
-    """Of a matrix of transfer functions.
+    """State space of a matrix of transfer functions.
 
-    python-control converts one only with slycot, which would find fewer states.
+    python-control needs slycot for this, which would find fewer states.
     """
     import control
     from scipy.linalg import block_diag
@@ -153,7 +153,7 @@ def _by_elements(matrix: Any) -> Any:
     elements = [
         [control.ss(control.tf(matrix.num[i][j], matrix.den[i][j], matrix.dt)) for j in range(n)] for i in range(m)
     ]
-    # state (i, j) is driven by input j and seen at output i
+    # state (i, j) is driven by input j and observed at output i
     flat = [(i, j, elements[i][j]) for i in range(m) for j in range(n)]
     A = block_diag(*(each.A for _, _, each in flat))
     B = np.vstack([np.outer(each.B[:, 0], np.eye(n)[j]) for _, j, each in flat])

@@ -1,4 +1,4 @@
-"""The structured singular value μ of matrices over frequency, by its upper bound."""
+"""Upper bound of the structured singular value μ over frequency."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,16 +7,16 @@ from gough_stewart.model.vectors import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
-# Rounds of balancing, steps of descent, and the largest ln D.
+# Balancing iterations, descent steps, and the largest ln D.
 _BALANCES, _DESCENTS, _WIDEST = 5, 40, 30.0
 
 
 def scaled_norm(M: ComplexArray) -> FloatArray:
     """Upper bound min over D of σ(D M D⁻¹), D > 0 diagonal, of the structured singular value μ of (n, m, m), each (n,).
 
-    For complex uncertainties, one in each channel: exact for m ≤ 3, and seldom a few percent above μ beyond (Packard &
-    Doyle 1993, "The complex structured singular value", Automatica 29(1), 71–109). ln σ is convex in ln D; what is
-    found is less than 1 % above the minimum, and never under it.
+    For one complex uncertainty per channel: exact for m ≤ 3, rarely a few percent above μ for larger m (Packard & Doyle
+    1993, "The complex structured singular value", Automatica 29(1), 71–109). ln σ is convex in ln D; the result is less
+    than 1 % above the minimum, and never below it.
     """
     scales = _balance(M)
     here, slope, best, step = scales, np.zeros(scales.shape), np.full(len(M), np.inf), np.full(len(M), 0.5)
@@ -28,17 +28,17 @@ def scaled_norm(M: ComplexArray) -> FloatArray:
         # ∂ ln σ / ∂ ln D_i = |u_i|² − |v_i|²
         slope = np.where(lower[:, None], np.abs(U[:, :, 0]) ** 2 - np.abs(Vh[:, 0, :]) ** 2, slope)
         step = np.where(lower, 1.2 * step, 0.5 * step)
-        # where a channel feels no other, the best scaling is infinite
+        # where a channel is decoupled, the best scaling is infinite
         here = np.clip(scales - step[:, None] * slope, -_WIDEST, _WIDEST)
     return best
 
 
 def _balance(M: ComplexArray) -> FloatArray:
-    """Scales ln D (n, m) that makes row i and column i of D M D⁻¹ about equally long, as Osborne (1960) does."""
+    """Scales ln D (n, m) that give row i and column i of D M D⁻¹ about equal norms (Osborne 1960)."""
     squares, scales = np.abs(M) ** 2, np.zeros(M.shape[:2])
     for _ in range(_BALANCES):
         for i in range(M.shape[-1]):
-            # the weight is 0 on the diagonal, which no scaling changes
+            # the weight is 0 on the diagonal, which scaling does not change
             weight = np.exp(2 * (scales[:, i : i + 1] - scales))
             weight[:, i] = 0.0
             row = (squares[:, i, :] * weight).sum(axis=1)

@@ -1,9 +1,9 @@
 """Products of many members' sparse matrices with their vectors, element by element in a fixed order.
 
-A BLAS adds up in another order for other sizes, so that a member's last bits would depend on who else is there. Here
-row i of y = M x is M_ij x_j + M_ik x_k + …, columns ascending, for every member alike. Elements are taken together
-along chains of the matrix, (i, j), (i + r, j + c), (i + 2 r, j + 2 c), …: of six channels side by side, one for each
-kind of element.
+BLAS sums in an order that depends on the sizes, so the last bits of a member's result would depend on the other
+members. Here row i of y = M x is M_ij x_j + M_ik x_k + …, columns ascending, for every member alike. Elements are
+grouped along chains of the matrix, (i, j), (i + r, j + c), (i + 2 r, j + 2 c), …: with six channels side by side, one
+chain for each kind of element.
 """
 
 from collections.abc import Callable
@@ -19,11 +19,11 @@ class _Chain(NamedTuple):
     rows: slice
     columns: slice
     values: FloatArray  # (length, N)
-    is_first: bool  # of its rows
+    is_first: bool  # element of its row
 
 
 class Product:
-    """y = M x of members whose matrices (N, rows, columns), or one for all (rows, columns), have zeros alike."""
+    """y = M x for members whose matrices (N, rows, columns), or one for all (rows, columns), share a zero pattern."""
 
     def __init__(self, matrices: FloatArray, n_members: int) -> None:
         M = np.broadcast_to(matrices, (n_members, *matrices.shape[-2:]))
@@ -34,8 +34,8 @@ class Product:
         self._work = np.zeros((M.shape[1], n_members))
 
     def of(self, x: FloatArray, y: FloatArray) -> Callable[[], None]:
-        """What writes M x of x (columns, N) into y (rows, N), always these arrays; rows without elements stay."""
-        # taken out beforehand, as views cost Python as much as the arithmetic
+        """A function that writes M x of x (columns, N) into y (rows, N), always these arrays; empty rows stay."""
+        # views are made in advance: making one takes Python as long as the arithmetic
         steps: list[tuple[np.ufunc, FloatArray, FloatArray, FloatArray]] = []
         for rows, columns, values, is_first in self._chains:
             term = y[rows] if is_first else self._work[: len(values)]
@@ -51,13 +51,13 @@ class Product:
 
 
 def _every(numbers: NDArray[np.intp]) -> slice:
-    """The same as a slice, of numbers that go up in equal steps, or are all the same."""
+    """Indices as a slice, if they are equally spaced or all the same."""
     first, last = int(numbers[0]), int(numbers[-1])
     return slice(first, last + 1, max(1, int(numbers[1]) - first)) if len(numbers) > 1 else slice(first, first + 1)
 
 
 def _chains(pattern: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:
-    """All elements of a pattern: their rank among those of their row, rows and columns, the lower ranks first."""
+    """All elements of a pattern: their rank within their row, rows and columns, lower ranks first."""
     found = []
     rank = pattern.cumsum(axis=1) - 1
     for k in range(int(rank.max(initial=-1)) + 1):
@@ -71,7 +71,7 @@ def _chains(pattern: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp], NDA
 
 
 def _chain_from(first: tuple[int, int], second: tuple[int, int], among: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Elements that follow each other by the same step as these two."""
+    """Elements that continue the step between these two."""
     r, c = second[0] - first[0], second[1] - first[1]
     chain = [first]
     while r > 0 and c >= 0 and (chain[-1][0] + r, chain[-1][1] + c) in among:

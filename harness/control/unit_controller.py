@@ -1,4 +1,4 @@
-"""A controller that is an FMU: ours, exported, or somebody else's with the same or other names."""
+"""A controller that is an FMU: exported by this project, or a third-party FMU with the same or other names."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -19,7 +19,7 @@ from gough_stewart.model.vectors import FloatArray
 
 REFERENCE = "reference_"
 _ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
-# What can be fed to it: measurements and references as they lie in the loop's two vectors.
+# What its inputs may be: measurements and references, with their positions in the loop's two vectors.
 INPUTS: tuple[tuple[str, Variable], ...] = (
     *((v.name, v) for v in signals.VARIABLES),
     *((REFERENCE + v.name, v) for v in (*signals.VARIABLES, *_ACCELERATIONS)),
@@ -29,12 +29,12 @@ _FORCE, _LIMITED = "actuator_force", "force_limited"
 
 @dataclass(frozen=True)
 class UnitController:
-    """An FMU for Co-Simulation, FMI 2.0 or 3.0, as controller; it holds its own reference and feedforward, or none.
+    """An FMU for Co-Simulation, FMI 2.0 or 3.0, as controller; its own reference and feedforward, if any, are inside.
 
-    At each sample it gets those of its inputs that have names of measured signals (`leg_length`, `leg_velocity`,
-    `position`, …) or of references (`reference_leg_length`, `reference_position`, …, `reference_acceleration`), is
-    stepped over a sample time, and gives `actuator_force` then, so that the loop has a delay of at least one sample.
-    Other inputs keep their start values.
+    At each sample it receives those of its inputs that have names of measured signals (`leg_length`, `leg_velocity`,
+    `position`, …) or of references (`reference_leg_length`, `reference_position`, …, `reference_acceleration`), takes
+    a step of one sample time, and then outputs `actuator_force`, so the loop has a delay of at least one sample. Other
+    inputs keep their start values.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class UnitController:
         The FMU.
     names
         Its own names where they differ, as {"leg_length": "L", "actuator_force": "u_{}"}: an array, or scalars "L[1]"
-        to "L[6]"; with {} in the place of a number from 1 on.
+        to "L[6]"; {} stands for a number from 1 on.
     parameters
-        Start values of parameters or other inputs, by its own names.
+        Start values of parameters or other inputs, by the FMU's names.
     is_foreign
-        Whether it runs in a process of its own.
+        Whether it runs in its own process.
     """
 
     path: Path
@@ -61,12 +61,12 @@ class UnitController:
                 raise ControllerError(f"names: no signal '{name}'{interface.nearest(name, known)}")
 
     def open(self, sample_time: float) -> "UnitLaw":
-        """The unit made ready for a run; to be closed.
+        """The FMU, ready for a run; close it afterwards.
 
         Raises
         ------
         ControllerError
-            No such FMU, one whose variables do not fit, or one for another sample time.
+            No such FMU, variables that do not fit, or another sample time.
         """
         arguments = (self.path, dict(self.names), dict(self.parameters), sample_time)
         if self.is_foreign:
@@ -77,7 +77,7 @@ class UnitController:
 
 
 class UnitLaw:
-    """The unit as control law; see `gough_stewart.harness.control.laws.Law`."""
+    """The FMU as control law; see `gough_stewart.harness.control.laws.Law`."""
 
     used = signals.NAMES
 
@@ -87,11 +87,11 @@ class UnitLaw:
 
     @property
     def state(self) -> FloatArray:
-        """None that can be seen."""
+        """Empty: the memory of an FMU is not visible."""
         return np.zeros(0)
 
     def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
-        """The forces that the unit has at the end of the sample."""
+        """The forces that the FMU outputs at the end of the sample."""
         outputs = self._step(k * self._sample_time, self._sample_time, np.concatenate([measured, wanted]))
         self.limited = outputs[6:] > 0.5
         return outputs[:6]
@@ -104,7 +104,7 @@ class UnitLaw:
 
 
 class ControllerUnit:
-    """The unit in FMPy."""
+    """The FMU, run by FMPy."""
 
     def __init__(self, path: Path, names: Mapping[str, str], parameters: Mapping[str, Any], sample_time: float) -> None:
         check_installed(RUNNER)
@@ -112,7 +112,7 @@ class ControllerUnit:
 
         class ControllerFile(FmuFile):
             error = ControllerError
-            remedy = "`gough-stewart export` makes controllers"
+            remedy = "`gough-stewart export` makes controller FMUs"
 
         with ExitStack() as stack:
             self._file = file = stack.enter_context(ControllerFile(path))
@@ -132,7 +132,7 @@ class ControllerUnit:
             self._open = stack.pop_all()
 
     def step(self, time: float, step: float, values: FloatArray) -> FloatArray:
-        """Forces (6,) [N] and which of them are limited (6,), after a step with these measurements and references."""
+        """Forces (6,) [N], and which of them are limited (6,), after a step with these measurements and references."""
         from fmpy.fmi1 import FMICallException
 
         try:
@@ -152,7 +152,7 @@ class ControllerUnit:
             raise ControllerError(f"{self._file.path}: at time {time:.9g} s: {reason}") from error
 
     def close(self) -> None:
-        """Free the unit."""
+        """Free the FMU."""
         self._open.close()
 
     # --- inside ------------------------------------------------------------------------------------------------
@@ -162,11 +162,11 @@ class ControllerUnit:
         if own is not None and abs(float(own) - sample_time) > 1e-9 * sample_time:
             raise ControllerError(
                 f"{self._file.path}: its sample_time is {float(own):g} s, the loop's {sample_time:g} s; export the "
-                "controller anew, or set the loop's sample_time"
+                "controller again, or set the loop's sample_time"
             )
 
     def _inputs(self, names: Mapping[str, str]) -> tuple[NDArray[np.intp], list[int]]:
-        """Where its inputs come from in measurements and references, and their value references."""
+        """The sources of its inputs in measurements and references, and their value references."""
         source: list[NDArray[np.intp]] = []
         references: list[int] = []
         first, is_fed_back = 0, False
@@ -179,7 +179,7 @@ class ControllerUnit:
             first += variable.size
         if not is_fed_back:
             raise self._file.refusal(
-                f"has no input of a measured signal ({', '.join(signals.NAMES)}); if they have other names, give them "
+                f"has no input of a measured signal ({', '.join(signals.NAMES)}); if its names differ, list them "
                 "in [controller.names]"
             )
         return np.concatenate(source), references
@@ -187,7 +187,7 @@ class ControllerUnit:
     def _references(
         self, name: str, names: Mapping[str, str], variable: Variable | None, causality: str
     ) -> list[int] | None:
-        """Value references of a signal, None if the unit has none of that name."""
+        """Value references of a signal, None if the FMU has no variable of that name."""
         theirs, size = names.get(name, name), 6 if variable is None else variable.size
         whole = self._variables.get(theirs)
         if whole is not None and _size_of(whole) == size:
@@ -200,15 +200,15 @@ class ControllerUnit:
                 return None
             if len(found) != size:
                 missing = [scalar for scalar in scalars if scalar not in self._variables]
-                raise self._file.refusal(f"has no variable {missing[0]}, for {name}")
+                raise self._file.refusal(f"has no variable {missing[0]} for {name}")
         for v in found:
             if v.causality != causality:
-                raise self._file.refusal(f"{v.name} is of causality {v.causality}; expected an {causality}, for {name}")
+                raise self._file.refusal(f"{v.name} is of causality {v.causality}; expected {causality} for {name}")
             if v.type not in ("Real", "Float64"):
                 raise self._file.refusal(f"{v.name} is of type {v.type}; expected floating-point numbers")
             unit = v.unit or getattr(v.declaredType, "unit", None)
             if variable is not None and unit not in (None, "", variable.unit):
-                raise self._file.refusal(f"{v.name} is in {unit}; expected {variable.unit}, for {name}")
+                raise self._file.refusal(f"{v.name} is in {unit}; expected {variable.unit} for {name}")
         return [v.valueReference for v in found]
 
     def _set(self, parameters: Mapping[str, Any]) -> None:
@@ -235,7 +235,8 @@ class ControllerUnit:
         if all(scalar in self._variables for scalar in scalars):
             return [self._variables[scalar].valueReference for scalar in scalars]
         raise ControllerError(
-            f"{self._file.path}: parameter {name} with {size} numbers{interface.nearest(name, list(self._variables))}"
+            f"{self._file.path}: no parameter {name} with {size} "
+            f"elements{interface.nearest(name, list(self._variables))}"
         )
 
 

@@ -1,4 +1,4 @@
-"""Actuators: limits of force and of its rate, a first-order lag, and a delay before all of them."""
+"""Actuators: force limit, rate limit and first-order lag, after a delay."""
 
 from dataclasses import dataclass
 
@@ -12,27 +12,27 @@ from gough_stewart.model.vectors import FloatArray
 
 @dataclass(frozen=True)
 class Actuators:
-    """What lies between a wanted force and the force that acts.
+    """The path from the commanded force to the force that acts.
 
-    The command is cut to ± `force_limit`, held, and comes to the drive `delay` samples late. The drive follows it by
-    at most `rate_limit` [N/s], and, with a time constant `lag` τ [s], as τ ḟ = r − f. Without limits by default. Of
-    many members each may be an array (N,), with infinite limits where there is none.
+    The command is clipped to ± `force_limit`, held, and reaches the drive `delay` samples later. The drive follows it
+    within `rate_limit` [N/s] and, with a time constant `lag` τ [s], as τ ḟ = r − f. No limits by default. For many
+    members each may be an array (N,), with infinite limits for members that have none.
     """
 
     force_limit: PerMember | None = None  # [N]
     rate_limit: PerMember | None = None  # [N/s]
     lag: PerMember = 0.0  # [s]
-    delay: PerMember = 0  # [samples], whole ones
+    delay: PerMember = 0  # [samples], integer
 
 
 class Drives:
-    """The six actuators in a run, from forces (*shape, 6) that they have at its beginning; inside, (6,) or (6, N)."""
+    """The six actuators in a run, with their start forces (*shape, 6); internal arrays are (6,) or (6, N)."""
 
     def __init__(self, actuators: Actuators, start: FloatArray, sample_time: float, plant_step: float) -> None:
         begin = start.T.copy()
         rate = np.inf if actuators.rate_limit is None else actuators.rate_limit
         lag = np.asarray(actuators.lag)
-        # for six forces NumPy takes an array in half the time that it needs for a number
+        # with six forces, NumPy is twice as fast with an array as with a number
         limit = actuators.force_limit
         self._high = limit if limit is None or start.ndim > 1 else np.full(6, limit)
         self._low = None if self._high is None else -self._high
@@ -43,19 +43,19 @@ class Drives:
         delays = np.asarray(actuators.delay)
         self._delay = _Delay(delays, begin)
         self._target = begin
-        self._reached = begin.copy()  # behind the rate limit
-        self._planned = begin.copy()  # the same when the newest command will have acted for a sample
-        self._force = begin.copy()  # behind the lag
+        self._reached = begin.copy()  # after the rate limit
+        self._planned = begin.copy()  # the same, predicted for one sample after the newest command
+        self._force = begin.copy()  # after the lag
         self._lags = (lag > 0).all() if (lag > 0).all() == (lag > 0).any() else lag > 0
         self._lag = np.where(lag > 0, lag, 1.0)[()]
-        self.none = np.zeros(start.shape, dtype=bool)  # held back by no limit
+        self.none = np.zeros(start.shape, dtype=bool)  # no limit active
         self._nothing = np.zeros(start.shape)
 
     def command(self, j: int, force: FloatArray, due: BoolArray | None = None) -> tuple[BoolArray, FloatArray]:
-        """Take the forces (*shape, 6) [N] wanted at sample j, of the members that `due` (N,) names, or of all.
+        """Accept the commanded forces (*shape, 6) [N] of sample j, for the members in `due` (N,), or for all.
 
-        Returns which of them the force limit cut (*shape, 6), and the excess (*shape, 6) [N]: what the limits of force
-        and rate leave of the command when it has acted for a sample, minus the command.
+        Returns which of them are clipped (*shape, 6), and the excess (*shape, 6) [N]: the force that the force and rate
+        limits allow after one sample, minus the command.
         """
         wanted = force.T
         if self._high is None:
@@ -72,11 +72,11 @@ class Drives:
         return cut, (self._planned - wanted).T
 
     def step(self) -> tuple[FloatArray, BoolArray]:
-        """Mean forces (*shape, 6) [N] over the next plant step, and which of them the rate limit holds back."""
+        """Mean forces (*shape, 6) [N] over the next plant step, and which of them the rate limit affects."""
         if self._follows_at_once:
             return self._target.T, self.none
         h = self._step
-        # behind the rate limit r goes from r₀ toward the target r₁ at ±rate, is there after a ≤ h, and then waits
+        # after the rate limit, r goes from r₀ to the target r₁ at ±rate, reaches it after a ≤ h, and stays
         way = self._target - self._reached
         a = np.minimum(np.abs(way) / self._rate, h)
         slope = np.sign(way) * self._slope
@@ -98,20 +98,20 @@ class Drives:
 
 
 class _Delay:
-    """Forces (6,) or (6, N) on their way: what comes out at sample j went in at j − d, before the start the first ones.
+    """A delay line for forces (6,) or (6, N): the output at sample j is the input at j − d; first, the start forces.
 
-    d is one for all, or of each member (N,).
+    d is one number for all members, or one for each (N,).
     """
 
     def __init__(self, delays: NDArray[np.int_], start: FloatArray) -> None:
         self._delay = int(delays.max())
         self._slots = [start.copy() for _ in range(self._delay + 1)]
-        # of members with other delays, what each takes from which slot
+        # if the delays of members differ, which slot each reads
         self._of_slot = [(d, delays == d) for d in np.unique(delays).tolist()] if delays.min() < delays.max() else []
         self._out = start.copy()
 
     def __call__(self, j: int, forces: FloatArray, due: BoolArray | None) -> FloatArray:
-        """Take forces at sample j, of the members that are due, and give those that come out; both are kept."""
+        """Store the forces of sample j of the members that are due, and return the delayed ones."""
         slots, n = self._slots, self._delay + 1
         slots[j % n] = forces if due is None else np.where(due, forces, slots[j % n])
         if due is None and not self._of_slot:
@@ -122,6 +122,6 @@ class _Delay:
 
 
 def _between(low: PerMember, values: FloatArray, high: PerMember) -> FloatArray:
-    """As np.clip, which costs three times as much on six numbers."""
+    """As np.clip, which takes three times as long for six numbers."""
     between: FloatArray = np.minimum(np.maximum(values, low), high)
     return between

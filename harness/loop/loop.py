@@ -1,6 +1,6 @@
 """The sampled loop: a controller in discrete time around the plant, as it would run on the machine.
 
-One loop for one run and for many side by side: arrays have the plant's shape as leading axes, () or (N,).
+The same loop serves one run and many in parallel: arrays have the plant's shape as leading axes, () or (N,).
 """
 
 import math
@@ -29,15 +29,15 @@ from gough_stewart.model.vectors import FloatArray
 
 LawFrom = Callable[[FloatArray, FloatArray], Law]
 OnStroke = Literal["ignore", "warn", "stop"]
-LENGTHS = slice(12, 18)  # of the legs, in the vector of all signals
+LENGTHS = slice(12, 18)  # leg lengths, in the vector of all signals
 _ROWS_A_REPORT = 64
 
 
 @dataclass(frozen=True)
 class Change:
-    """From `time` [s] on, other tunable parameters of the plant, or another external wrench (6,) [N, N m].
+    """From `time` [s] on, new values of tunable parameters, or a new external wrench (6,) [N, N m].
 
-    Of many members parameters and wrench may have a leading axis (N,), and `members` (N,) names whom it concerns.
+    With many members, parameters and wrench may have a leading axis (N,), and `members` (N,) selects those that change.
     """
 
     time: float
@@ -48,7 +48,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Limits:
-    """What ends a run."""
+    """Conditions that end a run."""
 
     stroke: tuple[PerMember, PerMember] = (0.0, np.inf)  # leg lengths [m]
     on_stroke: OnStroke = "warn"
@@ -62,16 +62,16 @@ class Limits:
 
 @dataclass(frozen=True)
 class Loop:
-    """Everything of a run but plant and controller.
+    """Everything in a run except plant and controller.
 
-    Of many members, `together` makes it of theirs: arrays have a leading axis behind that of time, where members
-    differ, such as (n, N, 30), and `shape` is (N,).
+    For many members, made by `together`: where members differ, arrays have a member axis after that of time, such as
+    (n, N, 30), and `shape` is (N,).
     """
 
     timing: Timing
-    wanted: FloatArray | None  # signals and accelerations on the reference at every row (n, 30); None without one
+    wanted: FloatArray | None  # reference signals and accelerations at every row (n, 30); None without a reference
     feedforward: FloatArray  # at every sample (m, 6) [N]
-    start_force: FloatArray  # of the actuators before the first command (6,) [N]
+    start_force: FloatArray  # actuator forces before the first command (6,) [N]
     sensors: Sensors = field(default_factory=Sensors)
     actuators: Actuators = field(default_factory=Actuators)
     limits: Limits = field(default_factory=Limits)
@@ -83,35 +83,35 @@ class Loop:
 def observe(
     plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Observer, progress: TimeProgress | None = None
 ) -> tuple[Outcome, ...]:
-    """Run the loop to its end, or to where it cannot go on; that is an outcome of each member, not an error.
+    """Run the loop until it ends or cannot continue; either is an outcome of each member, not an error.
 
-    At each sample: measure, compute, and from then on (`actuators.delay` samples later) hold the forces. At each
-    plant step: changes come into effect, the drives act, the observer looks, the plant goes on. Members that have ended
-    stay as they are, and the others go on; a single run has one outcome, too.
+    At each sample: measure, compute, and hold the forces (`actuators.delay` samples later). At each plant step: apply
+    changes, advance the drives, call the observer, step the plant. Members that have ended stay frozen while the others
+    continue; a single run has one outcome, too.
 
     Parameters
     ----------
     law_from
-        Makes the controller from references (30,) and signals (24,) of the first sample; None for feedforward alone.
-        Of many members: `laws_together`.
+        Makes the control law from references (30,) and signals (24,) of the first sample; None for feedforward alone.
+        For many members, use `laws_together`.
     loop
-        Of the plant's shape, or one for all members alike.
+        With the plant's shape, or one loop for all members.
     progress
-        Called with the time [s] now and then.
+        Called with the time [s] from time to time.
 
     Raises
     ------
     ControllerError
-        The controller gave no forces at its first sample (one of many is an outcome), or a loop of another shape.
+        The controller gave no forces at its first sample (for one of many members an outcome), or wrong loop shape.
     PlantError
-        The plant refuses what it is asked for before there is a row; later it ends the run.
+        The plant refuses a request before the first row; later this ends the run.
     """
     shape: tuple[int, ...] = getattr(plant, "shape", ())
     if loop.shape not in ((), shape):
-        raise ControllerError(f"a loop of shape {loop.shape} around a plant of shape {shape}; expected both alike")
+        raise ControllerError(f"a loop of shape {loop.shape} with a plant of shape {shape}; expected the same shape")
     outcomes = Outcomes(shape)
     try:
-        # members that have ended may compute what is no number; nobody looks at it
+        # members that have ended may compute NaN, which is not used
         with np.errstate(all="ignore") if shape else nullcontext():
             _run(plant, law_from, loop, observer, outcomes, progress)
     except (StepError, ControllerError, PlantError) as error:
@@ -199,7 +199,7 @@ def _run(
             except MembersError as error:
                 for member, failure in error.failures.items():
                     outcomes.end(outcomes.only(member), "diverged", str(failure), counts=False)
-                outcomes.end_of_row()  # the plant has frozen them itself
+                outcomes.end_of_row()  # the plant has already frozen them
                 if not outcomes.going.any():
                     return
         if progress is not None and k % _ROWS_A_REPORT == 0:
@@ -207,12 +207,12 @@ def _run(
 
 
 def _signals_of(plant: Plant) -> Callable[[], FloatArray]:
-    """How to read them; a plant that inherits nothing may know nothing of signals."""
+    """The function that reads them; a plant that does not inherit from `Plant` may lack `signals`."""
     return plant.signals if hasattr(plant, "signals") else lambda: plant.results()[..., : signals.SIZE]
 
 
 def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
-    """Parameters to the plant, the wrench into the inputs (*shape, 12)."""
+    """Pass parameters to the plant, and the wrench to the inputs (*shape, 12)."""
     if change.parameters and change.members is None:
         plant.set_parameters(change.parameters)
     elif change.parameters and change.members is not None:
@@ -223,7 +223,7 @@ def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
 
 
 def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes: Outcomes) -> None:
-    """End what has come to its limits."""
+    """End members that have reached a limit."""
     if limits.on_stroke == "stop":
         beyond = limits.beyond_stroke(now[..., LENGTHS])
         if beyond.any():
@@ -243,16 +243,16 @@ def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes:
         x, y, z = gap.T
         error = np.sqrt(x * x + y * y + z * z)
     outcomes.end(
-        ~np.less_equal(error, bound),  # true of NaN, too
+        ~np.less_equal(error, bound),  # also true for NaN
         "diverged",
         lambda k: (
-            f"the platform is {members.of(error, k):.3g} m from its reference; the bound is {members.of(bound, k):g} m"
+            f"the platform is {members.of(error, k):.3g} m from its reference; the limit is {members.of(bound, k):g} m"
         ),
     )
 
 
 def _beyond_stroke(limits: Limits, lengths: FloatArray, beyond: BoolArray, k: int) -> str:
-    """What to say of a member's first leg that is beyond."""
+    """The message for a member's first leg beyond its stroke."""
     leg = int(beyond.reshape(-1, 6)[k].argmax())
     low, high = (members.of(each, k) for each in limits.stroke)
     return f"leg {leg + 1} is {lengths.reshape(-1, 6)[k, leg]:.6g} m long; its stroke is {low:g} to {high:g} m"

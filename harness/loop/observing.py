@@ -1,4 +1,4 @@
-"""What sees a run while it runs: row by row, of one member or of many."""
+"""Observers of a run: called at every row, for one member or many."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -11,11 +11,11 @@ from gough_stewart.model.vectors import FloatArray
 class Sampled:
     """What the controllers did at a sample; views, valid during the call only."""
 
-    j: int  # the sample
-    due: BoolArray | None  # (N,), whose sample it is at this row; None is everyone's
-    measured: FloatArray  # (*shape, 24); of many members only what the controllers look at
-    state: FloatArray  # (*shape, n_states), with which the command was made
-    command: FloatArray  # (*shape, 6), before any limit
+    j: int  # index of the sample
+    due: BoolArray | None  # (N,), members sampled at this row; None means all
+    measured: FloatArray  # (*shape, 24); of many members only the signals that controllers use
+    state: FloatArray  # (*shape, n_states), before the command was computed
+    command: FloatArray  # (*shape, 6), before limits
     force_limited: BoolArray  # (*shape, 6)
 
 
@@ -25,20 +25,20 @@ class Row(NamedTuple):
     k: int
     time: float  # [s]
     signals: FloatArray  # (*shape, 24)
-    inputs: FloatArray  # (*shape, 12), that act from here on
+    inputs: FloatArray  # (*shape, 12), acting from now on
     wanted: FloatArray | None  # (30,) or (*shape, 30)
-    command: FloatArray  # (*shape, 6) of the latest sample, before any limit
+    command: FloatArray  # (*shape, 6) of the latest sample, before limits
     force_limited: BoolArray  # (*shape, 6), of the latest sample
     rate_limited: BoolArray  # (*shape, 6)
-    running: BoolArray  # (*shape,), for which members this row counts: up to the row of the outcome
-    sampled: Sampled | None = None  # None where nobody samples
+    running: BoolArray  # (*shape,), members for which this row counts: up to the row of the outcome
+    sampled: Sampled | None = None  # None if no member is sampled
 
 
 class Observer(Protocol):
-    """Something that is called at every row, when the inputs are set.
+    """Called at every row, when the inputs are set.
 
-    One that wants accelerations has the plant, and calls its `results`.
+    An observer that needs accelerations calls `results` of the plant.
     """
 
     def row(self, row: Row) -> None:
-        """Once a row, in the order of time."""
+        """Called once per row, in order of time."""

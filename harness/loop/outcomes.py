@@ -1,4 +1,4 @@
-"""How runs end: each member by itself, at its time and for its cause."""
+"""How runs end: the time and cause of each member."""
 
 from collections.abc import Callable
 from typing import Literal, NamedTuple
@@ -19,14 +19,14 @@ class Outcome(NamedTuple):
 
 
 class Outcomes:
-    """Of a run, or of each of many members, while they go on."""
+    """The outcomes of a run, or of many members, so far."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self._shape = shape
         self._found: dict[int, Outcome] = {}
         self.time: float | None = None  # of the latest row; None before the first
-        self.going = np.ones(shape, dtype=bool)  # who has no outcome yet
-        self.running = np.ones(shape, dtype=bool)  # for whom the present row counts
+        self.going = np.ones(shape, dtype=bool)  # members without an outcome
+        self.running = np.ones(shape, dtype=bool)  # members for which the present row counts
         self.all_go = True
         self._before, self._ended_now = self.going.copy(), False
 
@@ -39,9 +39,9 @@ class Outcomes:
         time: float | None = None,
         counts: bool = True,
     ) -> None:
-        """For these members, as far as they still go on, at a time [s], that of the latest row by default.
+        """End those of these members that still run, at a time [s], by default that of the latest row.
 
-        The present row is their last one, or where it does not count none of theirs.
+        The present row is their last one; if it does not count, the one before.
         """
         at = (self.time or 0.0) if time is None else time
         ends = self.going & whose
@@ -56,11 +56,11 @@ class Outcomes:
         self.all_go, self._ended_now = False, True
 
     def only(self, member: int) -> BoolArray:
-        """That member as a mask."""
+        """A mask of one member."""
         return np.asarray(np.arange(self.going.size).reshape(self._shape) == member)
 
     def end_of_row(self) -> BoolArray | None:
-        """Who has ended since the last time, None for nobody; from here on rows do not count for them."""
+        """Members that have ended since the last call, or None; later rows do not count for them."""
         if not self._ended_now:
             return None
         ended: BoolArray = self._before & ~self.going
@@ -69,6 +69,6 @@ class Outcomes:
         return ended
 
     def at_last(self, time: float) -> tuple[Outcome, ...]:
-        """Of all, at the end of the run [s]."""
+        """The outcomes of all members at the end of the run [s]."""
         completed = Outcome("completed", time, None)
         return tuple(self._found.get(member, completed) for member in range(self.going.size))

@@ -1,4 +1,4 @@
-"""A run with everything that happened in it, row by row."""
+"""A run with its complete history, row by row."""
 
 from dataclasses import dataclass
 
@@ -18,10 +18,10 @@ from gough_stewart.model.vectors import FloatArray
 
 @dataclass(frozen=True)
 class Run:
-    """What happened, row by row as far as the run came; per sample what the controller did.
+    """The history of a run up to its end, by row; the controller's by sample.
 
-    Of many members arrays have their axis behind that of time, such as (n, N, 12). Rows of a member that has ended
-    before the others are of a platform that stands still in time.
+    With many members, arrays have the member axis after that of time, such as (n, N, 12). After a member has ended,
+    its rows repeat the last state.
     """
 
     time: FloatArray  # (n,)
@@ -30,21 +30,21 @@ class Run:
     rate_limited: BoolArray  # (n, 6)
     stroke_exceeded: BoolArray  # (n, 6)
     sample_of_row: NDArray[np.intp]  # (n,), the last sample at or before each row
-    measured: FloatArray  # (m, 24); of many members only what the controllers look at
-    command: FloatArray  # (m, 6), before any limit
-    controller_state: FloatArray  # (m, n_states), with which the command was made
+    measured: FloatArray  # (m, 24); of many members only the signals that controllers use
+    command: FloatArray  # (m, 6), before limits
+    controller_state: FloatArray  # (m, n_states), before the command was computed
     force_limited: BoolArray  # (m, 6)
-    outcomes: tuple[Outcome, ...]  # of each member
+    outcomes: tuple[Outcome, ...]  # one per member
 
     @property
     def outcome(self) -> Outcome:
-        """Of a single run."""
+        """The outcome of a single run."""
         (only,) = self.outcomes
         return only
 
 
 def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
-    """`observe`, with everything kept."""
+    """`observe` with a complete history."""
     everything = _Everything(plant, loop)
     return everything.run(observe(plant, law_from, loop, everything, progress))
 
@@ -64,7 +64,7 @@ class _Everything(Observer):
         self._state = members.zeros(shape, 0, self._m)
 
     def row(self, row: Row) -> None:
-        # once more: accelerations and joint forces under the forces that act from here on
+        # evaluated again: accelerations and joint forces under the forces that act from now on
         k = row.k
         self._results[k], self._inputs[k] = self._plant.results(), row.inputs
         self._rate_limited[k] = row.rate_limited
@@ -87,7 +87,7 @@ class _Everything(Observer):
         np.copyto(self._force_limited[j], sampled.force_limited, where=whose)
 
     def run(self, outcomes: tuple[Outcome, ...]) -> Run:
-        """As far as it came."""
+        """The history so far."""
         timing, rows = self._loop.timing, self._rows
         return Run(
             timing.times[:rows],

@@ -1,4 +1,4 @@
-"""The controllers' side of a run: they wake up at the samples, measure, compute and command."""
+"""The controllers' part of a run: measure, compute and command at the samples."""
 
 from typing import TYPE_CHECKING, cast
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 class Sampler:
-    """What happens at the samples of one run, or of many side by side.
+    """The actions at the samples of one run, or of many in parallel.
 
-    Members may have their samples at other rows, up to a jitter late, but always within the same sample time.
+    With jitter, members may be sampled at different rows, but always within the same sample time.
     """
 
     def __init__(
@@ -41,21 +41,21 @@ class Sampler:
         n = len(rows) if every is None else timing.steps // every + 1
         self._encoders = Encoders(loop.sensors, every, n, shape)
         if law_from is not None and loop.wanted is None:
-            raise ControllerError("a controller without a reference; expected the signals that it is to follow")
+            raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
         self._every, self._plant_step = timing.steps_a_sample, timing.plant_step
-        # of all at once as a list, in which Python looks faster; None where members differ
+        # a list if common to all members, since Python reads it faster; None where members differ
         self._rows = rows.tolist() if rows.ndim == 1 else None
         self._rows_of_members = rows
         self._law: Law | None = None
-        self._sum = members.zeros(shape, 6) if shape else None  # what is commanded, where it may be written
+        self._sum = members.zeros(shape, 6) if shape else None  # a buffer for the command
         self._no_state = np.zeros((*shape, 0))
         self._excess = members.zeros(shape, 6)
         self.command = members.zeros(shape, 6)
         self.force_limited = members.flags(shape, 6)
 
     def at_row(self, k: int, time: float, now: FloatArray) -> Sampled | None:
-        """Measure, compute and command, for whom there is a sample at this row; what cannot be done ends members."""
+        """Measure, compute and command, for members with a sample at this row; failures end members."""
         j, due = k // self._every, None
         if self._rows is not None:
             is_sample = self._rows[j] == k
@@ -75,7 +75,7 @@ class Sampler:
             command = command + self._loop.injection[j]
         state = self._no_state
         if self._law_from is not None and self._loop.wanted is not None:
-            # the controller counts its samples, and knows nothing of their being late
+            # the controller counts nominal samples, regardless of jitter
             wanted = self._loop.wanted[j * self._every]
             if self._law is None:
                 self._law = self._law_from(wanted, reading)
@@ -95,7 +95,7 @@ class Sampler:
 
     def _command_one(self, j: int, time: float, command: FloatArray) -> None:
         self.command = command
-        # the sum is quicker in Python, and enough for all but the largest; false of NaN, too
+        # this sum is fast in Python, and conclusive except for the largest forces; also false for NaN
         if not (sum(map(abs, command.tolist())) < LARGEST_NUMBER or (np.abs(command) <= LARGEST_NUMBER).all()):
             self._outcomes.end(True, "diverged", _forces_are(command), time=time)
             self.force_limited = np.zeros(6, dtype=bool)
@@ -107,7 +107,7 @@ class Sampler:
     def _command_many(self, j: int, time: float, command: FloatArray, due: BoolArray | None) -> None:
         going = self._outcomes.going
         if due is not None:
-            # what a member has commanded stays until its next sample; of one that has ended nothing is left
+            # a member's command stays until its next sample; that of an ended member is cleared
             command = np.where(due[:, None], command, np.where(going[:, None], self.command, 0.0))
         self.command = command if command.ndim == 2 else np.broadcast_to(command, (*self._shape, 6))
         if not members.all_below(self.command, LARGEST_NUMBER):
@@ -115,13 +115,13 @@ class Sampler:
             self._outcomes.end(beyond, "diverged", lambda member: _forces_are(self.command[member]), time=time)
             due = going & (True if due is None else due)
         cut, excess = self._drives.command(j, self.command, due)
-        # of commands that stayed both are what they were
+        # for commands that were held, both stay the same
         self.force_limited, self._excess = cut if due is None else cut & going[:, None], excess
 
     def _forces(
         self, law: "LawOfMany", j: int, at: float, wanted: FloatArray, reading: FloatArray, due: BoolArray | None
     ) -> tuple[FloatArray, BoolArray | None]:
-        """Of many, and who is due now: without those whose controllers gave none."""
+        """Forces of many members, and which are due now, without those whose controllers gave none."""
         force = law.force(j, at, wanted, reading, self._excess, due)
         if law.failures:
             failed = np.isin(np.arange(self._shape[0]), list(law.failures))

@@ -1,4 +1,4 @@
-"""Sensors: what is measured of the signals, with noise and quantisation; the same seed, the same numbers."""
+"""Sensors: measured signals with noise and quantisation, reproducible from the seed."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -10,17 +10,17 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
 
-# So many readings of many members have their noise drawn at a time.
+# For many members, noise is drawn in blocks of so many readings.
 _BLOCK = 64
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """Per signal: standard deviation of white noise, and the step of quantisation, in the signal's unit.
+    """Per signal: standard deviation of white noise, and quantisation step, in the signal's unit.
 
-    measured = q · round((true + σ N(0, 1)) / q), each reading and element anew. Readings are taken when the controller
-    samples; with a `sample_time` [s] of their own, at its multiples, and the controller has the latest one. Of many
-    members σ and q may be arrays (N,), 0 where there is none, and the seed one of each.
+    measured = q · round((true + σ N(0, 1)) / q), independently for each reading and element. Readings are taken at the
+    controller's samples; with a separate `sample_time` [s], at its multiples, and the controller uses the latest one.
+    For many members σ and q may be arrays (N,), 0 where a member has none, with one seed for each.
     """
 
     noise: Mapping[str, PerMember] = field(default_factory=dict)
@@ -30,10 +30,10 @@ class Sensors:
 
 
 class Readings:
-    """The sensors in a run of n readings; inside, arrays are (24,) or (24, N)."""
+    """The sensors in a run of n readings; internal arrays are (24,) or (24, N)."""
 
     def __init__(self, sensors: Sensors, n: int, shape: tuple[int, ...] = ()) -> None:
-        # a stream for each signal: noise on one leaves the noise on the others as it was
+        # one random stream per signal: noise on one does not change the noise on the others
         self._noise = {
             name: _Noise(sensors, name, n, shape)
             for name in signals.NAMES
@@ -44,7 +44,7 @@ class Readings:
         self.only(signals.NAMES)
 
     def only(self, names: Iterable[str]) -> None:
-        """Read these signals alone from here on: of many members the others would cost time that nobody uses."""
+        """Read only these signals from now on, to save time with many members."""
         many = self._measured.ndim > 1
         read = list(names) if many else list(signals.NAMES)
         self._exact = _joined([_PARTS[name] for name in read if name not in self._steps or name in self._noise])
@@ -56,7 +56,7 @@ class Readings:
         ]
 
     def __call__(self, k: int, true: FloatArray) -> FloatArray:
-        """All signals as measured at reading k (*shape, 24); of many members valid until the next call."""
+        """All signals measured at reading k (*shape, 24); for many members valid until the next call."""
         columns = true.T
         if columns.ndim == 1:
             measured = columns + self._measured  # zeros
@@ -72,17 +72,17 @@ class Readings:
 
 
 class _Steps:
-    """q · round(x / q), x itself where q is 0."""
+    """q · round(x / q), or x where q is 0."""
 
     def __init__(self, step: PerMember, size: int | None) -> None:
         self._none = np.asarray(step) == 0
         self._some_have_none = bool(self._none.any())
         self._step = np.where(self._none, 1.0, step) if self._some_have_none else step
         if size is not None:
-            self._step = np.full(size, step)  # which NumPy takes in half the time
+            self._step = np.full(size, step)  # twice as fast in NumPy as a number
 
     def round(self, exact: FloatArray, out: FloatArray) -> None:
-        """Into `out`, which may be `exact` itself."""
+        """Write to `out`, which may be `exact`."""
         kept = exact.copy() if self._some_have_none else None
         np.divide(exact, self._step, out)
         np.rint(out, out)
@@ -92,14 +92,14 @@ class _Steps:
 
 
 class Encoders:
-    """Readings at the controller's samples, or every so many plant steps, of which the controller has the latest.
+    """Readings at the controller's samples, or every so many plant steps; the controller uses the latest.
 
     Parameters
     ----------
     every
-        Plant steps from reading to reading; None for readings at the samples.
+        Plant steps between readings; None for readings at the samples.
     n
-        How many readings there will be.
+        Number of readings.
     """
 
     def __init__(self, sensors: Sensors, every: int | None, n: int, shape: tuple[int, ...] = ()) -> None:
@@ -108,7 +108,7 @@ class Encoders:
         self.only = self._readings.only
 
     def __call__(self, k: int, now: FloatArray, sample: int | None) -> FloatArray:
-        """The latest reading at a row, of the signals (*shape, 24) that are there now; None where nobody samples."""
+        """The latest reading at a row, from the present signals (*shape, 24); None if no member is sampled."""
         if self._every is None:
             if sample is not None:
                 self._latest = self._readings(sample, now)
@@ -118,7 +118,7 @@ class Encoders:
 
 
 class _Noise:
-    """White noise of one signal, as elements side by side: (size,), or of many members (size, N)."""
+    """White noise of one signal: (size,), or (size, N) for many members."""
 
     def __init__(self, sensors: Sensors, name: str, n: int, shape: tuple[int, ...]) -> None:
         purpose = signals.NAMES.index(name)
@@ -131,7 +131,7 @@ class _Noise:
         self._drawn: tuple[int, FloatArray] = (-1, self._normal)
 
     def __call__(self, k: int) -> FloatArray:
-        """Of reading k; readings go on by one, or stay."""
+        """Noise of reading k; k stays the same or increases by one."""
         block, row = divmod(k, self._rows)
         if block != self._drawn[0]:
             rows, size = self._normal.shape[:2]

@@ -1,4 +1,4 @@
-"""The clocks of a run: plant steps, samples, and how late samples come."""
+"""The clocks of a run: plant steps, samples, and jitter."""
 
 from dataclasses import dataclass
 
@@ -12,18 +12,18 @@ from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
 
 MOST_STEPS = 1_000_000
-# Measured: some 150 numbers a row, in the loop's arrays, in the record's table, and once more while it is made.
+# Measured: some 150 numbers a row, in the loop's arrays, in the record's table, and in a copy while it is built.
 BYTES_A_STEP = 4_000
-# Times are multiples of the plant step to this share of it.
+# Relative tolerance within which times are multiples of the plant step.
 _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Clocks of a run: the plant is stepped and recorded every `plant_step`, the controller runs every `sample_time`.
+    """Clocks of a run: plant step and recording every `plant_step`, controller every `sample_time`.
 
-    With `jitter` each sample comes late, by a time that is uniform from 0 up to the jitter, in whole plant steps. Of
-    many members the jitter may be an array (N,), and the seed one of each.
+    With `jitter` each sample is delayed by a uniform random time from 0 up to the jitter, in whole plant steps. For
+    many members the jitter may be an array (N,), with one seed for each.
 
     Raises
     ------
@@ -48,7 +48,7 @@ class Timing:
         if beyond.any():
             raise ControllerError(
                 f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
-                f"at least the plant_step of {self.plant_step:g} s, in whole ones of which samples come late"
+                f"at least the plant_step of {self.plant_step:g} s, since samples are delayed by whole plant steps"
             )
         for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
             long, short = getattr(self, whole), getattr(self, part)
@@ -66,48 +66,48 @@ class Timing:
 
     @property
     def steps(self) -> int:
-        """Of the plant in the whole run."""
+        """Number of plant steps in the run."""
         return round(self.duration / self.plant_step)
 
     @property
     def steps_a_sample(self) -> int:
-        """Of the plant from one sample to the next."""
+        """Number of plant steps per sample."""
         return round(self.sample_time / self.plant_step)
 
     @property
     def times(self) -> FloatArray:
-        """Of the rows (steps + 1,) [s]."""
+        """Times of the rows (steps + 1,) [s]."""
         return np.arange(self.steps + 1, dtype=float) * self.plant_step
 
     @property
     def samples(self) -> FloatArray:
-        """Nominal times of the controller's samples [s]; none at the end, where nothing follows."""
+        """Nominal times of the controller's samples [s]; none at the end of the run."""
         return self.times[: self.steps : self.steps_a_sample]
 
     @property
     def rows_of_samples(self) -> NDArray[np.intp]:
-        """The rows at which the samples are taken, jitter included: (m,), or (m, N) where members differ."""
+        """The rows of the samples, with jitter: (m,), or (m, N) where members differ."""
         rows = np.arange(0, self.steps, self.steps_a_sample)
         if np.any(self.jitter):
             late = self._late(len(rows))
-            late[0] = 0.0  # a run begins with a sample
+            late[0] = 0.0  # the first sample is at the start
             rows = rows[:, None] if late.ndim == 2 else rows
             rows = rows + np.floor(late / self.plant_step).astype(rows.dtype)
         return np.minimum(rows, self.steps - 1)
 
     def _late(self, m: int) -> FloatArray:
-        """How late each of m samples is (m,) or (m, N) [s]."""
-        # behind the streams of the sensors' noise
+        """The delay of each of m samples (m,) or (m, N) [s]."""
+        # a random stream after those of the sensors' noise
         purpose = len(signals.NAMES)
         if not isinstance(self.seed, tuple):
-            # one stream, of which members take other shares if their jitter differs
+            # one stream, scaled by each member's jitter
             share = stream(self.seed, purpose).uniform(0.0, 1.0 if np.ndim(self.jitter) else self.jitter, m)
             return np.multiply.outer(share, self.jitter) if np.ndim(self.jitter) else share
         each = zip(self.seed, np.broadcast_to(self.jitter, len(self.seed)), strict=True)
         return np.stack([stream(seed, purpose).uniform(0.0, jitter, m) for seed, jitter in each], axis=-1)
 
     def steps_in(self, time: float, what: str) -> int:
-        """How many plant steps a time [s] is, which has to be a whole number of them."""
+        """The number of plant steps in a time [s], which must be a whole number."""
         steps = round(time / self.plant_step)
         if steps < 1 or abs(time / self.plant_step - steps) > _ROUNDING:
             raise ControllerError(
@@ -116,7 +116,7 @@ class Timing:
         return steps
 
     def row(self, time: float, what: str) -> int:
-        """The row of a time [s] that has to be one of the plant steps."""
+        """The row of a time [s], which must be a multiple of the plant step."""
         k = round(time / self.plant_step)
         if abs(time / self.plant_step - k) > _ROUNDING or not 0 <= k <= self.steps:
             raise ControllerError(

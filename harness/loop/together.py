@@ -1,4 +1,4 @@
-"""Loops side by side: one loop of many members from theirs; what is the same for all stays as it is."""
+"""Combine the loops of many members into one; values common to all are stored once."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -18,20 +18,20 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def together(loops: Sequence[Loop]) -> Loop:
-    """One loop of N members from N loops of one, whose clocks and `on_stroke` are alike.
+    """One loop of N members from N single loops, whose clocks and `on_stroke` are the same.
 
     Raises
     ------
     ControllerError
-        Loops that cannot run together; says in what they differ.
+        Loops that cannot be combined; names the difference.
     """
     first = loops[0]
     for what, of in _ALIKE.items():
         for k, loop in enumerate(loops):
             if of(loop) != of(first):
                 raise ControllerError(
-                    f"{what} of loop 0 is {of(first)!r} and of loop {k} {of(loop)!r}; expected the same for all that "
-                    "run together"
+                    f"{what} of loop 0 is {of(first)!r} and of loop {k} {of(loop)!r}; expected the same for all "
+                    "members of an ensemble"
                 )
     return Loop(
         timing=Timing(
@@ -83,14 +83,14 @@ _ALIKE: Mapping[str, Callable[[Loop], Any]] = {
 
 
 def _numbers(values: Sequence[Any], none: float = np.nan) -> PerMember:
-    """Itself where all are alike, or an array (N,) with a number in the place of None."""
+    """One value if all are the same, or an array (N,), with a number instead of None."""
     if all(value == values[0] for value in values):
         return values[0]
     return np.array([none if value is None else value for value in values])
 
 
 def _arrays(arrays: Sequence[FloatArray | None]) -> Any:
-    """Itself where all are alike, or stacked."""
+    """One array if all are the same, or a stack."""
     first = arrays[0]
     if first is None or all(each is first or np.array_equal(each, first) for each in arrays if each is not None):
         return first
@@ -103,7 +103,7 @@ def _by_signal(each: Sequence[Mapping[str, PerMember]]) -> dict[str, PerMember]:
 
 
 def _seeds(seeds: Sequence[Seeds]) -> Seeds:
-    """One where all are alike: then all have the same numbers."""
+    """One seed if all are the same: then all have the same random numbers."""
     single: list[Seed] = [seed for seed in seeds if not isinstance(seed, tuple)]
     return single[0] if all(_key(seed) == _key(single[0]) for seed in single) else tuple(single)
 
@@ -113,9 +113,9 @@ def _key(seed: Seed) -> Any:
 
 
 def _changes(loops: Sequence[Loop]) -> tuple[Change, ...]:
-    """Those of all, in the order of time, and of a member's own list at one time.
+    """The changes of all members, in order of time, and of each member's list at equal times.
 
-    The i-th changes of members at a row are one, as far as they change the same parameters, or the wrench.
+    The i-th changes of members at a row are combined if they change the same parameters, or the wrench.
     """
     if all(loop.changes is loops[0].changes for loop in loops):
         return loops[0].changes
@@ -127,12 +127,12 @@ def _changes(loops: Sequence[Loop]) -> tuple[Change, ...]:
             of_row[row] = of_row.get(row, -1) + 1
             kind = (row, of_row[row], tuple(sorted(change.parameters)), change.external_wrench is not None)
             kinds.setdefault(kind, {})[member] = change
-    # sorted is stable, and a member has one kind for each of its changes at a row
+    # sorted is stable, and all changes of a member at a row are of one kind
     return tuple(_one(kinds[kind], len(loops)) for kind in sorted(kinds, key=lambda each: each[:2]))
 
 
 def _one(changes: Mapping[int, Change], n: int) -> Change:
-    """The changes of some members among n as one."""
+    """The changes of some of n members as one."""
     some = next(iter(changes.values()))
     whose = np.array([member in changes for member in range(n)])
     each = [changes.get(member, some) for member in range(n)]
@@ -142,6 +142,6 @@ def _one(changes: Mapping[int, Change], n: int) -> Change:
 
 
 def _values(values: Sequence[Any]) -> Any:
-    """Of a parameter, whatever its shape: (N, *shape), or itself where all are alike."""
+    """Values of a parameter of any shape: (N, *shape), or one value if all are the same."""
     arrays = [np.asarray(value) for value in values]
     return values[0] if all(np.array_equal(each, arrays[0]) for each in arrays) else np.stack(arrays)

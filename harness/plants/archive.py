@@ -1,4 +1,4 @@
-"""What an FMU may hold as an archive: looked at before anything of it is unpacked."""
+"""Checks of an FMU's archive before it is unpacked."""
 
 import re
 import zipfile
@@ -6,14 +6,14 @@ from pathlib import Path
 
 from gough_stewart.harness.errors import PlantError
 
-# A unit of this project for all systems takes some 10 MB; a bomb takes thousands of times its own size.
+# An FMU of this project for all systems has some 10 MB; a zip bomb expands by a factor of thousands.
 MOST_BYTES = 256_000_000
 MOST_FILES = 10_000
 _ABSOLUTE = re.compile(r"[/\\]|[A-Za-z]:")
 
 
 def check_archive(path: Path) -> None:
-    """Refuse an archive that would write beside its folder, or fill the disk.
+    """Refuse an archive that would write outside its folder or fill the disk.
 
     Raises
     ------
@@ -27,18 +27,18 @@ def check_archive(path: Path) -> None:
     except (OSError, zipfile.BadZipFile, NotImplementedError, UnicodeDecodeError) as error:
         raise PlantError(f"{path}: is not an FMU ({error})") from error
     if len(entries) > MOST_FILES:
-        raise PlantError(f"{path}: holds {len(entries):,} files; expected an FMU of at most {MOST_FILES:,}")
+        raise PlantError(f"{path}: contains {len(entries):,} files; expected an FMU of at most {MOST_FILES:,}")
     for entry in entries:
         name = entry.orig_filename
         if _ABSOLUTE.match(name) or "\\" in name or "\0" in name or ".." in name.split("/"):
             raise PlantError(
-                f"{path}: the entry {name!r} leads out of the archive; expected relative paths with slashes, as the "
-                "standard asks for; nothing was unpacked"
+                f"{path}: the entry {name!r} points outside the archive; expected relative paths with slashes, as the "
+                "standard requires; nothing was unpacked"
             )
     size = sum(entry.file_size for entry in entries)
     if size > MOST_BYTES:
         largest = max(entries, key=lambda entry: entry.file_size)
         raise PlantError(
-            f"{path}: would take {size / 1e6:,.0f} MB unpacked, {largest.file_size / 1e6:,.0f} MB of it the entry "
+            f"{path}: would unpack to {size / 1e6:,.0f} MB, {largest.file_size / 1e6:,.0f} MB of it the entry "
             f"{largest.orig_filename!r}; expected at most {MOST_BYTES / 1e6:,.0f} MB; nothing was unpacked"
         )

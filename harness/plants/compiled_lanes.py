@@ -1,4 +1,4 @@
-"""Machine code that steps many platforms at once, eight in a vector."""
+"""The lane kernel in machine code: many platforms at once, eight per vector."""
 
 import ctypes
 from dataclasses import fields
@@ -22,7 +22,7 @@ class _CBatch(ctypes.Structure):
 
 
 class CompiledLanes:
-    """The library of `fmu_build.lanes`; other threads run while it works."""
+    """The library of `fmu_build.lanes`; it releases the GIL while it works."""
 
     def __init__(self, library: LanesLibrary) -> None:
         self.features = library.features
@@ -51,7 +51,7 @@ class CompiledLanes:
 
 
 def reference(batch: Batch) -> Any:
-    """What the functions of the library take; it lives as long as the batch may be used by it."""
+    """The argument of the library's functions; it must live as long as the batch is used."""
     states = batch.states
     pointers = (getattr(batch, name).ctypes.data for name in _ARRAYS)
     return ctypes.byref(_CBatch(states.shape[1] // WIDTH, states.strides[0] // states.itemsize, *pointers))

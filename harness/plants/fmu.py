@@ -25,18 +25,18 @@ _DISCARD = 2
 
 
 class FmuPlant(Plant):
-    """An FMU of this project as a `Plant`; what it unpacks is cleaned up by `close`.
+    """An FMU of this project as a `Plant`; `close` removes its unpacked files.
 
-    Any build will do: all parameters of the platform are set, whatever platform it was built for.
+    The platform for which the FMU was built does not matter: all parameters are set.
 
     Parameters
     ----------
     path
-        The archive; or a `UnitFile`, which stays open.
+        The FMU file, or a `UnitFile`, which stays open.
     platform, start
         Parameters, and the state at time 0; the home pose at rest by default.
     tolerance
-        Of the integration.
+        Tolerance of the integration.
     fixed_step_size
         0 for error-controlled steps, or the step of RK4 [s].
 
@@ -60,7 +60,7 @@ class FmuPlant(Plant):
             self.path = file.path
             self.fmi_version = file.version
             self._unit = unit = stack.enter_context(Unit(file))
-            # everything that is called in each step has its buffers from here on
+            # buffers for everything that is called in each step
             self._results = values_of([v.name for v in interface.RESULTS], unit.is_fmi2)
             self._signals = values_of(signals.NAMES, unit.is_fmi2)
             self._inputs = values_of([v.name for v in interface.INPUTS], unit.is_fmi2)
@@ -89,7 +89,7 @@ class FmuPlant(Plant):
             known[name] = interface.checked_value(variable, value)
         if not known:
             return
-        # the unit looks at elements one by one, and at an inertia as a whole when the next step begins
+        # the FMU checks elements one by one, and an inertia as a whole at the next step
         changed = replace(self._platform, **known)
         self._checked("parameters", self._unit.write_by_name, known)
         self._platform = changed
@@ -127,5 +127,5 @@ class FmuPlant(Plant):
         self._refuse_messages()
 
     def _refuse_messages(self) -> None:
-        if self._unit.messages:  # the unit has nothing to say as long as all is well
+        if self._unit.messages:  # the FMU sends no messages unless something is wrong
             raise PlantError(f"{self.path}: {self._unit.take_messages()}")

@@ -1,4 +1,4 @@
-"""The FMU of somebody else in a process of its own: what it does to that process is not done to the run."""
+"""A third-party FMU in its own process, so that a crash there does not affect the run."""
 
 import importlib
 import os
@@ -22,35 +22,35 @@ from gough_stewart.model.state import State
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
-# How long a unit may take to clean up after itself [s].
+# Time for the FMU to terminate [s].
 _PATIENCE = 2.0
-# How often its process looks whether the run is still there [s].
+# Interval at which its process checks whether the run is still alive [s].
 _WATCH = 0.5
 
 
 class Isolated:
-    """An object in a process of its own; if that ends, or says nothing any more, it does so alone.
+    """An object in a separate process, which may crash or hang without affecting this one.
 
-    Calls and answers go through its standard streams as pickles, one answer for each call. An answer is a pair: whether
-    all went well, and the value or the error. What the unit itself prints is kept for the message if it crashes.
+    Calls and answers are pickles on the standard streams of the process, one answer per call. An answer is a pair: a
+    success flag, and the value or the error. Output of the FMU is kept for the message after a crash.
 
     Parameters
     ----------
     path
-        Of the unit, for messages.
+        Of the FMU, for messages.
     kind
-        The class of the object, as "module:name", which is imported there only; it has a method `close`.
+        The class of the object, as "module:name", imported only there; it has a method `close`.
     arguments
-        Of the class.
+        Arguments of the class.
     error
-        What to raise if the process has ended.
+        The error class to raise if the process has ended.
     environment
-        What its environment has besides.
+        Additional environment variables of the process.
 
     Raises
     ------
     GoughStewartError
-        As the class.
+        As for the class.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Isolated:
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self.path, self._error = path, error
-        # everything that the unit leaves behind is in there
+        # contains everything that the FMU leaves behind
         self._folder = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
         self._printed = Path(self._folder.name, "printed")
         try:
@@ -81,7 +81,7 @@ class Isolated:
             raise
 
     def call(self, method: str, *arguments: Any) -> Any:
-        """What a method of the object gives."""
+        """Call a method of the object and return its value."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
@@ -89,20 +89,20 @@ class Isolated:
             well, value = pickle.load(self._process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             where = f"do_step at time {arguments[0]:.9g} s" if method == "do_step" else method
-            raise self._error(f"{self.path}: the unit {self._how_it_ended()} in {where}{self._last_line()}") from error
+            raise self._error(f"{self.path}: the FMU {self._how_it_ended()} in {where}{self._last_line()}") from error
         if not well:
             raise value
         return value
 
     def close(self) -> None:
-        """End the process; a second time does nothing."""
+        """End the process; may be called again."""
         process = getattr(self, "_process", None)
         if process is not None and process.returncode is None:
             self._end(process)
         self._folder.cleanup()
 
     def kill(self) -> None:
-        """End the process at once, from any thread, whatever it does; a call that waits for it raises."""
+        """Kill the process from any thread; a call that waits for it raises."""
         self._process.kill()
         self._end(self._process)
         self._folder.cleanup()
@@ -123,7 +123,7 @@ class Isolated:
     def _end(self, process: "subprocess.Popen[bytes]") -> None:
         for stream in (process.stdin, process.stdout):
             assert stream is not None
-            with suppress(OSError):  # what was to be sent when it ended
+            with suppress(OSError):  # unsent data
                 stream.close()
         try:
             process.wait(_PATIENCE)
@@ -133,7 +133,7 @@ class Isolated:
 
 
 class IsolatedFmu(Plant):
-    """`FmuPlant` in a process of its own.
+    """`FmuPlant` in its own process.
 
     Raises
     ------
@@ -182,10 +182,10 @@ class IsolatedFmu(Plant):
 
 
 def serve() -> None:
-    """The other side: an object that answers calls until there are no more, or nobody is left to hear them."""
+    """The loop of the child process: answer calls until the stream ends."""
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    # a unit that reads or prints does not get into the conversation
+    # keep input and output of the FMU out of the protocol
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     served: Any = None
@@ -212,7 +212,7 @@ def serve() -> None:
 
 
 def _end_with_parent(parent: int) -> None:
-    """A unit that hangs in a step does not see its conversation end; a process without parent gets another one."""
+    """End with the parent: a hanging FMU does not see the end of the stream; an orphan gets another parent."""
     while os.getppid() == parent:
         time.sleep(_WATCH)
     os._exit(1)
@@ -224,12 +224,12 @@ def _send(stream: IO[bytes], message: Any) -> None:
 
 
 def _program() -> str:
-    """What the process runs; modules are found where this one finds them."""
+    """The program of the process, with the module path of this one."""
     return f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve()"
 
 
 def _own_group() -> dict[str, Any]:
-    """Ctrl-C is for the run alone, which ends the unit when it has kept its rows."""
+    """A separate process group: Ctrl-C reaches only the run, which ends the FMU after it has kept its rows."""
     if sys.platform == "win32":
         return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
     return {"process_group": 0}

@@ -1,4 +1,4 @@
-"""The kinds of plant that there are."""
+"""The kinds of plants."""
 
 from typing import Literal
 

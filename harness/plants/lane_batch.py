@@ -1,4 +1,4 @@
-"""The members of a plant of many platforms in memory, and what steps them."""
+"""The members of a plant of many platforms in memory, and the kernel that steps them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,24 +21,24 @@ N_PARAMETERS = interface.size_of(interface.PLATFORM_PARAMETERS)
 
 @dataclass(frozen=True)
 class Batch:
-    """M members, a multiple of eight: what kernels work on, see c/lanes/lanes.h; rows of members side by side."""
+    """M members, a multiple of eight, as kernels use them, see c/lanes/lanes.h; members contiguous in rows."""
 
     parameters: FloatArray  # (M / 8, N_PARAMETERS, 8)
     states: FloatArray  # (N_STATES, M)
     inputs: FloatArray  # (N_INPUTS, M)
     running: IntArray  # (M), 0 or −1
-    side: FloatArray  # (M), sign of det J, 0 where it is not known yet
+    side: FloatArray  # (M), sign of det J, 0 where not known yet
     failure: IntArray  # (M), see `Failure`
     reached: FloatArray  # (N_STATES, M), where a member failed
-    failed_at: IntArray  # (M), in which substep, from 1
+    failed_at: IntArray  # (M), the substep, from 1
 
     @classmethod
     def of(cls, members: int) -> "Batch":
-        """All zeros, for at least so many."""
+        """All zeros, for at least so many members."""
         blocks = -(-members // WIDTH)
         flat = (np.zeros(blocks * WIDTH, np.int64) for _ in range(3))
         running, failure, failed_at = flat
-        # on a boundary of 64 bytes
+        # aligned to 64 bytes
         size = blocks * N_PARAMETERS * WIDTH
         raw = np.zeros(size + WIDTH)
         start = -raw.ctypes.data % 64 // raw.itemsize
@@ -56,21 +56,21 @@ class Batch:
 
     @property
     def blocks(self) -> int:
-        """How many vectors hold the members."""
+        """Number of vectors that hold the members."""
         return len(self.parameters)
 
     def padded(self, values: NDArray[np.float64]) -> FloatArray:
-        """Values of N members (N, size) as (size, M): the last member fills the last vector."""
+        """Values of N members (N, size) as (size, M); the last member fills the last vector."""
         missing = self.blocks * WIDTH - len(values)
         return np.concatenate([values, np.repeat(values[-1:], missing, axis=0)]).T
 
     def put_parameter(self, name: str, values: NDArray[np.float64]) -> None:
-        """One parameter of N members (N, *shape)."""
+        """Write one parameter of N members (N, *shape)."""
         padded = self.padded(values.reshape(len(values), -1))
         self._by_element[_places()[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
 
     def parameters_of(self, members: Any = slice(None)) -> Parameters:
-        """Those of some members by name, with a leading axis; a copy, its elements side by side."""
+        """The parameters of some members by name, with a leading axis; a copy with contiguous elements."""
         p = self._by_element.reshape(N_PARAMETERS, -1)[:, members]
         return Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, p.T))
 
@@ -80,32 +80,32 @@ class Batch:
 
 
 def rows(size: int, blocks: int) -> FloatArray:
-    """Zeros (size, 8 `blocks`), in a distance that is an odd number of vectors: see c/lanes/lanes.h."""
+    """Zeros (size, 8 `blocks`) with a stride of an odd number of vectors: see c/lanes/lanes.h."""
     return np.zeros((size, (blocks | 1) * WIDTH))[:, : blocks * WIDTH]
 
 
 class LaneKernel(Protocol):
-    """What steps a batch. Members that do not run, or fail, stay exactly as they were."""
+    """Steps a batch. Members that do not run, or fail, stay exactly as they were."""
 
     features: str
 
     def check(self, batch: Batch) -> int:
-        """How many cannot begin a motion where they are."""
+        """The number of members that cannot start a motion in their state."""
 
     def step(
         self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, checked: bool = True
     ) -> int:
-        """So many substeps of RK4 of this size [s], and the signals at their end; how many have failed."""
+        """Do RK4 substeps of this size [s] and compute the signals at their end; the number of failed members."""
 
     def signals(self, batch: Batch, out: FloatArray) -> None:
-        """The head of the results (24, M)."""
+        """The first part of the results (24, M)."""
 
     def results(self, batch: Batch, out: FloatArray) -> None:
-        """All (N_RESULTS, M)."""
+        """All results (N_RESULTS, M)."""
 
 
 @cache
 def _places() -> Mapping[str, slice]:
-    """Where each parameter lies in the kernels' vector."""
+    """The position of each parameter in the kernels' vector."""
     at = interface.unpack(interface.PLATFORM_PARAMETERS, np.arange(N_PARAMETERS))
     return {name: slice(int(places.min()), int(places.max()) + 1) for name, places in at.items()}

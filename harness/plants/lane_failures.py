@@ -1,4 +1,4 @@
-"""Why a member of many platforms cannot go on, in the words of the stepping model."""
+"""Why a member of many platforms cannot continue, in the messages of the stepping model."""
 
 from collections.abc import Iterable, Sequence
 
@@ -17,12 +17,12 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def failure_of(batch: Batch, k: int, begin: float, size: float, substeps: int) -> StepError:
-    """What happened to member `k`, in one of `substeps` of a `size` [s] in a step that begins at a time [s]."""
+    """The error of member `k` in one of `substeps` of a `size` [s] of a step that starts at a time [s]."""
     failure, x, u = int(batch.failure[k]), batch.reached[:, k], batch.inputs[:, k]
     time = begin + float(batch.failed_at[k]) * size
     if failure == Failure.NOT_FINITE:
         if not np.isfinite(u).all():
-            return StepError(*_first_not_finite(interface.INPUTS, u), begin, "expected finite numbers only")
+            return StepError(*_first_not_finite(interface.INPUTS, u), begin, "expected finite numbers")
         remedy = f"more than {substeps} substeps, smaller forces, or smoother friction (leg_friction_velocity)"
         return StepError(*_first_not_finite(interface.STATES, x), time, f"the motion is not finite; it needs {remedy}")
     if failure == Failure.PITCHED:
@@ -37,7 +37,7 @@ def failure_of(batch: Batch, k: int, begin: float, size: float, substeps: int) -
 
 
 def short_legs(batch: Batch, platforms: Sequence[Platform], members: BoolArray, time: float) -> dict[int, StepError]:
-    """Those of the members (N,) with a leg in which a part's centre of mass does not lie."""
+    """Which members (N,) have a leg too short for a part's centre of mass."""
     n = len(platforms)
     parameters, x = batch.parameters_of(slice(n)), batch.states[:, :n].T
     shortest = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length.min(axis=-1)

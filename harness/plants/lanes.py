@@ -1,6 +1,6 @@
-"""A plant of many platforms, stepped together: fixed steps of RK4, members side by side in vectors.
+"""A plant of many platforms, stepped together with fixed RK4 steps, vectorised over members.
 
-A member's bits depend on nothing but its own numbers: not on how many others there are, nor on which.
+A member's bits depend only on its own numbers, not on the number or choice of the other members.
 """
 
 import math
@@ -29,9 +29,9 @@ from gough_stewart.model.state import State
 from gough_stewart.model.step_times import end_of_step
 from gough_stewart.model.vectors import FloatArray
 
-# Beyond, a motion is not for fixed steps.
+# The largest number of substeps; a motion that needs more is unsuited to fixed steps.
 MOST_SUBSTEPS = 1024
-# A plant step in so many is estimated, each at the cost of two more.
+# The integration error is estimated in one plant step of so many, at the cost of two more steps.
 ESTIMATE_EVERY = 64
 
 
@@ -41,14 +41,14 @@ class LanesPlant(Plant):
     Attributes
     ----------
     substeps
-        Steps of RK4 in a plant step.
+        RK4 steps per plant step.
     compiled, features
-        Whether machine code steps it, and what that was made for: the same text means the same bits.
+        Whether machine code steps it, and the processor features it was compiled for: equal texts mean equal bits.
     integration_error
-        The largest estimate so far (N,): the plant step of `substeps` against one of twice as many,
-        max |x − x'| / (1 + |x|), to be compared with a tolerance that is relative, and absolute in SI units.
+        The largest estimate so far (N,): the plant step with `substeps` against one with twice as many,
+        max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and absolute in SI units.
     estimate_every
-        A plant step in so many is estimated, the first always.
+        The error is estimated in one plant step of so many, starting with the first.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class LanesPlant(Plant):
         batch.running[: len(platforms)] = -1
 
     def set_inputs(self, inputs: FloatArray) -> None:
-        """Rule 2; what is not finite fails in the step, for its member alone."""
+        """Rule 2; a non-finite input fails in the step, for its member only."""
         if inputs.shape != (*self.shape, N_INPUTS):
             raise InterfaceError("inputs", f"have shape {inputs.shape}; expected {(*self.shape, N_INPUTS)}")
         self._batch.inputs[:, : self.shape[0]] = inputs.T
@@ -90,7 +90,7 @@ class LanesPlant(Plant):
 
     def signals(self) -> FloatArray:
         """Rule 10: a view."""
-        if self._steps == 0:  # afterwards, the step leaves them
+        if self._steps == 0:  # later, the step provides them
             self._kernel.signals(self._batch, self._signals)
         return self._signals[:, : self.shape[0]].T
 
@@ -123,10 +123,10 @@ class LanesPlant(Plant):
         self._batch.running[: self.shape[0]][members] = 0
 
     def close(self) -> None:
-        """Rule 8; there is nothing to free."""
+        """Rule 8; there is nothing to release."""
 
     def _begin(self) -> dict[int, StepError]:
-        """Failures of those that cannot begin where they are."""
+        """Failures of members that cannot start a step in their state."""
         failures = self._stop_failed(0.0) if self._kernel.check(self._batch) else {}
         running = self._batch.running[: self.shape[0]]
         for k, error in short_legs(self._batch, self._platforms, running != 0, self._time).items():
@@ -154,26 +154,26 @@ class LanesPlant(Plant):
 def lanes_plant(
     platforms: Sequence[Platform], starts: Sequence[State], *, substeps: int, compiler: bool | None = None
 ) -> LanesPlant:
-    """Many platforms as a plant, each from its own start, at time 0.
+    """Many platforms as a plant, each in its own start state at time 0.
 
     Parameters
     ----------
     substeps
-        Steps of RK4 in each plant step; see `substeps_for`.
+        RK4 steps per plant step; see `substeps_for`.
     compiler
-        True: machine code for this processor, built with `zig cc` or taken from the cache. False: NumPy, slower. None:
-        NumPy where there is no compiler, with a warning.
+        True: machine code for this processor, compiled with `zig cc` or taken from the cache. False: NumPy, slower.
+        None: NumPy if there is no compiler, with a warning.
 
     Raises
     ------
     PlantError
-        No platforms, not as many starts, or no possible number of substeps.
+        No platforms, another number of starts, or an invalid number of substeps.
     BuildError
-        `compiler` is true, and the library cannot be built.
+        `compiler` is True, and the library cannot be built.
     """
     if not platforms or len(platforms) != len(starts):
         raise PlantError(
-            f"{len(platforms)} platforms and {len(starts)} starts; expected a start for each, one at least"
+            f"{len(platforms)} platforms and {len(starts)} starts; expected at least one platform, and a start for each"
         )
     if not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
         raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
@@ -181,21 +181,21 @@ def lanes_plant(
 
 
 def substeps_for(integration_error: float, substeps: int, tolerance: float) -> int:
-    """How many substeps bring an error down (or up) to a tolerance: order 4, the next power of two.
+    """The number of substeps that brings an error down (or up) to a tolerance: order 4, the next power of two.
 
     Raises
     ------
     PlantError
-        The error is not finite, or it takes more than `MOST_SUBSTEPS`.
+        The error is not finite, or more than `MOST_SUBSTEPS` are needed.
     """
     if not math.isfinite(integration_error):
-        raise PlantError(f"the integration error is {integration_error} with {substeps} substeps; begin with more")
+        raise PlantError(f"the integration error is {integration_error} with {substeps} substeps; start with more")
     needed = substeps * (integration_error / tolerance) ** (1 / 4)
     power = 1 << math.ceil(math.log2(max(needed, 1.0)))
     if power > MOST_SUBSTEPS:
         raise PlantError(
-            f"the tolerance {tolerance:g} takes {power} substeps; expected at most {MOST_SUBSTEPS}: shorten the plant "
-            "step, smooth the friction (leg_friction_velocity), or ask for less"
+            f"the tolerance {tolerance:g} needs {power} substeps; expected at most {MOST_SUBSTEPS}: shorten the plant "
+            "step, smooth the friction (leg_friction_velocity), or increase the tolerance"
         )
     return power
 

@@ -1,7 +1,7 @@
-"""How the numbers of many members lie in memory: element by element, the members side by side.
+"""Memory layout of the values of many members: element by element, members contiguous.
 
 An array of shape (N, size) is a transposed (size, N) one, and over time (n, N, size) a transposed (n, size, N). NumPy's
-elementwise operations keep that layout, and go through members in vectors.
+elementwise operations keep that layout and process members as vectors.
 """
 
 from collections.abc import Sequence
@@ -12,12 +12,12 @@ import numpy as np
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
-# A number of a single run, or of many members an array (N,): the arithmetic is the same, so that this stays open.
+# A number of a single run, or an array (N,) for many members; the arithmetic is the same for both.
 PerMember = Any
 
 
 def zeros(shape: tuple[int, ...], size: int, *rows: int) -> FloatArray:
-    """Zeros (*rows, *shape, size), members last in memory."""
+    """Zeros (*rows, *shape, size), members contiguous."""
     return np.moveaxis(np.zeros((*rows, size, *shape)), len(rows), -1)
 
 
@@ -27,24 +27,24 @@ def flags(shape: tuple[int, ...], size: int, *rows: int) -> BoolArray:
 
 
 def stacked(values: Sequence[Any]) -> Any:
-    """Arrays of members (..., size), all of one shape, as one (..., N, size), members last in memory."""
+    """Arrays of members (..., size), of equal shape, as one (..., N, size), members contiguous."""
     return np.moveaxis(np.stack([np.asarray(each) for each in values], axis=-1), -1, -2)
 
 
 def all_below(values: FloatArray, bound: float) -> bool:
-    """Whether vectors (size,) or (N, size) are all shorter than a bound for certain; where not, look more closely.
+    """Whether vectors (size,) or (N, size) are certainly all shorter than a bound; if False, check each.
 
-    The squares of all together are quickly summed up, and no vector's own are more; false of NaN, too.
+    Compares the sum of all squares, which no vector's own sum exceeds; also False for NaN.
     """
     row = values if values.ndim == 1 else values.T.reshape(-1)
     return bool(row.dot(row) < bound * bound)
 
 
 def smallest(value: PerMember) -> Any:
-    """Of all members."""
+    """The smallest value of all members."""
     return value.min() if isinstance(value, np.ndarray) else value
 
 
 def of(value: PerMember, member: int) -> Any:
-    """That of one member, of a number that all have alike or of an array (N,)."""
+    """The value of one member, from a common number or an array (N,)."""
     return np.ravel(value)[member if np.ndim(value) else 0]

@@ -1,4 +1,4 @@
-"""The stepping model as a plant, in process."""
+"""The stepping model as a plant, in the same process."""
 
 from collections.abc import Mapping
 
@@ -36,4 +36,4 @@ class ModelPlant(Plant):
         self._model.do_step(time, step)
 
     def close(self) -> None:
-        """Rule 8; there is nothing to free."""
+        """Rule 8; there is nothing to release."""

@@ -1,4 +1,4 @@
-"""NumPy in the place of machine code: the functions of `model` over many platforms at once."""
+"""The lane kernel in NumPy: the functions of `model` over many platforms at once."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from gough_stewart.model.vectors import Array, FloatArray
 
 
 class NumpyLanes:
-    """The functions of `model` over the members; the same interface where there is no compiler, slower."""
+    """The functions of `model` over the members; the same interface without a compiler, slower."""
 
     features = "NumPy"
 
@@ -60,7 +60,7 @@ class NumpyLanes:
 
 @np.errstate(all="ignore")
 def _rk4(parameters: Parameters, x: FloatArray, u: FloatArray, size: float) -> FloatArray:
-    """States (12, M) after a step of classical RK4."""
+    """States (12, M) after one step of classical RK4."""
     inputs = Inputs.from_vector(u.T)
 
     def derivatives(x: FloatArray) -> FloatArray:
@@ -77,7 +77,7 @@ def _rk4(parameters: Parameters, x: FloatArray, u: FloatArray, size: float) -> F
 
 
 def _solve(matrix: Array, vector: Array) -> Array:
-    """LDLᵀ without pivoting of positive definite (M, 6, 6), all members at once: one that is not finite stops none."""
+    """LDLᵀ without pivoting of positive definite (M, 6, 6), all members at once; NaN in one affects no other."""
     n = vector.shape[-1]
     A = [[matrix[..., i, j] for j in range(i + 1)] for i in range(n)]
     y = [vector[..., i] for i in range(n)]
@@ -97,7 +97,7 @@ def _solve(matrix: Array, vector: Array) -> Array:
 
 @np.errstate(all="ignore")
 def _check(batch: Batch, x: FloatArray, running: NDArray[np.bool_], substep: int) -> int:
-    """As `check` of c/lanes/lanes.c: which of those that run may not be where they are, with the reason."""
+    """As `check` of c/lanes/lanes.c: which running members cannot continue from their state, with the reason."""
     legs = kinematics.leg_geometry(batch.parameters_of(), x[:3].T, x[3:6].T)
     jacobian, rho = kinematics.scaled_jacobian_of_legs(legs)
     determinant = np.linalg.det(jacobian)
@@ -107,7 +107,7 @@ def _check(batch: Batch, x: FloatArray, running: NDArray[np.bool_], substep: int
     for k in np.flatnonzero(running & ~(np.abs(determinant) > 16 / SINGULAR_CONDITION_NUMBER)):
         singular[k] = not kinematics.condition_number_bound(jacobian[k]) < SINGULAR_CONDITION_NUMBER
     shortest = legs.length.argmin(axis=-1)
-    # the first that holds
+    # the first true condition
     failure = np.select(
         [
             ~np.isfinite(x).all(axis=0),

@@ -1,6 +1,6 @@
-"""The plant of a run by its kind: in process, or as FMU, which is built where none is given.
+"""Opens the plant of a run by its kind: in process, or as an FMU, which is built if no file is given.
 
-Each kind is imported when it is opened: the model brings CasADi and SciPy's integrators, the FMU FMPy.
+Each kind is imported when it is opened: the model imports CasADi and SciPy's integrators, the FMU imports FMPy.
 """
 
 import atexit
@@ -36,9 +36,9 @@ def open_plant(
     fmu: Path | str | None = None,
     progress: StepProgress | None = None,
 ) -> Iterator[Plant]:
-    """A plant that is closed in the end; an FMU without a file is built for this machine, or taken from the cache.
+    """An open plant; an FMU without a file is built for this machine or taken from the cache.
 
-    An FMU with a file is code of somebody else: it runs in a process of its own, so that a crash is its own, too.
+    An FMU from a file is third-party code: it runs in its own process, so that a crash does not end the run.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def open_plant(
     if kind == "model":
         if fmu is not None or fixed_step_size:
             what = f"the file {fmu}" if fmu is not None else f"fixed_step_size {fixed_step_size:g} s"
-            raise PlantError(f"plant 'model' has no use for {what}; choose the plant fmu2 or fmu3")
+            raise PlantError(f"plant 'model' does not accept {what}; choose the plant fmu2 or fmu3")
         from gough_stewart.harness.plants.model import ModelPlant
 
         with ModelPlant(platform, start, tolerance) as plant:
@@ -74,7 +74,7 @@ def open_plant(
 
 @cache
 def _own_unit(path: Path) -> "UnitFile":
-    """The unit of the cache, unpacked once for all runs of this process."""
+    """The FMU of the cache, unpacked once for all runs of this process."""
     from gough_stewart.harness.plants.unit import UnitFile
 
     file = UnitFile(path)

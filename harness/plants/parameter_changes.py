@@ -1,4 +1,4 @@
-"""Parameters of many platforms that change during a run: read and checked for all at once."""
+"""Parameter changes of many platforms during a run, parsed and checked for all at once."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,19 +16,19 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def changed_parameter(present: Parameters, name: str, value: object, members: BoolArray) -> FloatArray:
-    """A tunable parameter of all (N, *shape), with another value for some members (N,).
+    """A tunable parameter of all members (N, *shape), with a new value for some of them (N,).
 
     Parameters
     ----------
     present
-        Those of all now.
+        The present values of all.
     value
-        One for all, or (N, *shape), of which only that of `members` counts.
+        One for all, or (N, *shape), of which only the rows of `members` are used.
 
     Raises
     ------
     InterfaceError
-        No tunable parameter, another shape, or not finite.
+        Not a tunable parameter, another shape, or not finite.
     """
     variable = interface.BY_NAME.get(name)
     if variable is None or variable not in interface.TUNABLE:
@@ -45,9 +45,9 @@ def changed_parameter(present: Parameters, name: str, value: object, members: Bo
 
 
 def refuse_impossible(platforms: Sequence[Platform], members: BoolArray, values: Mapping[str, FloatArray]) -> None:
-    """Raise what `Platform` says of the first of these members that cannot be with these values (N, *shape).
+    """Raise the error of `Platform` for the first of these members with impossible values (N, *shape).
 
-    A platform takes a millisecond, so that only those are made which a look at all of them leaves in doubt.
+    Making a platform takes a millisecond, so only those are made that fail a vectorised check.
     """
     doubtful = np.zeros(len(platforms), dtype=bool)
     for name, value in values.items():

@@ -1,4 +1,4 @@
-"""What the loop asks of a plant, of one platform or of many."""
+"""The interface that the loop requires of a plant, of one platform or many."""
 
 from collections.abc import Mapping
 from types import TracebackType
@@ -15,27 +15,27 @@ BoolArray = NDArray[np.bool_]
 
 
 class Plant(Protocol):
-    """The platform as the loop sees it, whatever it is made of.
+    """The platform as seen by the loop, for any implementation.
 
     The contract:
 
     1. A plant comes with its platform's parameters set, at time 0 in its start state, under the actuator forces that
        hold its platform at home (`Platform.home_actuator_force`) and no external wrench.
-    2. `set_inputs` takes the whole input vector (12,) in the order of `interface.INPUTS`; it holds until it is set
-       anew.
-    3. `set_parameters` takes tunable parameters by name, together or not at all, at any time between two steps.
-    4. `results` gives all outputs and locals (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`, at the present
-       time under the present inputs; a copy. It changes nothing.
-    5. `do_step(time, step)` goes from `time`, the plant's own, to `time + step`.
-    6. What cannot be done raises an error of this project, with what the plant has to say, and leaves the plant as it
-       was: `StepError` for a motion that the plant cannot pass, others for wrong use.
+    2. `set_inputs` takes the whole input vector (12,) in the order of `interface.INPUTS`; it holds until the next call.
+    3. `set_parameters` sets tunable parameters by name, all or none, at any time between two steps.
+    4. `results` returns all outputs and locals (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`, at the present
+       time under the present inputs, as a copy. It has no side effects.
+    5. `do_step(time, step)` advances from `time`, the plant's own, to `time + step`.
+    6. A failed call raises an error of this project with the plant's message and leaves the plant unchanged:
+       `StepError` for a motion that the plant cannot perform, other errors for wrong use.
     7. Two plants of the same platform, start and inputs give the same results within their tolerance, 1e-8 by default.
-    8. `close` frees what the plant holds, at any time and more than once; a plant is a context manager that does so.
-    9. A plant of N platforms has the `shape` (N,), and that as leading axis in all arrays: (N, 12), (N, N_RESULTS); the
-       elements of members lie side by side in memory, see `members`. `set_parameters` and `set_parameters_of` take
-       values with this leading axis or without. `do_step` goes on with all members that can; those that cannot stay
-       exactly as they were, for good, as if by `freeze`, and are in the `MembersError` that it raises at last.
-    10. `signals` gives the head of the results (*shape, 24) at less cost; it may be a view, valid until the next step.
+    8. `close` releases the plant's resources, at any time and repeatedly; as a context manager, a plant closes itself.
+    9. A plant of N platforms has the `shape` (N,), the leading axis of all arrays: (N, 12), (N, N_RESULTS); members are
+       contiguous in memory, see `members`. `set_parameters` and `set_parameters_of` accept values with or without this
+       axis. `do_step` advances all members that can continue; those that cannot stay unchanged from then on, as after
+       `freeze`, and are listed in the `MembersError` that it raises at the end.
+    10. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
+       step.
     """
 
     shape: tuple[int, ...] = ()
@@ -47,7 +47,7 @@ class Plant(Protocol):
         """Rules 3 and 9."""
 
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
-        """The same of these members (N,) alone (rule 9); what the values say of others is not looked at."""
+        """Rule 9 for these members (N,) only; values of the others are ignored."""
         raise _single(self)
 
     def signals(self) -> FloatArray:
@@ -61,7 +61,7 @@ class Plant(Protocol):
         """Rules 5, 6 and 9; both in s."""
 
     def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
-        """Leave these members (N,) as they are from here on (rule 9)."""
+        """Freeze these members (N,) in their present state (rule 9)."""
         raise _single(self)
 
     def close(self) -> None:
@@ -80,5 +80,5 @@ class Plant(Protocol):
 
 def _single(plant: Plant) -> PlantError:
     return PlantError(
-        f"{type(plant).__name__} is a plant of one platform; expected one of many for what some members do"
+        f"{type(plant).__name__} is a plant of one platform; expected a plant of many platforms for member actions"
     )

@@ -1,4 +1,4 @@
-"""What can be measured: the signals between plant and controller, joined to one vector."""
+"""The measurable signals between plant and controller, joined to one vector."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
 
-# In the order of the results, so that the vector of all signals is the head of `Plant.results()`.
+# In the order of the results, so the vector of all signals is the first part of `Plant.results()`.
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
 VARIABLES = tuple(interface.BY_NAME[name] for name in NAMES)
 SIZE = interface.size_of(VARIABLES)
@@ -17,16 +17,16 @@ if interface.RESULTS[: len(NAMES)] != VARIABLES:
 
 
 def positions(names: Iterable[str]) -> NDArray[np.intp]:
-    """Where the elements of some signals lie in the vector of all.
+    """The positions of the elements of some signals in the vector of all signals.
 
     Raises
     ------
     ControllerError
-        A name that is no signal, or none at all.
+        An unknown name, or no name.
     """
     names = [names] if isinstance(names, str) else list(names)
     if not names:
-        raise ControllerError(f"no signals; expected some of {', '.join(NAMES)}")
+        raise ControllerError(f"no signals; expected one or more of {', '.join(NAMES)}")
     found = []
     everything = interface.unpack(VARIABLES, np.arange(SIZE))
     for name in names:

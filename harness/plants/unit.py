@@ -1,7 +1,7 @@
-"""A unit in FMPy: its file unpacked, an instance with its messages, values by reference.
+"""An FMU in FMPy: its unpacked file, an instance with its messages, and values by reference.
 
-The one place that knows how FMPy runs a unit. The plant, controllers that are units, the runs of the paper and the
-tests of the unit stand on it.
+The only module that calls FMPy. The plant, controllers that are FMUs, the runs of the paper and the tests of the FMU
+use it.
 """
 
 import tempfile
@@ -34,23 +34,23 @@ _CLASSES = {
 
 
 class FmuFile:
-    """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until it is closed.
+    """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until closed.
 
     Parameters
     ----------
     path
-        The archive.
+        The FMU file.
     folder
-        An empty one to unpack it in, which stays; by default a temporary one, which `close` removes.
+        An empty folder for the unpacked files, which `close` keeps; by default a temporary one, which it removes.
 
     Raises
     ------
     GoughStewartError
-        No such file, not an FMU, one that must not be unpacked, or one of another kind; each class has its own.
+        No such file, not an FMU, an unsafe archive, or another kind of FMU; each subclass has its own error.
     """
 
     error: ClassVar[type[GoughStewartError]] = PlantError
-    remedy: ClassVar[str] = "make one by `gough-stewart build`"
+    remedy: ClassVar[str] = "make one with `gough-stewart build`"
 
     def __init__(self, path: Path | str, folder: Path | None = None) -> None:
         self.path = Path(path)
@@ -70,7 +70,7 @@ class FmuFile:
 
     @property
     def is_fmi2(self) -> bool:
-        """Whether its variables are scalars."""
+        """Whether it is FMI 2.0, whose variables are scalars."""
         return self.version == "2.0"
 
     @property
@@ -79,11 +79,11 @@ class FmuFile:
         return str(self.description.guid or self.description.instantiationToken)
 
     def refusal(self, reason: str) -> GoughStewartError:
-        """The error that says why, and what to do."""
+        """The error with the reason and the remedy."""
         return self.error(f"{self.path}: {reason}; {self.remedy}")
 
     def close(self) -> None:
-        """Remove the temporary folder; a second time does nothing."""
+        """Remove the temporary folder; may be called again."""
         if self._temporary is not None:
             self._temporary.cleanup()
 
@@ -99,7 +99,7 @@ class FmuFile:
         check_archive(self.path)
         try:
             description = fmpy.read_model_description(str(self.path))
-        except Exception as error:  # FMPy, zipfile and lxml each have their own
+        except Exception as error:  # FMPy, zipfile and lxml raise different errors
             raise self.refusal(f"is not an FMU ({error})") from error
         if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
             kind = f"FMI {description.fmiVersion}, {description.modelName}"
@@ -107,11 +107,11 @@ class FmuFile:
         return description
 
     def _check(self) -> None:
-        """Refuse what its class cannot use."""
+        """Refuse an FMU that the class cannot use."""
 
 
 class UnitFile(FmuFile):
-    """The file of a plant that this project has built; raises `PlantError`, also for another model or version."""
+    """A plant FMU built by this project; raises `PlantError`, also for another model or version."""
 
     def _check(self) -> None:
         found = {v.name: v.valueReference for v in self.description.modelVariables}
@@ -121,23 +121,23 @@ class UnitFile(FmuFile):
                 if found.get(name) != reference:
                     model = self.description.modelName
                     raise self.refusal(
-                        f"is the FMU of another model or version, {model} (variable {name} not found where it belongs)"
+                        f"is the FMU of another model or version, {model} (variable {name} is missing or misplaced)"
                     )
 
 
 class Message(NamedTuple):
-    """What an instance tells its importer."""
+    """A log message of an instance."""
 
     status: int
     category: str
     text: str
-    instance: str | None  # its name, which FMI 3.0 leaves out
+    instance: str | None  # its name, absent in FMI 3.0
 
 
 class Values:
-    """Variables by their value references with a buffer for their values, in the form that a unit gets and sets them.
+    """Variables by their value references, with a buffer for their values in the form that the FMU reads and writes.
 
-    In FMI 2.0 there is a reference for each of the `size` scalars, in FMI 3.0 for each array.
+    FMI 2.0 has a reference for each of the `size` scalars, FMI 3.0 one for each array.
     """
 
     def __init__(self, references: Sequence[int], size: int, is_fmi2: bool) -> None:
@@ -155,17 +155,17 @@ def values_of(names: Iterable[str], is_fmi2: bool) -> Values:
 
 
 class Unit:
-    """An instance of a unit; `fmu` is FMPy's, for all that is not here. Calls that fail raise FMPy's FMICallException.
+    """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
     Parameters
     ----------
     options
-        Of FMI 3.0's instantiation, as FMPy names them.
+        Arguments of the FMI 3.0 instantiation, named as in FMPy.
 
     Raises
     ------
     GoughStewartError
-        That of the file: no binary for this machine, or one that cannot be loaded or instantiated.
+        As the file's class: no binary for this machine, or one that cannot be loaded or instantiated.
     """
 
     def __init__(
@@ -183,16 +183,16 @@ class Unit:
         arguments = {
             "guid": file.token if token is None else token,
             "unzipDirectory": str(file.folder),
-            "modelIdentifier": file.description.coSimulation.modelIdentifier,  # that of Model Exchange, too
+            "modelIdentifier": file.description.coSimulation.modelIdentifier,  # the same for Model Exchange
             "instanceName": name,
         }
         kind: Any = _CLASSES[file.version, fmi_type]
-        # made in two steps: its library is loaded before it may fail
+        # made in two steps: the library is loaded before instantiation may fail
         self.fmu: Any = kind.__new__(kind)
         try:
             self.fmu.__init__(**arguments)
             if self.is_fmi2:
-                # kept, since the instance calls them for as long as it lives
+                # keep references, since the instance calls them during its lifetime
                 self.callbacks = fmi2CallbackFunctions()
                 self.callbacks.logger = fmi2CallbackLoggerTYPE(self._hear)
                 self.callbacks.allocateMemory = type(self.callbacks.allocateMemory)(calloc)
@@ -200,19 +200,18 @@ class Unit:
                 self.fmu.instantiate(callbacks=self.callbacks, loggingOn=logging)
             else:
                 self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
-        except Exception as error:  # FMPy raises it bare
+        except Exception as error:  # FMPy raises the base class
             if hasattr(self.fmu, "dll"):
                 self.fmu.freeLibrary()
             text = self.take_messages()
-            reason = f"gives no instance: {text}" if text else f"does not run on this machine ({error})"
+            reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
             raise file.refusal(reason) from error
         if self.is_fmi2:
             self._get, self._set = self.fmu.fmi2GetReal, self.fmu.fmi2SetReal
         else:
             self._get, self._set = self.fmu.fmi3GetFloat64, self.fmu.fmi3SetFloat64
         if fmi_type == "CoSimulation":
-            # of what FMI 3.0 answers to a step only the status matters here: the unit has no events, and returns early
-            # only when asked to
+            # only the status of an FMI 3.0 step is used: the FMU has no events, and returns early only on request
             answers = tuple(byref(each) for each in (c_bool(), c_bool(), c_bool(), c_double()))
             self._step = self.fmu.fmi2DoStep if self.is_fmi2 else self.fmu.fmi3DoStep
             self._step_arguments = (fmi2True,) if self.is_fmi2 else (True, *answers)
@@ -222,17 +221,17 @@ class Unit:
         self._get(self.fmu.component, *values.arguments)
 
     def write(self, values: Values) -> None:
-        """Hand the buffer over."""
+        """Write the buffer to the instance."""
         self._set(self.fmu.component, *values.arguments)
 
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
-        """Set whole variables, in one call."""
+        """Set whole variables in one call."""
         buffer = values_of(values, self.is_fmi2)
         buffer.array[:] = np.concatenate([np.ravel(value) for value in values.values()])
         self.write(buffer)
 
     def initialise(self, tolerance: float | None = None, time: float = 0.0, stop: float | None = None) -> None:
-        """Through initialisation; of Model Exchange on to continuous time."""
+        """Initialise the instance; for Model Exchange, enter continuous-time mode."""
         times = {"tolerance": tolerance, "startTime": time, "stopTime": stop}
         if self.is_fmi2:
             self.fmu.setupExperiment(**times)
@@ -245,17 +244,17 @@ class Unit:
             self.fmu.enterContinuousTimeMode()
 
     def do_step(self, time: float, step: float) -> None:
-        """A communication step of Co-Simulation."""
+        """Do a communication step of Co-Simulation."""
         self._step(self.fmu.component, time, step, *self._step_arguments)
 
     def take_messages(self) -> str:
-        """The messages since the last call as one text; empty as long as all is well."""
+        """The messages since the last call as one text; empty without problems."""
         texts = [message.text for message in self.messages]
         self.messages.clear()
         return "; ".join(texts)
 
     def free(self) -> None:
-        """The end; a second time does nothing."""
+        """Terminate and free the instance; may be called again."""
         fmu, self.fmu = self.fmu, None
         if fmu is not None:
             fmu.freeInstance()

@@ -1,1 +1,1 @@
-"""What varies in an ensemble, and how it is drawn: distributions, designs, correlations."""
+"""Sampling of ensembles: distributions, designs, correlations."""

@@ -1,4 +1,4 @@
-"""`[ensemble]`: how many members, how they are drawn, what is kept of them, and what varies."""
+"""`[ensemble]`: the number of members, the sampling, the results to keep, and the varied inputs."""
 
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
@@ -17,26 +17,26 @@ MOST_MEMBERS = 10_000_000
 
 
 class EnsembleChoice(Section):
-    """`[ensemble]`: every key beside these names what varies.
+    """`[ensemble]`: keys other than these fields name what varies.
 
-    A bare name is a parameter of the machine (`platform_mass`), tables go by section: `controller.bandwidth`,
-    `loop.delay`, `platform.platform_mass` (what the designer believes), `disturbance.1.force`.
+    A bare name is a parameter of the machine (`platform_mass`); other keys go by table: `controller.bandwidth`,
+    `loop.delay`, `platform.platform_mass` (of the nominal model), `disturbance.1.force`.
     """
 
     model_config = ConfigDict(extra="allow")
 
-    # None: 1000, or as many as grids have combinations
+    # None: 1000, or the number of combinations of the grids
     members: Annotated[int, Field(ge=1, le=MOST_MEMBERS)] | None = None
-    # of draws, noise and jitter; the sensors' seed, where it is left out
+    # of draws, noise and jitter; the sensors' seed by default
     seed: Annotated[int, Field(ge=0)] | None = None
     sampling: Sampling = "random"
-    # of the fixed steps of RK4, a plant step at a time; `[plant]` tolerance is that of plants that control their steps
+    # of the fixed RK4 steps, per plant step; `[plant]` tolerance applies to plants with error-controlled steps
     tolerance: Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])] = DEFAULT_TOLERANCE
-    # which signals are kept as bands over time
+    # the signals kept as bands over time
     signals: list[str] | None = None
-    # whether each member's loop gets its margins
+    # whether to compute the margins of each member's loop
     margins: bool = False
-    # how many members get a record of their own, and the metric that says how bad they are
+    # how many of the worst members get a full record, and the metric that ranks them
     worst: Annotated[int, Field(ge=0, le=1000)] = 5
     worst_by: str | None = None
     correlation: list[Together] = Field(default_factory=list)
@@ -50,12 +50,12 @@ class EnsembleChoice(Section):
 
     @property
     def varied(self) -> Mapping[str, Variation]:
-        """What varies, by key as it is written."""
+        """What varies, by key as written."""
         return self._varied
 
 
 def _variations(prefix: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Variation]]:
-    """The distributions in a table and in those below it, by dotted key."""
+    """The distributions in a table and its subtables, by dotted key."""
     for name, value in table.items():
         key = f"{prefix}{name}"
         if isinstance(value, Variation):
@@ -63,7 +63,7 @@ def _variations(prefix: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Va
         elif not isinstance(value, Mapping):
             raise ValueError(  # noqa: TRY004 - pydantic wants this one
                 f"{key}: is {value!r}; expected a setting of the ensemble ({', '.join(EnsembleChoice.model_fields)}), "
-                "or a distribution of what varies: {normal = [mean, deviation]}"
+                "or the distribution of a varied value: {normal = [mean, deviation]}"
             )
         elif value.keys() & Variation.model_fields.keys():
             try:

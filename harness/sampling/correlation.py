@@ -1,4 +1,4 @@
-"""Inputs that go together: a Gaussian copula, and covariances of a multivariate normal distribution."""
+"""Correlated inputs: a Gaussian copula, and covariances of a multivariate normal distribution."""
 
 from typing import Any
 
@@ -9,15 +9,15 @@ from gough_stewart.harness.section import Section
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
-# Of the largest eigenvalue: below is rounding.
+# Relative to the largest eigenvalue; smaller values are rounding errors.
 _POSITIVE = 1e-12
 _SMALLEST = 2.0**-53
 
 
 class Together(Section):
-    """`[[ensemble.correlation]]` and `[[ensemble.covariance]]`: which inputs, and their matrix, in SI units.
+    """`[[ensemble.correlation]]` and `[[ensemble.covariance]]`: inputs and their matrix, in SI units.
 
-    A vector stands for its elements one after the other.
+    A vector stands for its elements in order.
     """
 
     of: list[str]
@@ -26,7 +26,7 @@ class Together(Section):
     @model_validator(mode="after")
     def _positive(self) -> "Together":
         if len(set(self.of)) < len(self.of) or not self.of:
-            raise ValueError(f"of is {self.of}; expected names, each once")
+            raise ValueError(f"of is {self.of}; expected different names")
         checked_matrix(self.matrix)
         return self
 
@@ -42,7 +42,7 @@ def checked_matrix(matrix: Any) -> FloatArray:
     Raises
     ------
     ValueError
-        It is neither.
+        The matrix is not symmetric or not positive definite.
     """
     n = len(matrix)
     try:
@@ -51,7 +51,7 @@ def checked_matrix(matrix: Any) -> FloatArray:
         raise ValueError(f"the matrix {error}") from None
     if np.abs(C - C.T).max(initial=0.0) > 1e-9 * np.abs(C).max(initial=0.0):
         raise ValueError("the matrix is not symmetric")
-    # scaled to correlations: units of very different size shall not count as nearly singular
+    # scaled to correlations, so that different units do not make it look singular
     diagonal = np.diag(C)
     worst = float(diagonal.min(initial=np.inf))
     if worst > 0:
@@ -59,7 +59,7 @@ def checked_matrix(matrix: Any) -> FloatArray:
     if not worst > _POSITIVE:
         raise ValueError(
             f"the matrix is not positive definite (smallest eigenvalue {worst:.3g}, scaled to correlations); expected "
-            "> 0: make the correlations smaller, or leave out what depends wholly on the others"
+            "> 0: reduce the correlations, or remove inputs that depend entirely on others"
         )
     return C
 
@@ -71,7 +71,7 @@ def correlation_of(covariance: FloatArray) -> FloatArray:
 
 
 def correlated(u: FloatArray, correlation: FloatArray) -> FloatArray:
-    """Independent uniform numbers (n, k) made ones whose normal scores have a correlation (k, k).
+    """Turn independent uniform numbers (n, k) into ones whose normal scores have a correlation (k, k).
 
     z = L Φ⁻¹(u), R = L Lᵀ, and Φ(z); summed column by column, so that a row does not depend on those beside it.
     """

@@ -1,4 +1,4 @@
-"""Where members lie in the unit cube: at random, in a Latin hypercube, on Sobol' points, in Saltelli's design."""
+"""The sample points of members in the unit cube: random, Latin hypercube, Sobol' points, Saltelli's design."""
 
 import warnings
 from collections.abc import Sequence
@@ -13,21 +13,21 @@ import numpy as np
 from gough_stewart.model.vectors import FloatArray
 
 Sampling = Literal["random", "latin_hypercube", "sobol", "saltelli"]
-# Streams of the draws, apart from those of noise, which are children 0, 1, … of a member's seed.
+# Streams of the draws, separate from those of noise, which are children 0, 1, … of a member's seed.
 _STREAM = 0x656E73
-# Numbers that one Latin hypercube may have: it can only be drawn as a whole.
+# The most numbers of a Latin hypercube, which can only be drawn as a whole.
 MOST_OF_A_HYPERCUBE = 20_000_000
-# Draws of Philox for one step of its counter.
+# Numbers that Philox draws per step of its counter.
 _PER_STEP = 4
 _SMALLEST = 2.0**-53
 
 
 @dataclass(frozen=True)
 class Design:
-    """Points (members, size) in the open unit cube; those of member k depend on the design and on k alone.
+    """Points (members, size) in the open unit cube; those of member k depend only on the design and k.
 
-    - "random": member k's numbers depend on the seed, the names and k; not on how many members there are.
-    - "sobol": scrambled Sobol' points; the first n of more are the same.
+    - "random": member k's numbers depend on the seed, the names and k, not on the number of members.
+    - "sobol": scrambled Sobol' points; a longer sequence starts with the same points.
     - "latin_hypercube": depends on the number of members.
     - "saltelli": for Sobol' indices, in SALib's order without second order: for every point of two matrices
       A and B a row of A, for each group a row of A with that group from B, and the row of B.
@@ -35,14 +35,14 @@ class Design:
     Parameters
     ----------
     names
-        Of what varies, each with as many columns as `sizes` says.
+        Of the varied inputs, each with as many columns as `sizes` states.
     groups
-        For Saltelli's design, which of the names belong together, by index.
+        For Saltelli's design, which names form one group, by index.
 
     Raises
     ------
     ValueError
-        A number of members that the design cannot have.
+        A number of members that the design does not allow.
     """
 
     sampling: Sampling
@@ -56,27 +56,27 @@ class Design:
         if self.sampling == "saltelli" and self.members % self.block:
             near = max(1, round(self.members / self.block)) * self.block
             raise ValueError(
-                f"members is {self.members}; Saltelli's design has {self.block} for each point "
-                f"({len(self.groups)} inputs and 2), expected a multiple, for instance {near}"
+                f"members is {self.members}; Saltelli's design needs {self.block} per point ({len(self.groups)} inputs "
+                f"plus 2), expected a multiple, for instance {near}"
             )
         if self.sampling == "latin_hypercube" and self.members * self.size > MOST_OF_A_HYPERCUBE:
             raise ValueError(
                 f"a Latin hypercube of {self.members} members with {self.size} numbers each can only be drawn as a "
-                f"whole; expected at most {MOST_OF_A_HYPERCUBE} numbers; take sampling = 'sobol' or 'random'"
+                f"whole; expected at most {MOST_OF_A_HYPERCUBE} numbers; use sampling = 'sobol' or 'random'"
             )
 
     @property
     def size(self) -> int:
-        """How many numbers a member has."""
+        """Numbers per member."""
         return sum(self.sizes)
 
     @property
     def block(self) -> int:
-        """How many members belong to one point: more than one in Saltelli's design."""
+        """Members per point: more than one in Saltelli's design."""
         return len(self.groups) + 2 if self.sampling == "saltelli" else 1
 
     def points(self, first: int, last: int) -> FloatArray:
-        """Those of the members from first up to last, without it (last − first, size)."""
+        """The points of members first to last − 1 (last − first, size)."""
         if not self.size:
             return np.zeros((last - first, 0))
         found = {
@@ -114,7 +114,7 @@ class Design:
 
 
 def _stream(seed: int, name: str, size: int, first: int, last: int) -> FloatArray:
-    """Random numbers of a name: a stream with a counter, which every member finds at its own place."""
+    """The random numbers of a name: a counter-based stream, so each member can start at its own position."""
     steps = ceil(size / _PER_STEP)
     bits = np.random.Philox(np.random.SeedSequence(seed, spawn_key=(_STREAM, crc32(name.encode()))))
     bits.advance(first * steps)
@@ -122,13 +122,13 @@ def _stream(seed: int, name: str, size: int, first: int, last: int) -> FloatArra
 
 
 def _sobol(size: int, seed: int, first: int, last: int) -> FloatArray:
-    from scipy.stats import qmc  # takes half a second, and only such designs need it
+    from scipy.stats import qmc  # takes half a second, and is needed for these designs only
 
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
     engine = qmc.Sobol(size, scramble=True, rng=rng)
     if first:
         engine.fast_forward(first)
-    with warnings.catch_warnings():  # of numbers that are no power of two: parts of a whole are not
+    with warnings.catch_warnings():  # of counts that are not powers of two: chunks are parts of a longer sequence
         warnings.simplefilter("ignore", UserWarning)
         return np.asarray(engine.random(last - first))
 
@@ -142,7 +142,7 @@ def _hypercube(size: int, members: int, seed: int) -> FloatArray:
 
 
 def in_turn(u: FloatArray, levels: Sequence[int | None], first: int) -> FloatArray:
-    """Grids go through all combinations of their values in turn, the last grid fastest: (n, k) in place of theirs."""
+    """Replace the columns of grids by all combinations of their levels, the last grid fastest: (n, k)."""
     found = u.copy()
     index = np.arange(first, first + len(u))
     for column in reversed([k for k, n in enumerate(levels) if n is not None]):

@@ -1,7 +1,7 @@
-"""Distributions by their quantile functions: from numbers in (0, 1) to values, element by element over any axes.
+"""Distributions by their quantile functions: elementwise from numbers in (0, 1) to values, over any axes.
 
-A quantile function takes random numbers, Latin hypercubes and Sobol' points alike. All are computed element by element,
-so that a value does not depend on those beside it.
+Quantile functions apply to random numbers, Latin hypercubes and Sobol' points alike. All are computed element by
+element, so a value does not depend on its neighbours.
 """
 
 from abc import abstractmethod
@@ -16,17 +16,17 @@ from gough_stewart.model.vectors import FloatArray
 
 def _scores(u: FloatArray) -> FloatArray:
     """Φ⁻¹(u)."""
-    from scipy.special import ndtri  # which runs without an ensemble need not wait for
+    from scipy.special import ndtri  # not needed, and slow, without an ensemble
 
     return np.asarray(ndtri(u))
 
 
 class Distribution:
-    """Numbers, or arrays of them, at random."""
+    """Random numbers, or arrays of them."""
 
     @abstractmethod
     def quantile(self, u: FloatArray) -> Any:
-        """Values with these probabilities of being less, of the shape of u, in (0, 1)."""
+        """Quantiles of these probabilities u in (0, 1), of the shape of u."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class TruncatedNormal(Distribution):
         from scipy.special import ndtr
 
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
-        # Φ is near 1 in the upper tail, where differences drown in rounding: there the mirrored one is taken
+        # near 1, differences of Φ lose digits: in the upper tail use the mirrored distribution
         upper = a > 0
         a, b, v = np.where(upper, -b, a), np.where(upper, -a, b), np.where(upper, 1 - u, u)
         z = _scores(ndtr(a) + v * (ndtr(b) - ndtr(a)))
@@ -88,7 +88,7 @@ class Lognormal(Distribution):
 
 @dataclass(frozen=True)
 class Choice(Distribution):
-    """One of some values, each as likely: the one at ⌊n u⌋."""
+    """One of several values with equal probability: the one at ⌊n u⌋."""
 
     values: Sequence[Any]
 

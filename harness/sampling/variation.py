@@ -1,4 +1,4 @@
-"""`{ normal = ["120 kg", "10 kg"] }` and its like: how one thing varies, as an experiment's file says it."""
+"""`{ normal = ["120 kg", "10 kg"] }` and others: how one value varies, as written in an experiment file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,29 +23,29 @@ from gough_stewart.model.vectors import FloatArray
 
 @dataclass(frozen=True)
 class Target:
-    """What varies: its name, its unit ("" of plain numbers, None of what is no number), shape, and present value."""
+    """The varied value: its name, unit ("" if dimensionless, None if not a number), shape, and present value."""
 
     name: str
     unit: str | None
     shape: tuple[int, ...]
     nominal: FloatArray | None
-    # a matrix whose elements come in pairs
+    # a symmetric matrix
     is_symmetric: bool = False
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How a target varies: from `size` numbers in (0, 1) a member to its values."""
+    """How a target varies: from `size` numbers in (0, 1) per member to its values."""
 
     size: int
     draw: Callable[[FloatArray], Any]  # from (n, size) to (n, *shape), or a list of n values of any kind
-    levels: int | None = None  # of a grid, which goes through its values in turn
-    # what is drawn itself where one number moves several: from (n, size) to the factors (n,)
+    levels: int | None = None  # number of values of a grid
+    # if one number scales several elements: from (n, size) to that factor (n,)
     factor: Callable[[FloatArray], FloatArray] | None = None
 
 
 class Variation(Section):
-    """One distribution: of values, of a `factor` on the present value, or of an `offset` from it.
+    """One distribution: of values, of a `factor` on the present value, or of an `offset` to it.
 
     `normal = [mean, deviation]`, `uniform = [low, high]`, `truncated_normal = [mean, deviation, low, high]`,
     `lognormal = [median, deviation of the logarithm]`, `choice = [...]`, `grid = [...]`. With one number
@@ -73,18 +73,18 @@ class Variation(Section):
 
     @property
     def kind(self) -> str:
-        """Which of the keys is there."""
+        """The key that is set."""
         (name,) = (name for name in type(self).model_fields if getattr(self, name) is not None)
         return name
 
     def spread(self, target: Target) -> Spread:
-        """How a target varies by this.
+        """The spread of a target under this distribution.
 
         Raises
         ------
         ValueError
-            Numbers that make no distribution of this target, one without a spread, or a deviation from a value that is
-            not there.
+            Numbers that are not a distribution of this target, one without a spread, or a deviation from a missing
+            value.
         """
         kind = self.kind
         if kind == "factor" and self.factor is not None:
@@ -96,7 +96,7 @@ class Variation(Section):
         if kind in ("choice", "grid"):
             return self._of_values(kind, getattr(self, kind), target)
         if target.unit is None:
-            raise ValueError(f"{kind} is of numbers; expected choice or grid")
+            raise ValueError(f"{kind} applies to numbers only; expected choice or grid")
         distribution = _DISTRIBUTIONS[kind](getattr(self, kind), target)
         size = prod(target.shape)
 
@@ -142,7 +142,7 @@ def _only_values(inner: Variation, where: str) -> Variation:
 
 def _nominal(target: Target) -> FloatArray:
     if target.nominal is None:
-        raise ValueError("has no value to vary about; set one in the experiment, or give a distribution of values")
+        raise ValueError("has no value to vary about; set one in the experiment, or use a distribution of values")
     return target.nominal
 
 
@@ -150,7 +150,7 @@ def _parsed(value: Any, target: Target, shape: tuple[int, ...]) -> FloatArray:
     """Numbers in SI units of this shape."""
     if shape:
         if not isinstance(value, list | tuple) or len(value) != shape[0]:
-            raise ValueError(f"is {value!r}; expected {shape[0]} of them")
+            raise ValueError(f"is {value!r}; expected {shape[0]} elements")
         return np.array([_parsed(each, target, shape[1:]) for each in value])
     return np.array(number(value, target.unit or PLAIN))
 
@@ -182,7 +182,7 @@ def _normal(value: Any, target: Target) -> Distribution:
 def _uniform(value: Any, target: Target) -> Distribution:
     bounds = [_number_or_all(each, target) for each in _listed(value, (1, 2), "uniform")]
     if len(bounds) == 1:
-        half = _positive(bounds[0], value, "half a width > 0")
+        half = _positive(bounds[0], value, "a half width > 0")
         return Uniform(_nominal(target) - half, _nominal(target) + half)
     _positive(bounds[1] - bounds[0], value, "the lower bound below the upper one")
     return Uniform(bounds[0], bounds[1])
@@ -205,13 +205,13 @@ def _lognormal(value: Any, target: Target) -> Distribution:
     *median, deviation = _listed(value, (1, 2), "lognormal")
     middle = _number_or_all(median[0], target) if median else _nominal(target)
     if not (middle > 0).all():
-        raise ValueError(f"lognormal has the median {middle.tolist()}; expected > 0")
+        raise ValueError(f"lognormal has the median {middle.tolist()}; expected a median > 0")
     size = np.array(plain_number(deviation))
     return Lognormal(middle, _positive(size, value, "a deviation of the logarithm > 0"))
 
 
 def _paired(values: FloatArray, target: Target) -> FloatArray:
-    """The elements above the diagonal, below it, too."""
+    """A symmetric matrix from the elements above the diagonal."""
     if not target.is_symmetric:
         return values
     upper = np.triu(values)
@@ -226,7 +226,7 @@ _DISTRIBUTIONS: dict[str, Callable[[Any, Target], Distribution]] = {
 }
 _WANTED = {
     "normal": "[mean, standard deviation], or a standard deviation about the present value",
-    "uniform": "[low, high], or half a width about the present value",
+    "uniform": "[low, high], or half the width about the present value",
     "truncated_normal": "[mean, standard deviation, low, high], or [standard deviation, bound] about the present value",
     "lognormal": "[median, standard deviation of the logarithm], or that deviation about the present value",
 }

@@ -471,7 +471,7 @@ def test_a_failed_step_undoes_what_was_set_between(fmu3: Fmu) -> None:
     ],
 )
 def test_what_is_not_declared_gives_no_instance(fmu3: Fmu, options: dict[str, Any], message: str) -> None:
-    with pytest.raises(PlantError, match=f"gives no instance: .*{message}"):
+    with pytest.raises(PlantError, match=f"cannot be instantiated: .*{message}"):
         Plant(fmu3, **options)
 
 

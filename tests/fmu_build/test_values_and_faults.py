@@ -231,9 +231,9 @@ def test_unknown_references_wrong_counts_and_null_pointers_are_errors(fmu: Fmu) 
 
 
 def test_an_importer_with_another_description_gets_no_instance(fmu: Fmu) -> None:
-    with pytest.raises(PlantError, match=r"gives no instance: .*wrong token 'another'; expected"):
+    with pytest.raises(PlantError, match=r"cannot be instantiated: .*wrong token 'another'; expected"):
         plant(fmu, token="another").__enter__()
-    with pytest.raises(PlantError, match=r"gives no instance: .*name"):
+    with pytest.raises(PlantError, match=r"cannot be instantiated: .*name"):
         plant(fmu, name=" ").__enter__()
 
 

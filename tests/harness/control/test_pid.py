@@ -271,7 +271,7 @@ def test_signals_and_spaces_are_checked() -> None:
         LinearController(static(6, 6), ())
     with pytest.raises(ControllerError, match="space is 'joint'"):
         LinearController(static(6, 6), space="joint")  # type: ignore[arg-type]
-    with pytest.raises(ControllerError, match="takes the signal leg_length"):
+    with pytest.raises(ControllerError, match="needs the signal leg_length"):
         LinearController(static(6, 6), ("position", "orientation"), "task")
 
 

@@ -134,7 +134,7 @@ def test_a_machine_that_cannot_be_is_refused_with_its_place() -> None:
 
 
 def test_the_key_model_says_where_to_go() -> None:
-    with pytest.raises(ExperimentError, match=r"controllers believe in \[platform\].*\[plant.parameters\]"):
+    with pytest.raises(ExperimentError, match=r"controllers use the nominal model \[platform\].*\[plant.parameters\]"):
         shipped_experiment("circle_computed_torque", ["controller.model.platform_mass=12"])
 
 

@@ -161,7 +161,7 @@ def test_a_platform_that_has_left_its_reference_ends_the_run() -> None:
     run = run_with(constant(), loop_of(2.0, limits=Limits(largest_position_error=bound)))
     assert run.outcome.status == "diverged"
     assert run.outcome.time == run.time[-1] == free.time[first]
-    assert f"is {distance[first]:.3g} m from its reference; the bound is {bound:g} m" in str(run.outcome.cause)
+    assert f"is {distance[first]:.3g} m from its reference; the limit is {bound:g} m" in str(run.outcome.cause)
 
 
 def test_a_platform_at_the_very_bound_goes_on() -> None:

@@ -269,7 +269,7 @@ def test_controllers_that_cannot_be_together_are_refused() -> None:
         laws_together([pid_too, pd_only], T, np.zeros((0, 6, 6)))
     with pytest.raises(ControllerError, match="different structure, a function; linear"):
         laws_together([pid_too, constant()], T, np.zeros((0, 6, 6)))
-    with pytest.raises(ControllerError, match=r"mine.fmu is a unit.*linear or a function"):
+    with pytest.raises(ControllerError, match=r"mine.fmu is an FMU.*linear or a function"):
         laws_together([UnitController("mine.fmu")], T, np.zeros((0, 6, 6)))  # type: ignore[arg-type]
     with pytest.raises(ControllerError, match="the controller's sample time is 0\\.01 s, the loop's 0\\.02 s"):
         laws_together([pd_only, pd_only], 0.02, np.zeros((0, 6, 6)))
@@ -278,7 +278,7 @@ def test_controllers_that_cannot_be_together_are_refused() -> None:
 def test_a_loop_of_another_shape_than_the_plant_is_refused() -> None:
     loop = together([loop_of(0.1), loop_of(0.1)])
     for plant in (ManyMasses([1.0, 1.0, 1.0]), Masses()):
-        with pytest.raises(ControllerError, match=r"a loop of shape \(2,\) around a plant of shape \("):
+        with pytest.raises(ControllerError, match=r"a loop of shape \(2,\) with a plant of shape \("):
             observe(plant, None, loop, Counting(2))
 
 

@@ -31,7 +31,7 @@ def archive_with(path: Path, name: str) -> Path:
 def test_an_entry_that_leads_out_is_refused_by_name(name: str, tmp_path: Path) -> None:
     path = archive_with(tmp_path / "unit.fmu", name)
     with pytest.raises(
-        PlantError, match=r"unit\.fmu: the entry .* leads out of the archive.*nothing was unpacked"
+        PlantError, match=r"unit\.fmu: the entry .* points outside the archive.*nothing was unpacked"
     ) as caught:
         FmuPlant(path, UNEVEN)
     assert repr(name) in str(caught.value)

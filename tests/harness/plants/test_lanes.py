@@ -377,7 +377,7 @@ def test_the_largest_estimate_along_the_run_is_kept() -> None:
 
 @pytest.mark.parametrize("error", [np.nan, np.inf, 1e12])
 def test_an_error_that_no_number_of_substeps_brings_down_is_refused(error: float) -> None:
-    with pytest.raises(PlantError, match=r"expected at most 1024|begin with more"):
+    with pytest.raises(PlantError, match=r"expected at most 1024|start with more"):
         substeps_for(error, 4, 1e-8)
 
 

@@ -394,7 +394,7 @@ def test_open_plant_refuses_what_does_not_fit(fmus: dict[str, Fmu], paper: Platf
         open_plant("fmu2", paper, fmu=fmus["3.0"].path),
     ):
         pass
-    with pytest.raises(PlantError, match="'model' has no use"), open_plant("model", paper, fmu=fmus["3.0"].path):
+    with pytest.raises(PlantError, match="'model' does not accept"), open_plant("model", paper, fmu=fmus["3.0"].path):
         pass
     with pytest.raises(PlantError, match="expected model, fmu2 or fmu3"), open_plant("simulink", paper):  # type: ignore[arg-type]
         pass

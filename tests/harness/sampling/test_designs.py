@@ -58,7 +58,7 @@ def test_saltellis_design_swaps_one_group_after_the_other() -> None:
 def test_designs_that_cannot_be_are_refused() -> None:
     with pytest.raises(ValueError, match=r"members is 61; .*3 inputs and 2\), expected a multiple, for instance 60"):
         design("saltelli", 61)
-    with pytest.raises(ValueError, match="take sampling = 'sobol' or 'random'"):
+    with pytest.raises(ValueError, match="use sampling = 'sobol' or 'random'"):
         design("latin_hypercube", 1_000_000)
 
 
