@@ -1,1 +1,1 @@
-"""Experiments: their schema and files, and the way from a file to a record."""
+"""Experiments: schema and files, and everything from a file to a record."""

@@ -1,4 +1,4 @@
-"""The linear side of an experiment: gains, loop, closed-loop modes, margins, figures."""
+"""Linear analysis of an experiment: gains, loop transfer, closed-loop modes, margins, figures."""
 
 import json
 from dataclasses import dataclass, fields
@@ -27,15 +27,15 @@ _SHOWN_MODES = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins(Margins):
-    """How far the loop of an experiment is from instability, from `margins`.
+    """Stability margins of an experiment's loop, from `margins`.
 
-    Of each leg, with the others closed, `legs` has `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
-    `crossover` [Hz]; of all at once `disk` has `alpha`, `gain`, `phase` [rad] and `frequency` [Hz], and
+    `legs` has for each leg, with the others closed, `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
+    `crossover` [Hz]; `disk` has for all at once `alpha`, `gain`, `phase` [rad] and `frequency` [Hz];
     `sensitivity_peak` and `complementary_peak` are the largest σ(S) and σ(T).
     """
 
     title: str
-    """Of the experiment."""
+    """Title of the experiment."""
     sample_time: float
     """[s]"""
     delay: int
@@ -43,14 +43,14 @@ class LoopMargins(Margins):
     lag: float
     """Of the actuators [s]."""
     gains: Gains | None
-    """Of PD and PID."""
+    """Gains of a PD or PID."""
     modes: tuple[Mode, ...]
-    """Of the closed loop, the slowest first."""
+    """Modes of the closed loop, slowest first."""
     loop: Any
     """Loop transfer L (6×6) at the actuators as a python-control system, u = −L u."""
 
     def __repr__(self) -> str:
-        """The margins of all legs at once, the smallest of one leg, and the slowest mode, a line each."""
+        """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""
         disk, slowest = self.disk, self.modes[0]
         phase, delay = min(leg.phase for leg in self.legs), min(leg.delay for leg in self.legs)
         up, down = min(leg.gain_up for leg in self.legs), max(leg.gain_down for leg in self.legs)
@@ -69,7 +69,7 @@ class LoopMargins(Margins):
         return "".join(map(to_html, margins_sheets(self)))
 
     def as_dict(self) -> dict[str, Any]:
-        """In plain types, as margins.json has it; None for what is infinite or undefined."""
+        """As plain types, as in margins.json; None for infinite or undefined values."""
         return {
             "title": self.title,
             "sample_time": self.sample_time,
@@ -91,17 +91,17 @@ class LoopMargins(Margins):
 def margins(experiment: Experiment | Path | str, settings: Settings = (), *, controller: Any = None) -> LoopMargins:
     """Gains, closed-loop modes and stability margins of an experiment's loop, on the linear model.
 
-    Linear at the first pose of the reference; sampled, delayed and lagged as in the experiment. For each leg with the
-    others closed: gain, phase [rad] and delay [s]; for all legs at once the disk margin.
+    Linearised at the first pose of the reference; sampled, delayed and lagged as in the experiment. For each leg with
+    the others closed: gain, phase [rad] and delay [s]; for all legs at once the disk margin.
 
     Parameters
     ----------
     experiment
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     settings
-        Keys of the experiment to set anew, as `load_experiment` takes them.
+        Keys of the experiment to change, as in `load_experiment`.
     controller
-        In the place of the experiment's: a discrete python-control system, or a `LinearController`.
+        Replaces the experiment's: a discrete python-control system, or a `LinearController`.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def _loop(prepared: Prepared, controller: LinearController, sample_time: float, 
 
 
 def _what_moved_it(prepared: Prepared, controller: LinearController, choice: ControllerChoice | None) -> list[str]:
-    """What else than the gains would make an unstable loop stable, each alone: delay, lag, sample time."""
+    """Other changes that would stabilise a loop, each alone: no delay, no lag, a shorter sample time."""
     delay, lag = prepared.loop.actuators.delay, prepared.loop.actuators.lag
     sample_time = prepared.loop.timing.sample_time
     found = []
@@ -167,7 +167,7 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
     if lag and is_stable(_loop(prepared, controller, sample_time, delay, 0.0)):
         found.append(f"it is stable without the actuators' lag of {lag:g} s")
     for part in (2, 4, 8, 16):
-        # that of a file is for its own sample time
+        # a controller from a file is made for its own sample time
         faster = choice.controller(prepared.platform, sample_time / part) if isinstance(choice, PD) else None
         if isinstance(faster, LinearController) and is_stable(_loop(prepared, faster, sample_time / part, delay, lag)):
             found.append(f"it is stable at a sample_time of {sample_time / part:g} s")
@@ -185,7 +185,7 @@ def margins_files(found: LoopMargins) -> dict[str, bytes]:
 
 
 def margins_sheets(found: LoopMargins) -> list[Sheet]:
-    """Gains, the slowest modes, margins leg by leg and of all legs, as tables."""
+    """Gains, the slowest modes, margins per leg and of all legs, as tables."""
     sheets = []
     if found.gains is not None:
         sheet = Sheet(f"{found.title}: gains", ("channel", "kp", "kd", "ki"))
@@ -206,8 +206,8 @@ def margins_sheets(found: LoopMargins) -> list[Sheet]:
     disk = found.disk
     sheet = Sheet("margins, all legs at once", ("measure", "value"))
     sheet.add("disk margin α", f"{disk.alpha:.3g} at {disk.frequency:.3g} Hz")
-    sheet.add("gains of all legs, each for itself", f"× {disk.gain[0]:.3g} to {disk.gain[1]:.3g}")
-    sheet.add("phases of all legs, each for itself", f"± {np.degrees(disk.phase):.1f}°")
+    sheet.add("gains of all legs, independently", f"× {disk.gain[0]:.3g} to {disk.gain[1]:.3g}")
+    sheet.add("phases of all legs, independently", f"± {np.degrees(disk.phase):.1f}°")
     sheet.add("peak of σ(S), of σ(T)", f"{found.sensitivity_peak:.3g}, {found.complementary_peak:.3g}")
     return [*sheets, sheet]
 

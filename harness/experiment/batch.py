@@ -1,4 +1,4 @@
-"""Members that run side by side: prepared, filled up to whole vectors, one plant, one loop, their laws."""
+"""Members that run in parallel: prepared, padded to whole vectors, with one plant and one loop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from gough_stewart.model.errors import GoughStewartError, SingularPoseError
 from gough_stewart.model.parameters import stack
 from gough_stewart.model.vectors import FloatArray
 
-# Of the plant's vectors: a member's bits do not depend on the others where all of them are whole.
+# Size of the plant's vectors: a member's bits do not depend on the others if all vectors are full.
 LANES = 8
 
 
 @dataclass(frozen=True)
 class PreparedMembers:
-    """Members one after the other from `first` on: what they draw, those that can run, and why others cannot."""
+    """Consecutive members from `first` on: their draws, those that can run, and why others cannot."""
 
     first: int
     draws: Draws
@@ -34,16 +34,16 @@ class PreparedMembers:
 
 @dataclass(frozen=True)
 class Batch:
-    """What runs; the members, and behind them copies of the last one up to a whole number of vectors."""
+    """The members that run, followed by copies of the last one up to a whole number of vectors."""
 
     plant: LanesPlant
     law_from: LawFrom | None
     loop: Loop
-    size: int  # with the copies
+    size: int  # including the copies
 
 
 def prepared_members(members: Members, first: int, last: int) -> PreparedMembers:
-    """Members from first up to last, without it; what none can be is a reason, not an error."""
+    """Members first to last − 1; an impossible member is a reason, not an error."""
     draws = members.draws(first, last)
     experiments, machines = {}, {}
     impossible = dict[int, str]()
@@ -71,7 +71,7 @@ def _reason(error: GoughStewartError, where: str) -> str:
 
 
 def _held(machines: dict[int, Any]) -> dict[int, FloatArray]:
-    """Forces that hold each machine in its start pose; none where one has a singular pose, which is for it to say."""
+    """Forces that hold each machine in its start pose; None if one has a singular pose, which reports itself."""
     if not machines:
         return {}
     platforms = stack([machine for machine, _ in machines.values()])
@@ -90,7 +90,7 @@ def batch_of(prepared: Sequence[Prepared], substeps: int, compiler: bool | None 
     Raises
     ------
     ControllerError
-        Members that cannot run side by side; says in what they differ.
+        Members that cannot run in parallel; names the difference.
     """
     filled = [*prepared, *[prepared[-1]] * (-len(prepared) % LANES)]
     loop = together([each.loop for each in filled])
@@ -104,7 +104,7 @@ def batch_of(prepared: Sequence[Prepared], substeps: int, compiler: bool | None 
 
 
 def _jacobians(prepared: Sequence[Prepared]) -> FloatArray:
-    """(n, 6, 6) where all have the same, else (n, N, 6, 6)."""
+    """(n, 6, 6) if all are the same, else (n, N, 6, 6)."""
     first = prepared[0].jacobians
     if all(each.jacobians is first for each in prepared):
         return first

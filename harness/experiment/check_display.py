@@ -1,4 +1,4 @@
-"""The check of a motion as tables, text, numbers and pictures."""
+"""The check of a motion as tables, text, numbers and figures."""
 
 import json
 import math
@@ -15,7 +15,7 @@ _LEGS = tuple(range(1, 7))
 
 
 def check_files(found: MotionCheck) -> dict[str, bytes]:
-    """Numbers and picture by file name."""
+    """Numbers and figure by file name."""
     numbers = {**as_dict(found), "versions": versions()}
     return {
         "check.json": (json.dumps(numbers, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
@@ -24,7 +24,7 @@ def check_files(found: MotionCheck) -> dict[str, bytes]:
 
 
 def as_dict(found: MotionCheck) -> dict[str, Any]:
-    """The largest share of every limit and when, as plain numbers; None where a share is infinite."""
+    """The largest share of every limit and its time, as plain numbers; None if a share is infinite."""
     limits = {}
     for name, share in found.shares.of.items():
         peaks = [found.shares.peak(name, leg) for leg in _LEGS] if share.ndim == 2 else [found.shares.peak(name)]
@@ -43,7 +43,7 @@ def as_dict(found: MotionCheck) -> dict[str, Any]:
 
 
 def check_sheets(found: MotionCheck) -> list[Sheet]:
-    """Leg by leg the largest share of every limit and when, and the same of the whole platform."""
+    """The largest share of every limit and its time, per leg and for the whole platform."""
     shares = found.shares
     legs = Sheet("largest share of each limit", ("of leg", *map(str, _LEGS)))
     whole = Sheet("of the whole platform", ("limit", "%", "at s"))
@@ -74,7 +74,7 @@ def verdict(found: MotionCheck) -> str:
 
 
 def check_text(found: MotionCheck) -> str:
-    """Title, largest share of each limit, and the verdict, a line each."""
+    """Title, largest share of each limit, and verdict, one line each."""
     lines = [f"Motion: {found.experiment.title}, of platform {found.platform.name}"]
     for name in found.shares.of:
         peak = found.shares.peak(name)
@@ -89,7 +89,7 @@ def check_html(found: MotionCheck) -> str:
 
 
 def _percent(peak: Peak) -> str:
-    """Of the limit, 100 only where it is reached; four digits, so that what is just beyond shows."""
+    """Percent of the limit, 100 only if it is reached; four digits, so that a small excess shows."""
     if not math.isfinite(peak.share):
         return "beyond"
     text = number_text(100 * peak.share)

@@ -1,4 +1,4 @@
-"""Whether a platform can follow the motion of an experiment, and the same experiment with a motion that it can."""
+"""Checks whether a platform can follow the motion of an experiment, and scales the motion until it can."""
 
 import math
 from collections.abc import Callable
@@ -24,41 +24,41 @@ _DIGITS = 9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionCheck:
-    """How much of every limit the motion of an experiment uses, from `check`."""
+    """The share of every limit that the motion of an experiment uses, from `check`."""
 
     experiment: Experiment
-    """What was checked."""
+    """The experiment."""
     platform: Platform
-    """What the designer believes, with the force limit of the experiment's actuators."""
+    """The nominal model, with the force limit of the experiment's actuators."""
     shares: Shares
-    """Of every limit at every row of the run; see `shares_along`."""
+    """Shares of every limit at every row of the run; see `shares_along`."""
     _wanted: WantedMotion
 
     @property
     def within(self) -> bool:
-        """Whether no limit is passed."""
+        """Whether all limits are kept."""
         return self.shares.within
 
     @cached_property
     def time_factor(self) -> float | None:
-        """How many times as long the motion has to take, 1 if it fits as it is; None if no slower one fits."""
+        """The time scale at which the motion fits, 1 if it fits already; None if no slower one fits."""
         return slowing_that_fits(self.platform, self._motion, self._worst)
 
     @cached_property
     def amplitude_factor(self) -> float | None:
-        """How many times as large the motion may be, 1 if it fits as it is; None if no smaller one fits."""
+        """The amplitude scale at which the motion fits, 1 if it fits already; None if no smaller one fits."""
         centre = centre_of(self._wanted.reference)
         return shrinking_that_fits(self.platform, self._motion, centre, self._worst)
 
     def settings_that_fit(self, fit: Fit) -> dict[str, float]:
-        """Keys of the experiment to set so that its motion fits: none if it does.
+        """Settings of the experiment with which its motion fits: none if it fits already.
 
-        A slower motion is as long as before in its own time: `loop.duration` grows with `reference.time_scale`.
+        A slower motion needs a longer run: `loop.duration` grows with `reference.time_scale`.
 
         Raises
         ------
         MotionError
-            Neither slower nor smaller, whichever was asked for, helps.
+            The chosen kind of scale does not help.
         """
         if self.within:
             return {}
@@ -67,10 +67,10 @@ class MotionCheck:
             largest = self.shares.largest
             raise MotionError(
                 f"{self.experiment.where}: no {fit}_scale makes the motion fit; {largest.limit} is at "
-                f"{100 * largest.share:.4g} % at {largest.time:.6g} s. Move where it happens, or try the other scale"
+                f"{100 * largest.share:.4g} % at {largest.time:.6g} s. Move it elsewhere, or try the other scale"
             )
         choice = self.experiment.reference
-        if choice is None:  # what has been checked has one
+        if choice is None:  # a checked experiment has a reference
             return {}
         if fit == "amplitude":
             return {"reference.amplitude_scale": _rounded(choice.amplitude_scale * factor, math.floor)}
@@ -79,7 +79,7 @@ class MotionCheck:
         return {"reference.time_scale": scale, "loop.duration": self._slower_clocks(scale / choice.time_scale).duration}
 
     def fitted(self, fit: Fit) -> "MotionCheck":
-        """The check of the same experiment with `settings_that_fit`; it has the experiment, ready to run.
+        """The check of the experiment with `settings_that_fit`; its `experiment` is ready to run.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class MotionCheck:
         return check(self.experiment, self.settings_that_fit(fit))
 
     def __repr__(self) -> str:
-        """The largest share of each limit, in a line each, and what would fit."""
+        """The largest share of each limit, one line each, and what would fit."""
         from gough_stewart.harness.experiment.check_display import check_text
 
         return check_text(self)
@@ -108,7 +108,7 @@ class MotionCheck:
         return self.experiment.limits.condition_number
 
     def _slower_clocks(self, factor: float) -> Timing:
-        """Those of a run that many times as long, in whole plant steps that do not pass the end of the motion."""
+        """Clocks of a run that much longer, in whole plant steps within the motion."""
         clocks = self._wanted.timing
         end = Scaled(self._wanted.reference, factor).end
         steps = math.ceil(clocks.steps * factor - 1e-9)
@@ -123,23 +123,23 @@ class MotionCheck:
 
 
 def _rounded(scale: float, to: Callable[[float], int]) -> float:
-    """To nine digits of its size, on the side that fits."""
+    """To nine digits, on the side that fits."""
     unit = 10.0 ** (math.floor(math.log10(abs(scale))) + 1 - _DIGITS)
     return math.copysign(float(f"{to(abs(scale) / unit) * unit:.{_DIGITS}g}"), scale)
 
 
 def check(experiment: Experiment | Path | str, settings: Settings = ()) -> MotionCheck:
-    """How much of every limit of its platform the motion of an experiment uses, without running it.
+    """The share of every limit of its platform that the motion of an experiment uses, without a run.
 
-    Stroke, joint angles, nearness to singular poses, leg velocity, leg acceleration, and force and power by inverse
-    dynamics of the platform that the designer believes in, without load, at every row of the run.
+    Stroke, joint angles, distance from singular poses, leg velocity, leg acceleration, and force and power by inverse
+    dynamics of the nominal model without load, at every row of the run.
 
     Parameters
     ----------
     experiment
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     settings
-        Keys of the experiment to set anew, as `load_experiment` takes them.
+        Keys of the experiment to change, as in `load_experiment`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Figures of a design: the loops of the legs and the sensitivities over frequency, and the closed loop's step."""
+"""Figures of a design: loop transfers of the legs and sensitivities over frequency, and a step of the closed loop."""
 
 import math
 from typing import Any
@@ -24,20 +24,20 @@ from gough_stewart.harness.output.plotting import DASHES, entitle, label, pictur
 from gough_stewart.model.vectors import FloatArray
 
 _POINTS = 500
-_LONGEST = 10_000  # points of a step
+_LONGEST = 10_000  # points of a step response
 _SETTLED = 0.01
-_BELOW = 1e-4  # gains that nobody wants to see
+_BELOW = 1e-4  # gains too small to show
 _THIN: dict[str, Any] = {"color": "#555555", "linewidth": 0.9}
 
 
 def design_figures(L: Any, margins: Margins, title: str) -> dict[str, bytes]:
     """Bode and step figures of a loop transfer (6×6) as PNG and SVG, by file name.
 
-    The margins drawn are those of the leg with the least phase margin, at the frequencies at which its loop times the
-    margin is −1.
+    The margins drawn are those of the leg with the smallest phase margin, at the frequencies at which its loop transfer
+    times the margin is −1.
     """
     low, high = frequency_range(L)
-    # the range begins far below the slowest pole, where nothing is to be seen
+    # the range begins far below the slowest pole, where curves are flat
     omega = np.geomspace(min(30 * low, high / 10), high * (1 - 1e-9), _POINTS)
 
     def bode(figure: Figure) -> None:
@@ -63,7 +63,7 @@ def _legs(gain: Axes, phase: Axes, L: Any, omega: FloatArray, margins: Margins) 
         style: dict[str, Any] = {"color": COLOURS[k], "linestyle": DASHES[k], "label": f"leg {k + 1}"}
         angle = _degrees(loop)
         gain.loglog(hertz, np.abs(loop), **style)
-        # what has hardly any gain has no phase to speak of
+        # at negligible gain the phase is meaningless
         phase.semilogx(hertz, np.where(np.abs(loop) > _BELOW, angle, np.nan), **style)
         if k == worst:
             _margins(gain, phase, hertz, loop, angle, margins.legs[k])
@@ -78,7 +78,7 @@ def _legs(gain: Axes, phase: Axes, L: Any, omega: FloatArray, margins: Margins) 
 def _margins(
     gain: Axes, phase: Axes, hertz: FloatArray, loop: ComplexArray, angle: FloatArray, margins: LegMargins
 ) -> None:
-    """Distances from the curves to the edge: from gain to 1, and from phase to −180° or a full turn from there."""
+    """The margins as arrows: from the gain to 1, and from the phase to −180° or a full turn from there."""
     mark: dict[str, Any] = {"color": "black", "linewidth": 1.4, "marker": "_", "markersize": 6, "zorder": 3}
     if math.isfinite(margins.gain_up):
         at = int(np.abs(1 + margins.gain_up * loop).argmin())
@@ -95,7 +95,7 @@ def _margins(
 
 
 def _degrees(loop: ComplexArray) -> FloatArray:
-    """Phase without jumps; a loop that begins at 180° begins at −180°."""
+    """Phase, unwrapped; a loop that begins at 180° begins at −180°."""
     angle = np.degrees(np.unwrap(np.angle(loop)))
     return np.asarray(angle - 360 if angle[0] > 90.5 else angle)
 
@@ -127,7 +127,7 @@ def _step(axes: Axes, L: Any) -> None:
         one = control.ss(closed.A, closed.B[:, [k]], closed.C[[k]], closed.D[[k]][:, [k]], closed.dt)
         answers.append(control.forced_response(one, time, np.ones(len(time))).outputs)
     values = np.array(answers)
-    # modes that decay slowly may hardly show: end a little after all has come to rest
+    # slow modes may hardly show: end soon after the response has settled
     moving = np.nonzero((np.abs(values - values[:, -1:]) > _SETTLED).any(axis=0))[0]
     shown = min(len(time), max(10, int(1.5 * (moving[-1] + 1)))) if moving.size else len(time)
     every = max(1, shown // _POINTS)
@@ -136,16 +136,16 @@ def _step(axes: Axes, L: Any) -> None:
             time[:shown:every], values[k, :shown:every], color=COLOURS[k], linestyle=DASHES[k], label=f"leg {k + 1}"
         )
     axes.axhline(1.0, **_THIN)
-    label(axes, "share of the disturbance that the controller has taken over", "1")
+    label(axes, "share of the disturbance that the controller compensates", "1")
     axes.legend(ncols=2, loc="lower right")
 
 
 def _times(L: Any) -> FloatArray:
-    """Until the slowest mode has decayed to e⁻⁶, or a step has as many points as can be borne [s]."""
+    """Times until the slowest mode has decayed to e⁻⁶, with a limited number of points [s]."""
     rates = [-mode.eigenvalue.real for mode in modes(closed_loop(L))]
     end = 6 / min(rates, default=6.0)
     if L.isdtime(strict=True):
         return np.asarray(np.arange(min(math.ceil(end / L.dt) + 1, _LONGEST)) * float(L.dt))
-    # fine enough for the fastest that can be seen
+    # fine enough for the fastest visible mode
     fastest = 2 * math.pi * max((mode.frequency for mode in modes(closed_loop(L))), default=1.0)
     return np.linspace(0, end, min(max(_POINTS, math.ceil(3 * end * fastest)), _LONGEST))

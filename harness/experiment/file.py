@@ -1,4 +1,4 @@
-"""Experiments from TOML files, from the shipped ones, and with single keys set anew."""
+"""Experiments from TOML files, from the shipped ones, and with changed settings."""
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,26 +19,26 @@ from gough_stewart.model.toml import toml_values
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
 
 
-# Single keys set anew: texts "key.key=value", or a mapping from "key.key" to values.
+# Changed settings: strings "key.key=value", or a mapping from "key.key" to values.
 Settings = Iterable[str] | Mapping[str, Any]
 
 
 def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
-    """Read an experiment file, or the experiment that ships under a name; a file of that name goes first.
+    """Read an experiment file, or the shipped experiment of a name; a file of that name takes precedence.
 
     Parameters
     ----------
     name
         A TOML file, or one of `experiment_names()`.
     settings
-        Keys of the file to set anew: `{"loop.duration": 3, "controller.bandwidth": "2 Hz"}`, or as on the command
-        line `["loop.duration=3"]`. Numbers are in SI units, frequencies in Hz; texts may carry a unit.
+        Keys of the file to change: `{"loop.duration": 3, "controller.bandwidth": "2 Hz"}`, or as on the command
+        line `["loop.duration=3"]`. Numbers are in SI units, frequencies in Hz; strings may have a unit.
 
     Raises
     ------
     ExperimentError
-        The file cannot be read, or has an unknown key, misses one, or has a value that it cannot take; the text
-        names place, value and remedy.
+        The file cannot be read, or a key is unknown, missing, or has an invalid value; the message names place, value
+        and remedy.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
 
 
 def experiment_text(name: Path | str) -> tuple[str, str]:
-    """The TOML text of an experiment's file, or of the one that ships under a name, and what to call it in messages.
+    """The TOML text of an experiment's file or of a shipped experiment, and its name for messages.
 
     Raises
     ------
@@ -76,12 +76,12 @@ def experiment_text(name: Path | str) -> tuple[str, str]:
 
 
 def _is_shipped(name: Path | str) -> bool:
-    """A file of the same name goes first."""
+    """Whether it is a shipped name; a file of the same name takes precedence."""
     return str(name) in experiment_names() and not Path(name).is_file()
 
 
 def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) -> Experiment:
-    """The experiment itself, or that of a file or shipped name; with settings as `load_experiment` takes them.
+    """The experiment itself, or that of a file or shipped name; with settings as in `load_experiment`.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) 
 
 
 def experiment_names() -> tuple[str, ...]:
-    """Names of the experiments that ship with the package, for `load_experiment`, `run` and `margins`."""
+    """Names of the shipped experiments, for `load_experiment`, `run` and `margins`."""
     return shipped.names(*_SHIPPED)
 
 
@@ -134,12 +134,12 @@ def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
 
 
 def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Experiment:
-    """An experiment from plain values, as a TOML file has them.
+    """An experiment from plain values, as in a TOML file.
 
     Raises
     ------
     ExperimentError
-        An unknown key, a missing one, or a value that it cannot take; names place, value and remedy, one line each.
+        A key that is unknown, missing, or has an invalid value; names place, value and remedy, one line each.
     """
     try:
         return Experiment.model_validate(dict(values))
@@ -150,12 +150,13 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Exp
 def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
     """Plain values with some replaced: "loop.duration=3", "reference.position_change=[0, 0, 0.01]", "plant.kind=fmu2".
 
-    Values in texts are TOML; what is not is taken as a text. Those of a mapping are taken as they are, arrays as lists.
+    Values in strings are TOML; anything else is taken as a string. Values of a mapping are used as they are, arrays as
+    lists.
 
     Raises
     ------
     SettingError
-        No "=", or a key below something that is no table.
+        No "=", or a key inside something that is not a table.
     """
     made: dict[str, Any] = _copied(values)
     for where, key, value in keys_and_values(settings):
@@ -164,12 +165,12 @@ def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, An
 
 
 def set_key(values: Any, where: str, key: str, value: Any) -> None:
-    """Set one key, "loop.duration", in the tables of an experiment, plain ones or tomlkit's.
+    """Set one key, such as "loop.duration", in the tables of an experiment, plain or tomlkit's.
 
     Raises
     ------
     SettingError
-        A key below something that is no table; `where` names the setting.
+        A key inside something that is not a table; `where` names the setting.
     """
     names = key.strip().split(".")
     if not all(names):
@@ -180,12 +181,12 @@ def set_key(values: Any, where: str, key: str, value: Any) -> None:
         if table is None:
             break
     if not isinstance(table, dict):
-        raise SettingError(where, "", f"{key.rpartition('.')[0]} is no table of the experiment")
+        raise SettingError(where, "", f"{key.rpartition('.')[0]} is not a table of the experiment")
     table[names[-1]] = value
 
 
 def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
-    """Of every setting what to call it in a message, its key, and its value."""
+    """For every setting its name for messages, its key, and its value."""
     if isinstance(settings, Mapping):
         for key, value in settings.items():
             yield f"setting {key!r}", str(key), value.tolist() if isinstance(value, np.ndarray | np.generic) else value
@@ -204,7 +205,7 @@ def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
 
 
 def _element(array: Any, name: str) -> Any:
-    """Of [[change]] and [[disturbance]], 1-based."""
+    """An element of [[change]] or [[disturbance]], 1-based."""
     known = isinstance(array, list) and name.isdigit() and 1 <= int(name) <= len(array)
     return array[int(name) - 1] if known else None
 
@@ -222,6 +223,6 @@ def _parsed(text: str, where: str) -> dict[str, Any]:
         raise ExperimentError(where, "", str(error)) from error
     if "platform_mass" in values and "base_points" in values:
         raise ExperimentError(
-            where, "", "is a platform file; expected an experiment, which names it: platform.file = 'FILE.toml'"
+            where, "", "is a platform file; expected an experiment that names it: platform.file = 'FILE.toml'"
         )
     return values

@@ -12,29 +12,29 @@ from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.files import Content, FileSet, check_output_folder, file_set
 
-# What makes figures of a record, by file name.
+# Functions that make figures of a record, by file name.
 Draw = Callable[[Record], dict[str, bytes]]
 _FIGURE_FILES = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
-# The run itself goes first, and of its forms the smallest one that holds everything.
+# The record comes first, and of its forms the smallest complete one.
 _FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json", *_FIGURE_FILES]
 
 
 def names_of_files() -> list[str]:
-    """What `write_results` may write."""
+    """The files that `write_results` may write."""
     return [*_FILES, PAGE]
 
 
 def write_results(
     record: Record, folder: Path, report: bool = False, draw: Draw = draw_here
 ) -> tuple[list[str], Metrics]:
-    """Write all files of a run as one set, with `report` also the page; their names, and the metrics.
+    """Write all files of a run as one set, optionally with the page; returns their names, and the metrics.
 
-    Whatever goes wrong on the way, what came before it is there, first of all the record, and no file of an older run
-    is beside it; see `file_set`.
+    If something fails, the files before it are complete, beginning with the record, and no file of an older run
+    remains; see `file_set`.
     """
     with (
         file_set(folder, names_of_files() if report else _FILES, [PAGE]) as files,
-        ThreadPoolExecutor(1) as aside,  # polars works outside of Python's lock
+        ThreadPoolExecutor(1) as aside,  # polars releases the GIL
     ):
         written = aside.submit(_add, files, _record_files(record))
         more, measured = _result_files(record, report, draw)
@@ -57,7 +57,7 @@ def _record_files(record: Record) -> dict[str, Content]:
 
 
 def _result_files(record: Record, report: bool, draw: Draw) -> tuple[dict[str, bytes], Metrics]:
-    """Metrics, figures and, if wanted, the page by file name; and the metrics themselves."""
+    """Metrics, figures and, if requested, the page by file name; and the metrics themselves."""
     measured = metrics(record)
     files = {"metrics.json": metrics_json(measured), **draw(record)}
     if report:
@@ -66,16 +66,16 @@ def _result_files(record: Record, report: bool, draw: Draw) -> tuple[dict[str, b
 
 
 def save_record(record: Record, folder: Path | str, report: bool = False) -> list[Path]:
-    """Write all files of a run as `gough-stewart run` does; `read_record` and `view` take the folder.
+    """Write all files of a run as `gough-stewart run` does; `read_record` and `view` accept the folder.
 
     Parameters
     ----------
     record
-        What `run` gave.
+        From `run`.
     folder
-        Made if needed. Gets record.csv, record.parquet, metadata.json, metrics.json, and figures as PNG and SVG.
+        Created if needed. Gets record.csv, record.parquet, metadata.json, metrics.json, and figures as PNG and SVG.
     report
-        Write report.html, the page for the browser, too.
+        Also write report.html, the HTML page.
 
     Raises
     ------
@@ -93,13 +93,13 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
 
 
 def warnings_of(record: Record) -> list[str]:
-    """What a run did that no machine may do, and yet went on; a stroke that it was to ignore is left out."""
+    """Limits that a completed run exceeded; a stroke that it was to ignore is left out."""
     found = []
     feedforward, limit = np.abs(record["controller.feedforward"]), record.metadata["force_limit"]
     if limit is not None and feedforward.max() > limit:
         row, leg = (int(k) for k in np.unravel_index(feedforward.argmax(), feedforward.shape))
         found.append(
-            f"feedforward asks leg {leg + 1} for {feedforward[row, leg]:.4g} N at {record['time'][row]:.6g} s; its "
+            f"feedforward requires {feedforward[row, leg]:.4g} N of leg {leg + 1} at {record['time'][row]:.6g} s; its "
             f"force limit is {limit:.4g} N. Make the reference slower or smaller; if it is a noisy recording, smooth it"
         )
     exceeded = record["flag.stroke_exceeded"]
@@ -107,6 +107,6 @@ def warnings_of(record: Record) -> list[str]:
         row, leg = (int(k) for k in np.argwhere(exceeded)[0])
         length, time = record["leg_length"][row, leg], record["time"][row]
         found.append(
-            f"leg {leg + 1} has left its stroke at {time:.6g} s, {length:.6g} m long; see flag.stroke_exceeded"
+            f"leg {leg + 1} left its stroke at {time:.6g} s with a length of {length:.6g} m; see flag.stroke_exceeded"
         )
     return found

@@ -1,4 +1,4 @@
-"""The frequency response of a loop from the record of a run with an injection, beside that of the linear model."""
+"""The frequency response of a loop from the record of a run with an injection, compared with the linear model."""
 
 import json
 from dataclasses import dataclass
@@ -29,20 +29,20 @@ _SHOWN_ROWS = 24
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse:
-    """S, T and L of one leg or mode, the others closed, as a run has shown them, from `frf`."""
+    """S, T and L of one leg or mode with the others closed, measured in a run; from `frf`."""
 
     title: str
-    """Of the experiment."""
+    """Title of the experiment."""
     channel: str
-    """Such as leg 3, or heave."""
+    """For example leg 3, or heave."""
     frequency: FloatArray
-    """Of the injection's lines (n,) [Hz]."""
+    """Frequencies of the injection's lines (n,) [Hz]."""
     measured: Response
-    """`S`, `T`, `L` (n,), `radius` of S and T and `loop_radius` of L of 95 % confidence, `coherence`, `periods`."""
+    """`S`, `T`, `L` (n,), 95 % confidence `radius` of S and T and `loop_radius` of L, `coherence`, `periods`."""
     predicted: ComplexArray | None
     """L of the linear model (n,), without Coulomb friction; None where there is none."""
     notes: tuple[str, ...]
-    """What is in the way of believing it."""
+    """Reasons to doubt the result."""
 
     def __repr__(self) -> str:
         """Channel, band, coherence, and the largest difference from the linear model."""
@@ -65,7 +65,7 @@ class FrequencyResponse:
         return [*lines, *self.notes]
 
     def table(self) -> polars.DataFrame:
-        """All of it, one row a frequency: gains [1], phases [rad], radii of 95 % confidence, coherence."""
+        """One row per frequency: gains [1], phases [rad], radii of 95 % confidence, coherence."""
         found = self.measured
         parts: dict[str, Any] = {"frequency": self.frequency}
         for name, values, radius in (
@@ -85,22 +85,22 @@ class FrequencyResponse:
 def frf(record: Record | Path | str, *, controller: Any = None) -> FrequencyResponse:
     """The frequency response of a loop, from a run of an experiment with an `[injection]`.
 
-    Of the leg or mode that was excited, with the other channels closed: S = u/d from the injected force to the whole
-    one, T = 1 − S, L = 1/S − 1, averaged over periods, beside those of the linear model that `margins` uses.
+    For the excited leg or mode, with the other channels closed: S = u/d from the injected to the total force,
+    T = 1 − S, L = 1/S − 1, averaged over periods, with those of the linear model that `margins` uses.
 
     Parameters
     ----------
     record
-        Of `run`, or its file or folder.
+        From `run`, or its file or folder.
     controller
-        What the run had in the place of the experiment's controller, for the linear model.
+        The controller of the run, if it replaced that of the experiment; for the linear model.
 
     Raises
     ------
     RecordError
         It cannot be read, or its run had no injection.
     ControllerError
-        It ended before two periods.
+        The run ended before two periods.
 
     Examples
     --------
@@ -113,11 +113,11 @@ def frf(record: Record | Path | str, *, controller: Any = None) -> FrequencyResp
     experiment = _experiment_of(record)
     choice = experiment.injection
     if choice is None or "controller.injection" not in record:
-        raise RecordError("the record's run had no [injection]; expected a table of that name in its experiment")
+        raise RecordError("the record's run had no [injection]; expected an experiment with that table")
     sample_time = float(record.metadata["sample_time"])
     J = leg_jacobian(platform_of(record), *_pose(record))
     a, b = choice.directions(J)
-    # commands are held, so that the last row before the next sample has that of a late one, too
+    # commands are held, so the last row before the next sample also has that of a delayed sample
     every = round(sample_time / float(record.metadata["plant_step"]))
     at = slice(every - 1, len(record.table) - 1, every)
     injected = record["controller.injection"][at] @ b
@@ -130,9 +130,9 @@ def frf(record: Record | Path | str, *, controller: Any = None) -> FrequencyResp
         L = _linear_loop(record, experiment, controller)
         predicted = _loop_seen(response(L, 2 * np.pi * frequency), a, b)
         if not is_stable(L):
-            notes.append("the linear loop is unstable; `gough-stewart margins` says why")
+            notes.append("the linear loop is unstable; `gough-stewart margins` shows the cause")
     except GoughStewartError as error:
-        notes.append(f"no linear model beside it: {error}")
+        notes.append(f"no linear model to compare with: {error}")
     return FrequencyResponse(experiment.title, choice.channel, frequency, measured, predicted, tuple(notes))
 
 
@@ -140,11 +140,11 @@ def _experiment_of(record: Record) -> Experiment:
     try:
         return Experiment.model_validate_json(json.dumps(record.metadata["experiment"]))
     except (KeyError, ValueError) as error:
-        raise RecordError(f"the metadata hold no experiment ({error}); expected a record of `run`") from error
+        raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
 
 
 def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
-    """That for which the loop is linear: the first of the reference, or else home."""
+    """The pose of linearisation: the first of the reference, or home."""
     if "reference.position" in record:
         return record["reference.position"][0], record["reference.orientation"][0]
     platform = platform_of(record)
@@ -152,7 +152,7 @@ def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
 
 
 def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any:
-    """The loop transfer of the run, as `margins` has it."""
+    """The loop transfer of the run, as in `margins`."""
     platform, sample_time = platform_of(record), float(record.metadata["sample_time"])
     made = experiment.controller.controller(platform, sample_time) if controller is None else controller_of(controller)
     if not isinstance(made, LinearController):
@@ -179,16 +179,16 @@ def _notes(record: Record) -> list[str]:
     notes = []
     limited = float(record["flag.force_limited"].any(axis=1).mean())
     if limited:
-        notes.append(f"forces were limited for {limited:.0%} of the time: this is no linear loop; inject less")
+        notes.append(f"forces were limited for {limited:.0%} of the time, so the loop is not linear; inject less")
     if record.metadata["outcome"]["status"] != "completed":
         notes.append(f"the run ended early: {record.metadata['outcome']['cause']}")
     if record.metadata["experiment"]["loop"]["jitter"]:
-        notes.append("samples came late by jitter, which the linear model knows nothing of")
+        notes.append("jitter delayed the samples, which the linear model does not include")
     return notes
 
 
 def frf_files(found: FrequencyResponse) -> dict[str, bytes]:
-    """Table and Bode picture by file name."""
+    """Table and Bode figure by file name."""
     table, parquet = found.table(), BytesIO()
     table.write_parquet(parquet)
     title = f"{found.title}: {found.channel}, the others closed"
@@ -200,7 +200,7 @@ def frf_files(found: FrequencyResponse) -> dict[str, bytes]:
 
 
 def frf_sheet(found: FrequencyResponse) -> Sheet:
-    """Some of the frequencies, for the terminal."""
+    """A selection of frequencies for the terminal."""
     has_model = found.predicted is not None
     heads = ("Hz", "|S|", "|T|", "|L|", "∠L °", *(("|L| model", "∠L model") if has_model else ()), "coherence")
     sheet = Sheet(f"{found.title}: {found.channel}", heads)

@@ -1,4 +1,4 @@
-"""The Bode picture of a measured loop: gain and phase of L, |S| and |T|, coherence; points beside the linear model."""
+"""Bode figure of a measured loop: gain and phase of L, |S| and |T|, coherence; points, with the linear model."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ _THIN: dict[str, Any] = {"color": "#555555", "linewidth": 0.9}
 def frf_figure(
     frequency: FloatArray, measured: Response, predicted: ComplexArray | None, title: str
 ) -> dict[str, bytes]:
-    """`frf.png` and `frf.svg`: points with bars of 95 % confidence, lines of the linear model."""
+    """`frf.png` and `frf.svg`: points with 95 % confidence bars, lines for the linear model."""
 
     def draw(figure: Figure) -> None:
         entitle(figure, title)
@@ -33,7 +33,7 @@ def frf_figure(
             S = 1 / (1 + predicted)
             style: dict[str, Any] = {"linewidth": 1.1, "zorder": 1}
             gain.plot(frequency, np.abs(predicted), color=COLOURS[0], label="linear model", **style)
-            # the turn of both that is nearest
+            # shift by full turns to the nearest phase
             line = np.degrees(np.unwrap(np.angle(predicted)))
             line += 360 * np.round(np.median(angle - line) / 360)
             phase.plot(frequency, line, color=COLOURS[0], **style)

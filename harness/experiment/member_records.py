@@ -1,4 +1,4 @@
-"""Full records of single members, with the bits that they have in their ensemble."""
+"""Full records of single members, bit for bit as in their ensemble."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +19,7 @@ PLANT = "lanes"
 
 
 def member_of(plan: Plan, member: int) -> tuple[Experiment, Prepared]:
-    """The experiment that a member is, and the same prepared.
+    """The experiment of a member, and the same prepared.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def member_of(plan: Plan, member: int) -> tuple[Experiment, Prepared]:
 
 
 def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None = None) -> list[Record]:
-    """The records of members, which run side by side.
+    """The records of members, which run in parallel.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
 
 
 def _alone(run: Run, member: int, prepared: Prepared) -> Run:
-    """What happened to one of many, as far as it came."""
+    """The history of one of many members, up to its end."""
     outcome = run.outcomes[member]
     rows = int(np.searchsorted(run.time, outcome.time + prepared.loop.timing.plant_step / 2))
     by_member = run.sample_of_row if run.sample_of_row.ndim == 1 else run.sample_of_row[:, member]

@@ -1,4 +1,4 @@
-"""The members of an ensemble: what each draws, and the experiment that each is."""
+"""The members of an ensemble: their drawn values, and their experiments."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _PLATFORMS = ("platform", "plant")
 
 @dataclass(frozen=True)
 class Input:
-    """One thing that varies: its key as it is written, its place, its distribution."""
+    """One varied value: its key as written, its place, its distribution."""
 
     key: str
     place: Place
@@ -34,7 +34,7 @@ class Input:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """In a table: `platform_mass`, `base_points[1,1]`, 1-based, `platform_inertia.factor` of one for all."""
+        """Column names: `platform_mass`, `base_points[1,1]`, 1-based, `platform_inertia.factor` if common to all."""
         target = self.place.target
         if not target.shape:
             return (target.name,)
@@ -43,7 +43,7 @@ class Input:
         return tuple(f"{target.name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(target.shape))
 
     def table(self, u: FloatArray, values: Any) -> dict[str, Any]:
-        """Columns (n,), from what was drawn."""
+        """Columns (n,) of the drawn values."""
         target = self.place.target
         if target.unit is None:
             return {target.name: values}
@@ -55,7 +55,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Draws:
-    """What members draw: columns of a table, and by member the values by place."""
+    """The drawn values of members: table columns, and values by place for each member."""
 
     columns: dict[str, Any]
     values: list[dict[tuple[str, ...], Any]]
@@ -67,7 +67,7 @@ class Members:
     Raises
     ------
     ExperimentError
-        No `[ensemble]`, a key that names nothing, or a distribution that is none; names the place.
+        No `[ensemble]`, an unknown key, or an invalid distribution; names the place.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -77,10 +77,10 @@ class Members:
             raise ExperimentError(
                 experiment.where,
                 "ensemble",
-                "is missing; it says what varies: add it, or start from heave_tolerances",
+                "is missing; add it to declare what varies, or start from heave_tolerances",
             )
         if experiment.limits.stroke == "stop":
-            raise self._error("limits.stroke", "is 'stop', which ends single runs only; expected 'warn' or 'ignore'")
+            raise self._error("limits.stroke", "is 'stop', which is for single runs only; expected 'warn' or 'ignore'")
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
         self.inputs = self._inputs()
@@ -93,7 +93,7 @@ class Members:
 
     @cached_property
     def design(self) -> Design:
-        """Where the members lie in the unit cube."""
+        """The sample points of the members in the unit cube."""
         try:
             return Design(
                 self.choice.sampling,
@@ -108,7 +108,7 @@ class Members:
 
     @cached_property
     def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Which inputs are independent of all others, by index: those that are correlated are one group."""
+        """Groups of correlated inputs, by index; independent inputs are groups of one."""
         found = [{k} for k in range(len(self.inputs))]
         for together in (*self.choice.correlation, *self.choice.covariance):
             members = {k for k, i in enumerate(self.inputs) if i.key in together.of}
@@ -117,7 +117,7 @@ class Members:
         return tuple(tuple(sorted(group)) for group in sorted(found, key=min))
 
     def draws(self, first: int, last: int) -> Draws:
-        """Of the members from first up to last, without it."""
+        """The draws of members first to last − 1."""
         u = self.design.points(first, last)
         ends = np.cumsum([0, *(i.spread.size for i in self.inputs)])
         u = in_turn(
@@ -139,12 +139,12 @@ class Members:
         return Draws(table, values)
 
     def experiment(self, values: Mapping[tuple[str, ...], Any]) -> Experiment:
-        """The experiment of a member that draws these values.
+        """The experiment of a member with these drawn values.
 
         Raises
         ------
         ExperimentError
-            Values that the experiment cannot take.
+            Invalid values for the experiment.
         """
         tables = dict[str, dict[tuple[str, ...], Any]]()
         for path, value in values.items():
@@ -153,12 +153,12 @@ class Members:
         return self.nominal.model_copy(update=update)
 
     def seed_of(self, member: int) -> np.random.SeedSequence:
-        """Of a member's noise and jitter."""
+        """The seed of a member's noise and jitter."""
         return np.random.SeedSequence(self.seed, spawn_key=(member,))
 
     def _table(self, name: str, values: Mapping[tuple[str, ...], Any]) -> Any:
         table = getattr(self.nominal, name)
-        if name in _PLATFORMS:  # checked as a platform is
+        if name in _PLATFORMS:  # validated with the platform
             parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
             return table.model_copy(update={"parameters": parameters})
         if isinstance(table, list):
@@ -175,7 +175,7 @@ class Members:
         plain = dict(self._plain[name])
         for (key, *rest), value in values.items():
             plain[key] = {**(plain.get(key) or {}), rest[0]: value} if rest else value
-        # of choices and grids the same again and again
+        # choices and grids repeat the same values
         return self.preparation.once(
             name, tuple(repr(value) for value in values.values()), lambda: self._made(name, type(table), plain)
         )
@@ -187,13 +187,13 @@ class Members:
             raise ExperimentError(self.nominal.where, name, complaints(error, kind, plain)) from None
 
     def _inputs(self) -> tuple[Input, ...]:
-        """In the order of their places, which does not depend on how the file is written."""
+        """Inputs in order of their places, independent of the order in the file."""
         found = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
         for together in self.choice.covariance:
             deviations = np.sqrt(np.diag(together.values))
             for key in together.of:
                 if key in self.choice.varied:
-                    raise self._error(key, "has a distribution and a covariance; expected one of both")
+                    raise self._error(key, "has a distribution and a covariance; expected only one of them")
                 found.append(self._input(key, partial(_normal, deviations)))
                 deviations = deviations[found[-1].spread.size :]
         paths = [each.place.path for each in found]
@@ -211,11 +211,11 @@ class Members:
             raise self._error(key, str(error)) from None
 
     def _at(self, together: Together) -> list[int]:
-        """The inputs of a matrix by index, in its order."""
+        """The indices of a matrix's inputs, in its order."""
         keys = [each.key for each in self.inputs]
         for key in together.of:
             if key not in keys:
-                raise self._error(key, "is correlated, and does not vary; give it a distribution")
+                raise self._error(key, "is correlated but does not vary; add a distribution for it")
         at = [keys.index(key) for key in together.of]
         size = sum(self.inputs[k].spread.size for k in at)
         if size != len(together.matrix):
@@ -223,9 +223,9 @@ class Members:
                 " and ".join(together.of), f"have {size} elements; their matrix has {len(together.matrix)} rows"
             )
         if any(self.inputs[k].spread.levels for k in at):
-            raise self._error(" and ".join(together.of), "are correlated; a grid cannot be")
+            raise self._error(" and ".join(together.of), "are correlated; grids cannot be correlated")
         if together in self.choice.correlation and not np.allclose(np.diag(together.values), 1):
-            raise self._error("correlation", "expected a matrix with 1 on the diagonal; or take covariance")
+            raise self._error("correlation", "expected a matrix with 1 on the diagonal, or use covariance")
         return at
 
     def _error(self, key: str, message: str) -> ExperimentError:
@@ -233,11 +233,11 @@ class Members:
 
 
 def _normal(deviations: FloatArray, target: Target) -> Spread:
-    """About the present value, with the first of these deviations."""
+    """Normal about the present value, with the first of these deviations."""
     if target.nominal is None or target.unit is None:
         raise ValueError("has no value to vary about; set one in the experiment")
     n = prod(target.shape)
     if n > len(deviations):
-        raise ValueError(f"has {n} elements; the matrix has {len(deviations)} rows left for them")
+        raise ValueError(f"has {n} elements; the matrix has {len(deviations)} rows left")
     normal = Normal(target.nominal, deviations[:n].reshape(target.shape))
     return Spread(n, lambda u: normal.quantile(u.reshape(len(u), *target.shape)))

@@ -1,4 +1,4 @@
-"""Parts of an experiment made ready: platform, start, limits, changes; each from its table."""
+"""Builds parts of an experiment from their tables: platform, start, limits, changes."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -43,7 +43,7 @@ def changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
 
 
 def check_frequency(highest: float, timing: Timing) -> None:
-    """Refuse a motion that samples would take for a slower one."""
+    """Refuse a motion that sampling would alias to a slower one."""
     if not highest < 0.5 / timing.sample_time:
         raise ControllerError(
             f"frequency of {highest:g} Hz at a sample_time of {timing.sample_time:g} s; expected less than half the "
@@ -61,7 +61,7 @@ def start_of(choice: schema.Start, platform: Platform, motion: Motion | None) ->
 
 
 def injected(injection: Injection, times: FloatArray) -> FloatArray:
-    """What is injected at every sample (m, 6) [N]."""
+    """The injected force at every sample (m, 6) [N]."""
     forces = np.zeros((len(times), 6))
     for k, time in enumerate(times.tolist()):
         try:
@@ -82,19 +82,19 @@ def limits_of(experiment: Experiment, platform: Platform, is_closed: bool) -> Li
     high = math.inf if platform.leg_length_max is None else platform.leg_length_max
     bound = experiment.limits.position_error
     if bound is None and is_closed:
-        # a platform that is a leg's length away has left its controller
+        # at a distance of a leg length, control is lost
         bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
     return Limits((low, high), experiment.limits.stroke, math.inf if bound is None else bound)
 
 
 def parameter_changes(experiment: Experiment, platform: Platform) -> list[Change]:
-    """In the order of time; factors are of the values just before."""
+    """Changes in order of time; factors multiply the values just before."""
     changes = []
     for choice in sorted(experiment.change, key=lambda each: each.at):
         values = dict(choice.parameters)
         for name, factor in choice.factors.items():
             if name in values:
-                raise PlatformError(name, "is in parameters and in factors; expected one of both")
+                raise PlatformError(name, "is in parameters and in factors; expected it in one of them")
             values[name] = np.asarray(getattr(platform, name, np.nan)) * factor
         values = by_leg(values)
         for name in values:
@@ -106,7 +106,7 @@ def parameter_changes(experiment: Experiment, platform: Platform) -> list[Change
 
 
 def disturbances_of(experiment: Experiment, timing: Timing) -> list[Change]:
-    """The external wrench at every time at which one begins or ends: the sum of those that act from there on."""
+    """The external wrench from every time at which a disturbance begins or ends: the sum of the active ones."""
     ends = [
         (each.at, each.at + each.duration, np.concatenate([each.force, each.torque])) for each in experiment.disturbance
     ]
@@ -120,7 +120,7 @@ def disturbances_of(experiment: Experiment, timing: Timing) -> list[Change]:
             )
         if end < timing.duration:
             rows.add(timing.row(end, "the end of a disturbance"))
-    # half a plant step aside, where rounding cannot tell begin from end
+    # half a plant step later, so that rounding does not confuse begin and end
     aside = timing.plant_step / 2
     return [
         Change(time, external_wrench=sum((w for a, b, w in ends if a < time + aside < b), start=np.zeros(6)))

@@ -1,4 +1,4 @@
-"""The plan of an ensemble: everything that decides its results, found once."""
+"""The plan of an ensemble: everything that determines its results."""
 
 import hashlib
 import json
@@ -21,7 +21,7 @@ from gough_stewart.harness.loop.loop import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.plants.lanes import substeps_for
 
-# How far the pilot looks for members that can run.
+# How many members the pilot tries to find some that can run.
 _PILOT_AMONG = 64
 _TRIES = 6
 FORMAT = 1
@@ -29,7 +29,7 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything that decides the results of an ensemble; plain values, the same wherever it goes."""
+    """Everything that determines the results of an ensemble, as plain values that can be sent to workers."""
 
     experiment: dict[str, Any]
     where: str
@@ -42,37 +42,37 @@ class Plan:
 
     @property
     def title(self) -> str:
-        """Of the experiment."""
+        """The title of the experiment."""
         return str(self.experiment["title"])
 
     @property
     def text(self) -> str:
-        """As JSON, for workers and files."""
+        """The plan as JSON, for workers and files."""
         return json.dumps({"format": FORMAT, **asdict(self)}, indent=1, sort_keys=True)
 
     @property
     def decisive(self) -> dict[str, Any]:
-        """What results depend on; not where the file was, nor the substeps, which follow from it."""
+        """The part that determines results; without the file's location, and the substeps, which follow from it."""
         return {"experiment": self.experiment, "members": self.members, "seed": self.seed, "files": self.files}
 
     @property
     def hash(self) -> str:
-        """Of what results depend on."""
+        """A hash of the part that determines results."""
         return hashlib.sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
 
     @property
     def prepared(self) -> Members:
-        """The members, made ready once a process."""
+        """The members, prepared once per process."""
         return _members_of(self.text)
 
 
 def plan_from(text: str) -> Plan:
-    """From `Plan.text`.
+    """The plan of a `Plan.text`.
 
     Raises
     ------
     ValueError
-        No plan, or one of another version.
+        Not a plan, or one of another version.
     """
     values = json.loads(text)
     if values.pop("format", None) != FORMAT:
@@ -86,7 +86,7 @@ def plan_of(experiment: Experiment) -> Plan:
     Raises
     ------
     ExperimentError
-        Nothing varies, or not as the experiment says.
+        Nothing varies, or the variation is invalid.
     PlantError, ReachError, ControllerError
         The members cannot be run.
     """
@@ -95,7 +95,7 @@ def plan_of(experiment: Experiment) -> Plan:
 
 
 def plan_without_substeps(experiment: Experiment) -> Plan:
-    """The same, without a run of any member.
+    """The same, without running a member.
 
     Raises
     ------
@@ -115,12 +115,12 @@ def _members_of(text: str) -> Members:
     experiment = experiment_from(plan.experiment, plan.where).from_file(plan.where, Path(plan.folder))
     if (found := _digests(experiment)) != plan.files:
         names = sorted(name for name in {*found, *plan.files} if found.get(name) != plan.files.get(name))
-        raise ExperimentError(plan.where, "", f"names {', '.join(names)}, which differs here from where the run began")
+        raise ExperimentError(plan.where, "", f"names {', '.join(names)}, which has changed since the run began")
     return Members(experiment)
 
 
 def _digests(experiment: Experiment) -> dict[str, str]:
-    """Of the files that an experiment names, in its folder."""
+    """Hashes of the files that an experiment names, in its folder."""
     names = [getattr(table, "file", None) for table in (experiment.platform, experiment.plant, experiment.controller)]
     names.append(getattr(experiment.reference, "file", None))
     found = {}
@@ -142,12 +142,12 @@ def _check_varies(members: Members) -> None:
 
 
 def pilots(members: Members) -> list[Prepared]:
-    """The first members that can run, as many as there are in a vector.
+    """The first members that can run, enough for one vector.
 
     Raises
     ------
     ExperimentError
-        None of many can.
+        None of the members tried can run.
     """
     found: list[Prepared] = []
     reason = ""
@@ -175,7 +175,7 @@ def _some(members: Members) -> Iterator[Prepared | str]:
 
 
 def substeps_of(members: Members) -> int:
-    """How many the first members need along their run for the experiment's tolerance."""
+    """The number of substeps that the first members need in their run for the experiment's tolerance."""
     plant, prepared = members.nominal.plant, pilots(members)
     if plant.fixed_step_size:
         return max(1, ceil(prepared[0].loop.timing.plant_step / plant.fixed_step_size - 1e-9))

@@ -1,4 +1,4 @@
-"""What follows from platform, clocks and reference of an experiment: its motion, and whether it can be followed."""
+"""Platform, clocks and motion of an experiment, and whether the platform can follow the motion."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ from gough_stewart.model.platform import Platform
 
 
 class WantedMotion(NamedTuple):
-    """The motion that an experiment asks for, whether the platform can follow it or not."""
+    """The reference motion of an experiment, whether or not the platform can follow it."""
 
     reference: Reference
     timing: Timing
@@ -26,19 +26,19 @@ class WantedMotion(NamedTuple):
 
 
 class Planning:
-    """What is made of the same tables of experiments is made once."""
+    """Plans experiments; results are shared between experiments with the same tables."""
 
     def __init__(self) -> None:
         self.once = Once()
 
     def believed(self, experiment: Experiment) -> Platform:
-        """What the designer believes."""
+        """The nominal model."""
         with part_of(experiment.where, "platform"):
             choice, folder = experiment.platform, experiment.folder
             return self.once("platform", (choice, str(folder)), lambda: platform_of(choice, folder))
 
     def limited(self, experiment: Experiment) -> Platform:
-        """What the designer believes, with the force limit of the experiment's actuators."""
+        """The nominal model with the force limit of the experiment's actuators."""
         platform = self.believed(experiment)
         limit = force_limit_of(experiment.actuators, platform)
         if limit == platform.actuator_force_max:
@@ -46,17 +46,17 @@ class Planning:
         return self.once("limited", (platform, limit), lambda: replace(platform, actuator_force_max=limit))
 
     def wanted(self, experiment: Experiment) -> WantedMotion:
-        """The motion of an experiment.
+        """The reference motion of an experiment.
 
         Raises
         ------
         ExperimentError
-            There is none, or a part of the experiment that it takes cannot be.
+            There is none, or a part of the experiment that it depends on is invalid.
         """
         choice, where, folder = experiment.reference, experiment.where, experiment.folder
         if choice is None:
-            raise ExperimentError(where, "reference", "is missing; there is no motion")
-        # a path that is to be as fast as can be has no more force than the actuators
+            raise ExperimentError(where, "reference", "is missing; add one, so that there is a motion")
+        # a fastest path may use no more force than the actuators have
         platform, timing = self.limited(experiment), self.timing(experiment)
 
         def make() -> WantedMotion:
@@ -82,13 +82,13 @@ class Planning:
             return timing
 
         with part_of(experiment.where, "loop"):
-            # by its numbers: tables that differ in the delay alone share what follows from the clocks
+            # by value: tables that differ in the delay alone share results of the clocks
             numbers = (clocks.duration, clocks.sample_time, clocks.plant_step or 0.0, clocks.jitter, clocks.delay, seed)
             made: Timing = self.once("timing of this delay", numbers, make)
             return self.once("timing", (*numbers[:4], seed), lambda: made)
 
     def warnings(self, experiment: Experiment, wanted: WantedMotion) -> list[str]:
-        """Refuse a motion that the platform cannot follow; what it passes and may."""
+        """Refuse a motion that the platform cannot follow; returns warnings for accepted limits."""
         limits, limit = experiment.limits, force_limit_of(experiment.actuators, self.believed(experiment))
         platform = self.limited(experiment)
         with part_of(experiment.where, "reference"):
@@ -108,7 +108,7 @@ class Planning:
 
 @contextmanager
 def part_of(where: str, name: str) -> Iterator[None]:
-    """Errors inside are those of a part of the experiment; a reference out of reach keeps its data."""
+    """Turn errors inside into those of a part of the experiment; a reference out of reach keeps its data."""
     try:
         yield
     except (ExperimentError, ReachError):

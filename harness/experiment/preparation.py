@@ -1,4 +1,4 @@
-"""From an experiment to what the loop takes: platform, reference, controller, limits, changes; everything checked."""
+"""Prepares an experiment for the loop: platform, reference, controller, limits, changes; everything is checked."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,28 +42,28 @@ _NO_JACOBIANS = np.zeros((0, 6, 6))
 
 @dataclass(frozen=True)
 class Prepared:
-    """An experiment that can be run."""
+    """An experiment that is ready to run."""
 
-    platform: Platform  # what the designer believes: the source of gains, references, Jacobians, feedforward, limits
-    machine: Platform  # what is simulated
+    platform: Platform  # the nominal model: for gains, references, Jacobians, feedforward, limits
+    machine: Platform  # the simulated platform
     start: State
     loop: Loop
     motion: Motion | None  # the reference at every row
     legs: LegMotion | None  # its leg lengths and velocities
     controller: Controller | None  # None for feedforward alone
     jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
-    warnings: tuple[str, ...] = ()  # limits that the reference passes, and may
+    warnings: tuple[str, ...] = ()  # limits that the reference exceeds with permission
     reference: Reference | None = None  # the motion at any time
 
     def law(self, wanted: FloatArray, measured: FloatArray) -> Law:
-        """The controller made ready for a run that begins with these references and signals (24,)."""
+        """The control law for a run that begins with these references and signals (24,)."""
         if self.controller is None:
             raise ControllerError("an open loop has no control law")
         return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, wanted, measured)
 
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
-        """What makes the controller from its first sample; what it has open is closed in the end."""
+        """The factory of the control law; resources are closed at the end."""
         if self.controller is None:
             yield None
         elif isinstance(self.controller, UnitController):
@@ -74,21 +74,21 @@ class Prepared:
 
 
 def prepare(experiment: Experiment, controller: Any = None, injection: Injection | None = None) -> Prepared:
-    """Check everything of an experiment that can be checked without running it.
+    """Check everything in an experiment that can be checked without running it.
 
     Parameters
     ----------
     controller
-        Takes the place of the one that the experiment names: a discrete python-control system, a `LinearController`,
-        or a function of a `Sample`, beside which feedforward stays as it is; or an FMU, whose feedforward is inside.
+        Replaces the controller of the experiment: a discrete python-control system, a `LinearController`, or a function
+        of a `Sample`, with the feedforward unchanged; or an FMU, which contains its feedforward.
     injection
-        In the place of the experiment's: six forces [N] for the time of a sample [s], added to what the controller
-        commands.
+        Replaces that of the experiment: a function from the time of a sample [s] to six forces [N] that are added to
+        the command.
 
     Raises
     ------
     ExperimentError
-        A part that cannot be; says which.
+        An invalid part; names it.
     ReachError
         A reference that the platform cannot follow.
     """
@@ -96,7 +96,7 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
 
 
 class _Planned(NamedTuple):
-    """What follows from a reference."""
+    """What is planned from a reference."""
 
     reference: Reference
     motion: Motion
@@ -106,13 +106,13 @@ class _Planned(NamedTuple):
 
 
 class Preparation(Planning):
-    """`prepare` for many experiments that have much in common: what follows from the same tables is made once.
+    """`prepare` for many similar experiments: results are shared where the tables are the same.
 
-    Tables are the same if they are the same objects, as those that `model_copy` leaves alone.
+    Tables are the same if they are identical objects, as `model_copy` keeps them.
     """
 
     def machine(self, experiment: Experiment) -> Platform:
-        """What is simulated."""
+        """The simulated platform."""
         believed, choice = self.believed(experiment), experiment.plant
         with part_of(experiment.where, "plant"):
             base = believed
@@ -143,11 +143,11 @@ class Preparation(Planning):
         Parameters
         ----------
         seed
-            Of noise and jitter, in the place of the sensors' own.
+            Seed of noise and jitter, instead of the sensors' own.
         held
-            Actuator forces (6,) [N] that hold the machine in its start pose, where they are known.
+            Actuator forces (6,) [N] that hold the machine in its start pose, if known.
         machine
-            What is simulated, where it is known.
+            The simulated platform, if known.
         """
         once, section = self.once, partial(part_of, experiment.where)
         chosen, clocks, folder = experiment.controller, experiment.loop, experiment.folder
@@ -168,17 +168,17 @@ class Preparation(Planning):
             )
             if isinstance(made, UnitController) and not clocks.delay:
                 raise ControllerError(
-                    f"{made.path} gives the forces of a sample when it has been stepped over it; expected a loop.delay "
+                    f"{made.path} outputs the forces of a sample after a step over it; expected a loop.delay "
                     "of at least 1, for instance by --set loop.delay=1"
                 )
         if controller is None:
             forces = once("forces", (chosen, forces), lambda: chosen.planned(forces))
         elif isinstance(made, UnitController):
-            forces = np.zeros_like(forces)  # its feedforward is inside
+            forces = np.zeros_like(forces)  # the FMU contains its feedforward
         force_limit = force_limit_of(experiment.actuators, platform)
         is_closed = controller is not None or chosen.is_closed
         if made is None:
-            # an open loop has its forces from the beginning; a closed one begins with the machine held still
+            # an open loop starts with its own forces; a closed one starts with the machine held at rest
             held = forces[0]
         elif held is None:
             held = static_leg_forces(machine, start.position, start.orientation)
@@ -262,7 +262,7 @@ class Preparation(Planning):
         def make() -> FloatArray:
             if planned is None:
                 return np.zeros((len(timing.samples), 6))
-            # forces are held: those of the middle of the time in which they will act
+            # forces are held, so evaluate them in the middle of that interval
             ahead = timing.samples + (delay + 0.5) * timing.sample_time
             reference = planned.reference
             return feedforward(kind, platform, reference(np.minimum(ahead, end_of(reference))))

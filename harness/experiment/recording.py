@@ -1,4 +1,4 @@
-"""From a run of the loop to its record: columns by name, and the circumstances."""
+"""The record of a run: columns by name, and metadata."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ _REFERENCE = (
 
 
 def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Record:
-    """The table of a run, and its metadata: the circumstances given, and what the run itself knows."""
+    """The table of a run, and its metadata: those passed in, and those of the run itself."""
     n, at = len(run.time), run.sample_of_row
     parts: list[tuple[list[str], Any]] = [
         (["time"], run.time[:, None]),
@@ -65,7 +65,7 @@ def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str],
 
 
 def _changed_parameters(prepared: Prepared, time: FloatArray) -> list[tuple[list[str], FloatArray]]:
-    """Parameters that changed during the run, over time; all others are in the metadata."""
+    """Parameters that changed during the run, over time; the others are in the metadata."""
     changes = [change for change in prepared.loop.changes if change.parameters]
     parts = []
     for variable in interface.VARIABLES:

@@ -1,4 +1,4 @@
-"""Run an experiment: prepare it, open its plant, simulate the loop, keep the record."""
+"""Run an experiment: prepare it, open its plant, simulate the loop, make the record."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -32,41 +32,42 @@ def run(
     status: StepProgress | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> Record:
-    """Run an experiment; a loop that diverges or is interrupted leaves a record that says so in its outcome.
+    """Run an experiment; if the loop diverges or is interrupted, the record's outcome states it.
 
     Parameters
     ----------
     experiment
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     settings
-        Keys of the experiment to set anew, as `load_experiment` takes them.
+        Keys of the experiment to change, as in `load_experiment`.
     plant, fmu
-        In the place of the experiment's: "model", "fmu2" or "fmu3", and the file of an FMU, built if there is none; or
-        an object that keeps the rules of `Plant`, in its start state. Whoever gives an object closes it.
+        Replace the experiment's: "model", "fmu2" or "fmu3", and an FMU file, built if missing; or an object that
+        follows the rules of `Plant`, in its start state, which the caller closes.
     controller
-        In the place of the experiment's: a discrete python-control system, a `LinearController`, or a function of a
-        `Sample` that gives six forces [N], beside which feedforward stays as it is; or the path of an FMU, as
-        `gough-stewart export` makes them, which has its reference and feedforward inside.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a function of a `Sample`
+        that returns six forces [N], with the feedforward unchanged; or the path of an FMU, as made by
+        `gough-stewart export`, which contains its reference and feedforward.
     injection
-        In the place of the experiment's: a function of the time of a sample [s] that gives six forces [N], added to
-        the command to excite the loop.
+        Replaces the experiment's: a function from the time of a sample [s] to six forces [N] that are added to the
+        command to excite the loop.
     member
-        The number of a member of the experiment's `[ensemble]`, which is run with the very numbers that it has there;
-        with a plant, its machine is simulated by that.
+        The number of a member of the experiment's `[ensemble]`, which runs with the same numbers as there; with a
+        plant, that plant simulates its machine.
     progress
         Called with the time [s] of the run.
     status
-        Called with what is being done before, while an FMU is built.
+        Called with the present action before the run, for example while an FMU is built.
     warn
+        Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`; the
         Called before the run with every limit that the reference passes and, by `limits.reference = "warn"`, may; the
         record's metadata have the same as `warnings`.
 
     Raises
     ------
     ExperimentError, ReachError
-        The experiment cannot be run as it is written, or its reference leads out of the platform's reach.
+        The experiment cannot run as written, or its reference is out of the platform's reach.
     PlantError, BuildError
-        The plant cannot be had.
+        The plant is not available.
 
     Examples
     --------
@@ -76,7 +77,7 @@ def run(
     chosen = experiment_of(experiment, settings)
     if member is not None:
         if controller is not None or injection is not None:
-            raise ExperimentError(chosen.where, "member", "has its own controller; expected no other, and no injection")
+            raise ExperimentError(chosen.where, "member", "has its own controller; remove controller and injection")
         from gough_stewart.harness.experiment.member_records import member_of, records_of
         from gough_stewart.harness.experiment.plan import plan_of
 
@@ -101,7 +102,7 @@ def run_prepared(
     progress: TimeProgress | None = None,
     status: StepProgress | None = None,
 ) -> Record:
-    """`run` of an experiment that is prepared already."""
+    """`run` for an experiment that is already prepared."""
     choice = experiment.plant
     if plant is None or isinstance(plant, str):
         kind: PlantKind = plant or choice.kind
@@ -127,12 +128,12 @@ def run_prepared(
 
 
 def _check_plant(plant: object, fmu: object) -> None:
-    """Refuse an object that is no plant, or a plant beside an FMU."""
+    """Refuse an object that is not a plant, or a plant object together with an FMU."""
     missing = [name for name in ("set_inputs", "set_parameters", "results", "do_step") if not hasattr(plant, name)]
     if missing:
         raise PlantError(
             f"plant is {plant!r}, without {', '.join(missing)}; expected 'model', 'fmu2', 'fmu3', or an object that "
-            "keeps the rules of gough_stewart.harness.plants.plant.Plant"
+            "follows the rules of gough_stewart.harness.plants.plant.Plant"
         )
     if fmu is not None:
-        raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected one of both")
+        raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")

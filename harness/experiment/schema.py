@@ -1,4 +1,4 @@
-"""What an experiment is: the schema of its TOML file, and of the same in Python."""
+"""The schema of experiments, in TOML files and in Python."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -35,13 +35,13 @@ from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
-# Noise and steps below are rounding, and their inverse overflows.
+# Smaller noise and steps are rounding, and their inverse overflows.
 _FINEST = 1e-15
 _SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
 class PlatformChoice(Section):
-    """`[platform]`: what the designer believes; a preset, or a file of one's own; single parameters may be changed."""
+    """`[platform]`: the nominal model; a preset, or a file; single parameters may be changed."""
 
     preset: str | None = None
     file: str | None = None
@@ -55,16 +55,16 @@ class PlatformChoice(Section):
 
     @property
     def preset_name(self) -> str:
-        """The preset, the paper's platform by default."""
+        """The name of the preset, by default the paper's platform."""
         return self.preset or PAPER_PRESET
 
 
 class PlantChoice(Section):
-    """`[plant]`: the machine, where it differs from what the designer believes, and what simulates it."""
+    """`[plant]`: the machine, where it differs from the nominal model, and how it is simulated."""
 
     kind: PlantKind = "model"
     fmu: str | None = None
-    # the machine's own platform: another file, other values of single parameters
+    # the machine's platform: another file, other values of single parameters
     file: str | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
     tolerance: Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])] = DEFAULT_TOLERANCE
@@ -72,7 +72,7 @@ class PlantChoice(Section):
 
 
 class Start(Section):
-    """`[start]`: the state at time 0; where a key is left out, the reference's."""
+    """`[start]`: the state at time 0; missing keys are those of the reference."""
 
     position: Position | None = None
     orientation: Orientation | None = None
@@ -81,7 +81,7 @@ class Start(Section):
 
 
 class LoopChoice(Section):
-    """`[loop]`: clocks, and the delay of the forces in samples."""
+    """`[loop]`: sample times, and the delay of the forces in samples."""
 
     duration: PositiveTime
     sample_time: PositiveTime = 1e-3
@@ -110,11 +110,11 @@ PerSignal = Annotated[dict[str, float], BeforeValidator(_by_signal)]
 
 
 class SensorChoice(Section):
-    """`[sensors]`: standard deviation of noise and step of quantisation by signal, and their clock."""
+    """`[sensors]`: standard deviation of noise and quantisation step by signal, and their sample time."""
 
     noise: PerSignal = Field(default_factory=dict)
     quantisation: PerSignal = Field(default_factory=dict)
-    # of the readings; the controller's, where it is left out
+    # of the readings; the controller's by default
     sample_time: PositiveTime | None = None
     # of noise and jitter
     seed: Annotated[int, Field(ge=0)] = 0
@@ -133,17 +133,17 @@ class ActuatorChoice(Section):
 
 
 class LimitChoice(Section):
-    """`[limits]`: what refuses a reference, and what ends a run."""
+    """`[limits]`: conditions that refuse a reference or end a run."""
 
     stroke: Literal["ignore", "warn", "stop"] = "warn"
-    # a reference that asks for too much velocity, acceleration, force or power; one out of reach is always refused
+    # for limits of velocity, acceleration, force or power; a reference out of reach is always refused
     reference: WhenBeyond = "refuse"
     position_error: PositiveLength | None = None
     condition_number: Annotated[Number, Field(gt=1)] = WORST_CONDITION_NUMBER
 
 
 class ChangeChoice(Section):
-    """`[[change]]`: other tunable parameters from a time on, as values or as factors of the present ones."""
+    """`[[change]]`: new values of tunable parameters from a time on, or factors on the present ones."""
 
     at: Time
     parameters: dict[str, Any] = Field(default_factory=dict)
@@ -152,12 +152,12 @@ class ChangeChoice(Section):
     @model_validator(mode="after")
     def _something(self) -> "ChangeChoice":
         if not self.parameters and not self.factors:
-            raise ValueError("changes nothing; expected parameters or factors")
+            raise ValueError("has no effect; expected parameters or factors")
         return self
 
 
 class DisturbanceChoice(Section):
-    """`[[disturbance]]`: an external wrench at Op over a time, in world components."""
+    """`[[disturbance]]`: an external wrench at Op for a time, in world components."""
 
     at: Time
     duration: PositiveTime
@@ -166,7 +166,7 @@ class DisturbanceChoice(Section):
 
 
 class Experiment(Section):
-    """A whole experiment, checked: the tables of its file by name, from `load_experiment`.
+    """A whole experiment, validated: the tables of its file by name, from `load_experiment`.
 
     Examples
     --------
@@ -194,21 +194,21 @@ class Experiment(Section):
 
     @property
     def code(self) -> tuple[str, ...]:
-        """Files that it names and that a run executes, with the rights of whoever runs it."""
+        """Files that it names and a run executes, with the user's rights."""
         return self.controller.code + (() if self.plant.fmu is None else (self.plant.fmu,))
 
     @property
     def where(self) -> str:
-        """The file or name it comes from, for messages."""
+        """The file or name of the experiment, for messages."""
         return self._where
 
     @property
     def folder(self) -> Path:
-        """Where the files that it names are looked for."""
+        """The folder that resolves file names."""
         return self._folder
 
     def from_file(self, where: str, folder: Path) -> "Experiment":
-        """The same, with its origin."""
+        """The same experiment, with its origin."""
         made = self.model_copy()
         made._where, made._folder = where, folder
         return made

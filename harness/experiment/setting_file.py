@@ -1,4 +1,4 @@
-"""The file of an experiment with single keys set anew, and everything else as its author wrote it."""
+"""Changes single keys in the file of an experiment and leaves everything else as its author wrote it."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ from gough_stewart.model.toml import toml_values
 
 
 def text_with_settings(name: Path | str, *settings: Settings) -> str:
-    """The TOML text of an experiment's file, or of a shipped one, with keys set; comments and order stay.
+    """The TOML text of an experiment's file or a shipped experiment, with keys set; comments and order are kept.
 
     Raises
     ------
@@ -28,5 +28,5 @@ def text_with_settings(name: Path | str, *settings: Settings) -> str:
             set_key(document, place, key, value)
     written = tomlkit.dumps(document)
     if toml_values(written) != expected:
-        raise ExperimentError(where, "", "its keys cannot be set where they stand; write its tables one after another")
+        raise ExperimentError(where, "", "its keys cannot be set in place; write its tables one after another")
     return written

@@ -1,4 +1,4 @@
-"""What a key of `[ensemble]` names: a place in the experiment, its unit, its shape, its present value."""
+"""Resolves a key of `[ensemble]`: its place in the experiment, unit, shape and present value."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 
 _PLATFORMS = ("platform", "plant")
-# The clocks, what is drawn or simulated with, and texts: one for all members.
+# Common to all members: clocks, sampling and simulation settings, and strings.
 _COMMON = {
     "loop": ("duration", "sample_time", "plant_step"),
     "sensors": ("seed", "sample_time"),
@@ -32,7 +32,7 @@ _SIGNALS = {variable.name: variable for variable in VARIABLES}
 
 @dataclass(frozen=True)
 class Place:
-    """A place in an experiment: the way through its tables, and what stands there."""
+    """A place in an experiment: the path through its tables, and the value there."""
 
     path: tuple[str, ...]
     target: Target
@@ -44,7 +44,7 @@ def place_of(key: str, experiment: Experiment, believed: Platform, machine: Plat
     Raises
     ------
     ValueError
-        No such parameter or key, or one that is the same for all members; says the nearest name.
+        No such parameter or key, or one that is common to all members; suggests the nearest name.
     """
     path = _path_of(key)
     section, *rest = path
@@ -56,7 +56,7 @@ def place_of(key: str, experiment: Experiment, believed: Platform, machine: Plat
         ]
         raise ValueError(f"no such parameter{nearest(section, known)}")
     if not rest or rest[-1] in _COMMON.get(section, ()) or section == "ensemble":
-        raise ValueError("is one for all members; expected a parameter of the machine, or a number of another table")
+        raise ValueError("is common to all members; expected a parameter of the machine, or a number of another table")
     if section in _PLATFORMS:
         name = rest[-1]
         if len(rest) != 2 or name not in TABLE:
@@ -68,7 +68,7 @@ def place_of(key: str, experiment: Experiment, believed: Platform, machine: Plat
 
 
 def _path_of(key: str) -> tuple[str, ...]:
-    """The same with the tables that may be left out."""
+    """The path, including tables that the key may omit."""
     parts = tuple(key.split("."))
     if len(parts) == 1 and key in TABLE:
         return ("plant", "parameters", key)
@@ -85,7 +85,7 @@ def _of_parameter(name: str, parameter: str, value: Any) -> Target:
 
 
 def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
-    """What stands at the end of a way through tables."""
+    """The value at the end of a path through tables."""
     name, *rest = path
     if isinstance(table, list):
         if not (name.isdigit() and 1 <= int(name) <= len(table)) or not rest:
@@ -94,7 +94,7 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
             )
         return _found(key, table[int(name) - 1], rest, f"{above}.{name}")
     if not isinstance(table, Section):
-        raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - of the key, which names nothing
+        raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - the key is wrong, not a type
     field = type(table).model_fields.get(name)
     if field is None:
         raise ValueError(f"no such key of [{above}]{nearest(name, type(table).model_fields)}")
@@ -102,7 +102,7 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
     if isinstance(value, Mapping):
         return _of_mapping(key, name, value, rest)
     if rest:
-        raise ValueError(f"{above}.{name} is no table")
+        raise ValueError(f"{above}.{name} is not a table")
     quantity = quantity_in(field.annotation, *field.metadata)
     if quantity is None:
         return Target(key, None, (), None)
@@ -112,7 +112,7 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
 
 
 def _of_mapping(key: str, name: str, table: Mapping[str, Any], rest: Sequence[str]) -> Target:
-    """Of tables by signal, and of parameters."""
+    """A place in tables by signal, and in parameters."""
     if len(rest) != 1:
         raise ValueError(f"expected one name after {name}")
     (inner,) = rest

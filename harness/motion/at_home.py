@@ -1,4 +1,4 @@
-"""Recorded motions moved to where a platform is at home."""
+"""Moves recorded motions to the home pose of a platform."""
 
 from typing import Literal
 
@@ -10,16 +10,16 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 
-# Which pose of a recording becomes the platform's home pose.
+# The pose of a recording that becomes the platform's home pose.
 AtHome = Literal["start", "mean"]
 
 
 def moved_home(table: FromTable, platform: Platform, pose: AtHome, start: float) -> FromTable:
-    """The whole motion moved rigidly, so that its pose at a time, or its mean pose, becomes the home pose.
+    """Move a motion rigidly, so that its pose at a time, or its mean pose, becomes the home pose.
 
-    p = p_home + R_home R₀ᵀ (p − p₀) and R = R_home R₀ᵀ R: displacements stay as they are in the axes that the platform
-    has in the pose p₀, R₀, so that surge of a vehicle stays surge, whatever its heading was. Means are over time; that
-    of rotations is the rotation nearest to the mean of their matrices.
+    p = p_home + R_home R₀ᵀ (p − p₀) and R = R_home R₀ᵀ R: displacements stay the same in the axes of the platform in
+    the pose p₀, R₀, so surge of a vehicle stays surge, whatever its heading. Means are over time; the mean rotation is
+    the rotation nearest to the mean of the matrices.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def moved_home(table: FromTable, platform: Platform, pose: AtHome, start: float)
     Raises
     ------
     MotionError
-        The time is outside of the table, or a pitch comes to ±90°.
+        The time is outside the table, or a pitch reaches ±90°.
     """
     if pose == "start":
         at = table(np.array([start]))
@@ -46,7 +46,7 @@ def moved_home(table: FromTable, platform: Platform, pose: AtHome, start: float)
 
 def _mean_pose(table: FromTable) -> tuple[FloatArray, FloatArray]:
     """Mean position (3,) [m] and rotation (3, 3) over time, by the trapezoidal rule."""
-    from scipy.spatial.transform import Rotation  # few motions need it
+    from scipy.spatial.transform import Rotation  # rarely needed
 
     steps = np.diff(table.time)
     weights = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2

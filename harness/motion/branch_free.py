@@ -1,4 +1,4 @@
-"""What motions need instead of branches: the same for numbers and for CasADi symbols in object arrays."""
+"""Branch-free functions for motions, for numbers and for CasADi symbols in object arrays."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,18 +7,18 @@ from gough_stewart.model.vectors import Array, Scalars
 
 
 def numbers_or_symbols(values: ArrayLike) -> Array:
-    """Floats, or an object array as it is."""
+    """Floats; an object array stays as it is."""
     array = np.asarray(values)
     return array if array.dtype == object else array.astype(float, copy=False)
 
 
 def minimum(a: Array, b: Scalars) -> Array:
-    """The smaller of two, element by element."""
+    """The elementwise minimum."""
     return _elementwise("fmin", a, b) if a.dtype == object else np.asarray(np.minimum(a, b))
 
 
 def maximum(a: Array, b: Scalars) -> Array:
-    """The larger of two, element by element."""
+    """The elementwise maximum."""
     return _elementwise("fmax", a, b) if a.dtype == object else np.asarray(np.maximum(a, b))
 
 
@@ -28,7 +28,7 @@ def reached(a: Array, b: Scalars) -> Array:
 
 
 def _elementwise(name: str, a: Array, b: Scalars) -> Array:
-    import casadi  # of those who trace
+    import casadi  # needed for tracing only
 
     flat = [getattr(casadi, name)(x, y) for x, y in np.broadcast(a, b)]
     return np.array(flat, dtype=object).reshape(np.broadcast_shapes(a.shape, np.shape(b)))

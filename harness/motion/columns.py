@@ -1,4 +1,4 @@
-"""Which columns of a motion log hold the time and the pose, and in which units: from its header, or as chosen."""
+"""Finds the columns of a motion log for time and pose, and their units, from its header or as chosen."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -10,16 +10,16 @@ from gough_stewart.model.interface import nearest
 
 
 class Column(NamedTuple):
-    """A column by its name in the file, and how much one of its unit is in SI."""
+    """A column by its name in the file, and its unit in SI units."""
 
     name: str
     factor: float
 
 
 class _Heading(NamedTuple):
-    """A heading apart: "x [mm]"."""
+    """A heading split into its parts: "x [mm]"."""
 
-    column: str  # as the file has it
+    column: str  # as in the file
     name: str
     unit: str | None
 
@@ -28,7 +28,7 @@ def _elements(name: str, size: int) -> tuple[str, ...]:
     return tuple(f"{name}[{k + 1}]" for k in range(size))
 
 
-_PURE = {"": 1.0, "1": 1.0, "-": 1.0}  # units of pure numbers
+_PURE = {"": 1.0, "1": 1.0, "-": 1.0}  # units of dimensionless numbers
 _UNITS: dict[str, Mapping[str, float]] = {
     "time": UNITS["s"],
     "position": UNITS["m"],
@@ -37,7 +37,7 @@ _UNITS: dict[str, Mapping[str, float]] = {
     "rotation_vector": UNITS["rad"],
 }
 _EXAMPLES = {"time": "ms", "position": "mm", "orientation": "deg", "rotation_vector": "rad"}
-# the ways to say how the platform is turned, of which a file needs one
+# the representations of orientation, of which a file needs one
 _TURNING = {
     "orientation": _elements("orientation", 3),
     "quaternion": _elements("quaternion", 4),
@@ -45,7 +45,7 @@ _TURNING = {
 }
 _PLACE = ("time", *_elements("position", 3))
 _QUANTITIES = (*_PLACE, *(name for names in _TURNING.values() for name in names))
-# What motion logs call them, in small letters.
+# Usual names in motion logs, in lower case.
 _USUAL: dict[str, tuple[str, ...]] = {
     "time": ("time", "t", "timestamp"),
     **{
@@ -61,23 +61,23 @@ _OWN_PREFIX = re.compile(r"^(reference|measured)\.")
 
 
 def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, timed: bool = True) -> dict[str, Column]:
-    """Where time, position, and one of orientation, quaternion, rotation_vector stand.
+    """The columns for time, position, and one of orientation, quaternion, rotation_vector.
 
     Parameters
     ----------
     header
-        The names of a file's columns, with units as in "x [mm]" or "x (mm)". A table in this project's own names
-        (`time`, `position[1]`, …) is in SI units where none is written.
+        The names of a file's columns, with units as in "x [mm]" or "x (mm)". In a table with this project's names
+        (`time`, `position[1]`, …) missing units mean SI.
     chosen
-        Names of the file, with or without units, by this project's own names; for what is left out, the usual names
-        of motion logs. Or the prefix of a record's signals, "reference" or "measured".
+        Names in the file, with or without units, by this project's names; others are found by the usual names of
+        motion logs. Or the prefix of a record's signals, "reference" or "measured".
     timed
-        Whether there has to be a time.
+        Whether a time is required.
 
     Raises
     ------
     MotionError
-        A column is missing, or there are several for the same; or its unit is missing or unknown.
+        A column is missing, or several match; or its unit is missing or unknown.
     """
     headings = [_heading(column) for column in header]
     if isinstance(chosen, str):
@@ -93,7 +93,7 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
     if missing:
         raise MotionError(
             f"has no column {', '.join(missing)}; expected {', '.join(wanted)}, or the usual names of motion logs "
-            "('x [mm]', 'roll [deg]', 'qx'), or columns that the reference names: columns = { \"position[1]\" = "
+            "('x [mm]', 'roll [deg]', 'qx'), or columns named in the reference: columns = { \"position[1]\" = "
             '"NAME [mm]", … }'
         )
     return _in_units({name: heading for name in wanted if (heading := found[name]) is not None})
@@ -101,14 +101,14 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
 
 def _heading(text: str) -> _Heading:
     parts = _WITH_UNIT.fullmatch(text.strip())
-    # position[1] has no unit, and qx [1] has
+    # "position[1]" has no unit; "qx [1]" has one
     if parts is None or (parts[3].isdigit() and not parts[2]):
         return _Heading(text, text.strip(), None)
     return _Heading(text, parts[1], parts[3].strip())
 
 
 def _found(quantity: str, headings: Sequence[_Heading], chosen: Mapping[str, str]) -> _Heading | None:
-    """The column of a quantity: as chosen, by its own name, or by a usual one."""
+    """The column of a quantity: as chosen, by this project's name, or by a usual one."""
     if quantity in chosen:
         return _chosen(quantity, headings, chosen[quantity])
     own = [heading for heading in headings if heading.name == quantity]
@@ -120,25 +120,25 @@ def _found(quantity: str, headings: Sequence[_Heading], chosen: Mapping[str, str
 
 
 def _chosen(quantity: str, headings: Sequence[_Heading], text: str) -> _Heading:
-    """A column by its whole heading, or by its name, where the unit may be added."""
+    """A column by its whole heading, or by its name, optionally with a unit."""
     whole = [heading for heading in headings if heading.column == text]
     name, unit = _heading(text)[1:]
     found = whole or [heading for heading in headings if name in (heading.column, heading.name)]
     if not found:
         raise MotionError(
-            f"columns: {quantity} is '{text}', and the file has no such column"
+            f"columns: {quantity} is '{text}', but the file has no such column"
             f"{nearest(name, [heading.name for heading in headings])}"
         )
     if len(found) > 1:
         raise MotionError(f"columns: {quantity} is '{text}'; the file has {len(found)} such columns; write the unit")
     of_file = None if found[0].column == name else found[0].unit
     if unit is not None and of_file is not None and unit != of_file:
-        raise MotionError(f"columns: {quantity} is '{text}', and the file says '{found[0].column}'; expected one unit")
+        raise MotionError(f"columns: {quantity} is '{text}', but the file has '{found[0].column}'; expected one unit")
     return found[0]._replace(unit=of_file if unit is None else unit)
 
 
 def _kind_of_turning(found: Mapping[str, _Heading | None], chosen: Mapping[str, str]) -> str:
-    """Which of orientation, quaternion and rotation_vector to read."""
+    """The one of orientation, quaternion and rotation_vector to read."""
     kinds = [kind for kind, names in _TURNING.items() if not set(names).isdisjoint(chosen)]
     whole = kinds or [kind for kind, names in _TURNING.items() if all(found[name] is not None for name in names)]
     if len(whole) > 1:

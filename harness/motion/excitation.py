@@ -1,4 +1,4 @@
-"""A motion that excites: finite Fourier series in all six coordinates, from rest to rest."""
+"""Excitation: finite Fourier series in all six coordinates, from rest to rest."""
 
 import math
 from typing import Annotated, Literal
@@ -17,12 +17,12 @@ _Orientations = Annotated[list[Orientation], Field(min_length=1, max_length=100)
 
 
 class Excitation(AboutPose):
-    """Swing in all coordinates at multiples of a frequency: w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t).
+    """Move in all coordinates at multiples of a frequency: w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t).
 
     `position_sine`, `position_cosine` [m], `orientation_sine`, `orientation_cosine` [rad]: the coefficients, three
-    numbers for each k = 1, 2, …; `frequency` f [Hz], `duration` [s], `fade` [s]: w rises by the quintic over it, and
-    falls at the end, so that pose, velocity and acceleration are at rest before and after. About `position` [m] and
-    `orientation` [rad], home by default.
+    numbers for each k = 1, 2, …; `frequency` f [Hz], `duration` [s], `fade` [s]: the time over which w rises as a
+    quintic, and falls at the end, so that pose, velocity and acceleration start and end at rest. About `position` [m]
+    and `orientation` [rad], home by default.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Excitation(AboutPose):
         sizes = {name: len(getattr(self, name)) for name in _COEFFICIENTS}
         if len(set(sizes.values())) > 1:
             found = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise ValueError(f"expected as many coefficients of each kind; found {found}")
+            raise ValueError(f"expected the same number of coefficients of each kind; found {found}")
         if 2 * self.fade > self.duration:
             raise ValueError(f"fade is {self.fade:g} s at either end of a duration of {self.duration:g} s")
         return self
@@ -64,13 +64,13 @@ class Excitation(AboutPose):
 
     @property
     def coefficients(self) -> tuple[FloatArray, FloatArray]:
-        """Those of the sines and of the cosines (N, 6) [m], [rad]."""
+        """The coefficients of the sines and of the cosines (N, 6) [m], [rad]."""
         found = [np.array(getattr(self, name), dtype=float) for name in _COEFFICIENTS]
         return np.hstack([found[0], found[2]]), np.hstack([found[1], found[3]])
 
     @property
     def highest_frequency(self) -> float:
-        """Of its last harmonic [Hz]."""
+        """The frequency of the last harmonic [Hz]."""
         return self.frequency * len(self.position_sine) / self.time_scale
 
 

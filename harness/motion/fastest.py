@@ -1,8 +1,8 @@
-"""The fastest way along a path: time-optimal path parametrisation under the limits of the legs, by toppra.
+"""The fastest motion along a path: time-optimal path parametrisation under the limits of the legs, by toppra.
 
-toppra knows limits that are linear in s̈ and x = ṡ². Velocity, acceleration and inertial force of the legs are; viscous
-friction and power go with ṡ = √x. They are linearised about the last solution, and the problem is solved again until x
-stays: then they hold as they are, not a bound of them.
+toppra handles limits that are linear in s̈ and x = ṡ². Velocity, acceleration and inertial force of the legs are;
+viscous friction and power depend on ṡ = √x. They are linearised about the last solution, and the problem is solved
+again until x converges, so the nonlinear limits hold without conservative bounds.
 """
 
 import logging
@@ -22,18 +22,18 @@ from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, per_leg
 
 _PIECES = 1500
-# Share of the grid's spacing that follows a cosine: near the ends ṡ goes through zero, and pieces take the longest.
+# Share of the grid spacing that follows a cosine: ṡ is zero at the ends, where pieces take the longest.
 _DENSER_AT_ENDS = 0.95
-# x has settled when it changes by less than this share of its largest value.
-# Where in each piece limits are looked at once more.
+# x has converged when it changes by less than this share of its largest value.
+# Points in each piece at which limits are checked again.
 _WITHIN_PIECES = np.array([0.05, 0.35, 0.65, 0.95])
 _SETTLED, _MOST_SOLUTIONS = 1e-3, 15
-# Of its largest value: below it √x is not linearised.
+# Share of the largest x below which √x is not linearised.
 _SMALLEST_SQUARED_RATE = 1e-6
 
 
 class _Limits(NamedTuple):
-    """Of every leg, with the margin taken off; infinite where there is none."""
+    """Limits of every leg, less the margin; infinite if there is none."""
 
     velocity: float  # [m/s]
     acceleration: float  # [m/s²]
@@ -42,7 +42,7 @@ class _Limits(NamedTuple):
 
 
 class _Legs(NamedTuple):
-    """What the legs do along a path; each (n, 6). L̇ = l ṡ, L̈ = l s̈ + k ṡ², F = a s̈ + b ṡ² + c + friction(L̇)."""
+    """Legs along a path; each (n, 6). L̇ = l ṡ, L̈ = l s̈ + k ṡ², F = a s̈ + b ṡ² + c + friction(L̇)."""
 
     l: FloatArray
     k: FloatArray
@@ -52,7 +52,7 @@ class _Legs(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """Linear conditions a u + b x + c ≤ 0 at n points, m of them; each (n, m)."""
+    """Linear conditions a u + b x + c ≤ 0, m at each of n points; each (n, m)."""
 
     a: FloatArray
     b: FloatArray
@@ -60,22 +60,22 @@ class _Rows(NamedTuple):
 
 
 def fastest(platform: Platform, path: GeometricPath, margin: float = 0.0, ramp: float = 0.0) -> TimeLaw:
-    """The time law that goes a path from rest to rest in the least time that the platform's limits admit.
+    """The time law that follows a path from rest to rest in the least time within the platform's limits.
 
     Limits are `leg_velocity_max`, `leg_acceleration_max`, `actuator_force_max` and `actuator_power_max`, as far as the
-    platform states them; forces are those of its inverse dynamics, friction included.
+    platform states them; forces are those of its inverse dynamics, including friction.
 
     Parameters
     ----------
     margin
-        Share of every limit that is left to the controller, 0 to 1.
+        Share of every limit reserved for the controller, 0 to 1.
     ramp
         Time [s] over which s̈ is averaged, so that no force jumps; the motion takes at least that much longer.
 
     Raises
     ------
     MotionError
-        The platform states no limit that bounds the acceleration, or cannot even stand still on the path.
+        The platform states no limit that bounds the acceleration, or cannot rest on the path.
     """
     limits = _limits(platform, margin)
     sharp = _optimal(platform, path, limits)
@@ -87,14 +87,14 @@ def _limits(platform: Platform, margin: float) -> _Limits:
     stated = [getattr(platform, name) for name in names]
     if stated[1] is None and stated[2] is None:
         raise MotionError(
-            "timing is 'fastest', and the platform states neither leg_acceleration_max nor actuator_force_max; "
-            "expected one of both, for instance by platform.parameters.actuator_force_max, or a duration as timing"
+            "timing is 'fastest', but the platform states neither leg_acceleration_max nor actuator_force_max; "
+            "expected at least one, for instance by platform.parameters.actuator_force_max, or a duration as timing"
         )
     return _Limits(*(np.inf if each is None else each * (1 - margin) for each in stated))
 
 
 def _optimal(platform: Platform, path: GeometricPath, limits: _Limits) -> Stepwise:
-    """Optimal on a grid: at both ends of every piece all limits hold, and s̈ is constant between."""
+    """Optimal on a grid: all limits hold at both ends of every piece, and s̈ is constant in between."""
     even = np.linspace(0.0, 1.0, _PIECES + 1)
     s = (1 - _DENSER_AT_ENDS) * even + _DENSER_AT_ENDS * (1 - np.cos(np.pi * even)) / 2
     legs = _legs_along(platform, path(s))
@@ -102,7 +102,7 @@ def _optimal(platform: Platform, path: GeometricPath, limits: _Limits) -> Stepwi
     fastest_rate = np.abs(legs.l).max(axis=1)
     with np.errstate(divide="ignore"):
         bound = (limits.velocity / fastest_rate) ** 2
-    # x of this size is 1 to the solver, whose tolerances are absolute
+    # scaled to order 1 for the solver, whose tolerances are absolute
     size = float(np.median(np.minimum(bound, _rough(legs, limits))))
     bound = np.minimum(bound, 1e6 * size)
     x, u = np.full(len(s), size), np.zeros(len(s))
@@ -111,7 +111,7 @@ def _optimal(platform: Platform, path: GeometricPath, limits: _Limits) -> Stepwi
         found = _solved(s, _Rows(rows.a * size, rows.b * size, rows.c), bound / size)
         if found is None:
             raise MotionError(
-                "no fastest way along this path was found; expected poses farther from the limits of the platform, a "
+                "no fastest motion along this path was found; expected poses farther from the platform's limits, a "
                 "smaller margin, or a duration as timing"
             )
         before, x = x, found * size
@@ -123,7 +123,7 @@ def _optimal(platform: Platform, path: GeometricPath, limits: _Limits) -> Stepwi
 
 
 def _legs_along(platform: Platform, point: PathPoint) -> _Legs:
-    """From inverse dynamics at (ṡ, s̈) = (0, 0), (0, 1), and (±1, 0), whose mean is without friction, which is odd."""
+    """From inverse dynamics at (ṡ, s̈) = (0, 0), (0, 1), and (±1, 0), whose mean cancels the odd friction."""
     n = len(point.position)
     zero, one = np.zeros(n), np.ones(n)
 
@@ -151,14 +151,14 @@ def _check_standing(legs: _Legs, limits: _Limits, s: FloatArray, path: Geometric
         row, leg = np.unravel_index(int(np.abs(legs.c).argmax()), legs.c.shape)
         nearest = int(np.abs(path.at - s[row]).argmin())
         raise MotionError(
-            f"standing still near pose {nearest + 1} of the path takes {abs(legs.c[row, leg]):.4g} N in leg {leg + 1}; "
-            f"the limit is {limits.force:.4g} N with the margin taken off; expected other poses, stronger actuators, a "
+            f"rest near pose {nearest + 1} of the path takes {abs(legs.c[row, leg]):.4g} N in leg {leg + 1}; "
+            f"the limit less the margin is {limits.force:.4g} N; expected other poses, stronger actuators, a "
             "lighter platform, or a smaller margin"
         )
 
 
 def _rough(legs: _Legs, limits: _Limits) -> FloatArray:
-    """About how large x may be (n,) where u is as large."""
+    """A rough estimate of the largest x (n,), with u of the same size."""
     tiny = np.finfo(float).tiny
     by_force = (limits.force - np.abs(legs.c)) / (np.abs(legs.a) + np.abs(legs.b) + tiny)
     by_acceleration = limits.acceleration / (np.abs(legs.l) + np.abs(legs.k) + tiny)
@@ -166,11 +166,11 @@ def _rough(legs: _Legs, limits: _Limits) -> FloatArray:
 
 
 def _rows(platform: Platform, legs: _Legs, limits: _Limits, x: FloatArray, u: FloatArray) -> _Rows:
-    """All limits but that of velocity as shares of themselves, linearised about x and u (n,)."""
+    """All limits except that of velocity as shares, linearised about x and u (n,)."""
     x = np.maximum(x, _SMALLEST_SQUARED_RATE * x.max())[:, None]
     u = u[:, None]
     rate = np.sqrt(x)
-    v, dv = legs.l * rate, legs.l / (2 * rate)  # L̇ and its derivative by x
+    v, dv = legs.l * rate, legs.l / (2 * rate)  # L̇ and dL̇/dx
     friction = friction_force(platform, v)
     slope = per_leg(np.asarray(platform.leg_viscous_friction)) * dv
     a, b, c = legs.a, legs.b + slope, legs.c + friction - slope * x
@@ -180,7 +180,7 @@ def _rows(platform: Platform, legs: _Legs, limits: _Limits, x: FloatArray, u: Fl
     if np.isfinite(limits.acceleration):
         both.append((legs.l / limits.acceleration, legs.k / limits.acceleration, 0 * legs.l))
     if np.isfinite(limits.power):
-        # F L̇ about F₀ L̇₀: L̇₀ F + F₀ dL̇/dx (x − x₀)
+        # F L̇ linearised at F₀ L̇₀: L̇₀ F + F₀ dL̇/dx (x − x₀)
         F = a * u + b * x + c
         both.append((a * v / limits.power, (b * v + F * dv) / limits.power, (c * v - F * dv * x) / limits.power))
     parts = [(sign * pa, sign * pb, sign * pc - 1) for pa, pb, pc in both for sign in (1, -1)]
@@ -188,13 +188,13 @@ def _rows(platform: Platform, legs: _Legs, limits: _Limits, x: FloatArray, u: Fl
 
 
 def _solved(s: FloatArray, rows: _Rows, bound: FloatArray) -> FloatArray | None:
-    """The largest x (n,) that the rows and its bound (n,) admit, by toppra; None if there is none."""
+    """The largest x (n,) within the rows and its upper bound (n,), by toppra; None if there is none."""
     from toppra import constants
     from toppra.algorithm import TOPPRA
     from toppra.constraint import DiscretizationType, LinearConstraint, canlinear_colloc_to_interpolate
     from toppra.interpolator import AbstractGeometricPath
 
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)  # a failure is said by its result
+    logging.getLogger("toppra").setLevel(logging.CRITICAL)  # failures are visible in the result
     m = rows.a.shape[1]
 
     class Constraint(LinearConstraint):  # type: ignore[misc]
@@ -206,7 +206,7 @@ def _solved(s: FloatArray, rows: _Rows, bound: FloatArray) -> FloatArray | None:
             return *both[:5], free, np.stack([np.zeros_like(bound), bound], axis=1)
 
     class Straight(AbstractGeometricPath):  # type: ignore[misc]
-        """toppra asks nothing of the path: the rows know it."""
+        """toppra does not evaluate the path: the rows contain it."""
 
         dof, path_interval, waypoints = 1, np.array([0.0, 1.0]), None
 
@@ -223,7 +223,7 @@ def _solved(s: FloatArray, rows: _Rows, bound: FloatArray) -> FloatArray | None:
 
 
 def _within(platform: Platform, path: GeometricPath, law: TimeLaw, margin: float) -> TimeLaw:
-    """The law in a little more time, where limits are exceeded between the points of the grid, or by averaging."""
+    """The law, slowed down slightly if limits are exceeded between grid points or by averaging."""
     factor = 1.0
     for _ in range(_MOST_SOLUTIONS):
         stretched = Stretched(law, factor)
@@ -235,7 +235,7 @@ def _within(platform: Platform, path: GeometricPath, law: TimeLaw, margin: float
 
 
 def _largest_share(platform: Platform, path: GeometricPath, law: TimeLaw) -> float:
-    """Of any limit at any time between the law's knots."""
+    """The largest share of any limit at times between the law's knots."""
     knots = law.knots
     time = (knots[:-1, None] + np.diff(knots)[:, None] * _WITHIN_PIECES).reshape(-1)
     at = law(time)

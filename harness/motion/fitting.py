@@ -1,4 +1,4 @@
-"""How much slower or smaller a motion would have to be to stay within the limits of a platform."""
+"""How much slower or smaller a motion has to be to stay within the limits of a platform."""
 
 import math
 from collections.abc import Callable
@@ -11,23 +11,23 @@ from gough_stewart.harness.motion.shares import shares_along
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# What fits uses this share of its limit: short of 1 by more than rounding, and by less than anyone sees.
+# Share of the limit that a fitted motion uses: below 1 by more than rounding, but not visibly.
 _FULL = 1 - 1e-7
 _FIRST, _LAST = 1.1, 1e6
 _TOLERANCE = 1e-12
-_MOST = 700.0  # a logarithm larger than that of any share
+_MOST = 700.0  # larger than the logarithm of any share
 
 
 def factor_that_fits(share: Callable[[float], float]) -> float | None:
-    """The factor x >= 1 at which the largest share of all limits comes down to 1; 1 if it is there without.
+    """The factor x >= 1 that brings the largest share of all limits down to 1; 1 if it is there already.
 
-    Factors are tried up to a million until one fits. Between that one and the last that did not, the root of log share
-    over log x is found, with the share itself at every step.
+    Factors are increased up to a million until one fits. Between it and the last one that does not, the root of log
+    share over log x is found, with the exact share at every step.
 
     Parameters
     ----------
     share
-        Largest share at a factor; infinite where a limit has no measure.
+        Largest share at a factor; infinite if a limit cannot be evaluated.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def factor_that_fits(share: Callable[[float], float]) -> float | None:
 
 
 def factor_near(share: Callable[[float], float], guess: float) -> float:
-    """As `factor_that_fits`, from a guess that is off by little."""
+    """As `factor_that_fits`, from a good initial guess."""
     low, high, width = guess, guess, 1e-5
     while share(high) > _FULL and width < 1:
         high *= 1 + width
@@ -58,33 +58,33 @@ def factor_near(share: Callable[[float], float], guess: float) -> float:
 
 
 def _root(share: Callable[[float], float], low: float, high: float) -> float:
-    """Where the share comes down to 1 between a factor that does not fit and one that does; it fits."""
+    """The factor at which the share comes down to 1, between one that does not fit and one that does; it fits."""
 
     def excess(exponent: float) -> float:
         found = share(math.exp(exponent))
         return min(math.log(found / _FULL), _MOST) if found > 0 else -_MOST
 
-    from scipy.optimize import brentq  # half a second of imports, for motions that do not fit
+    from scipy.optimize import brentq  # half a second of imports, needed for motions that do not fit
 
     found = math.exp(brentq(excess, math.log(low), math.log(high), xtol=_TOLERANCE))
-    # where a share jumps, the root may be on the wrong side of it
+    # if a share jumps, the root may be on its wrong side
     return found if share(found) <= 1 else high
 
 
 def slowing_that_fits(platform: Platform, motion: Motion, largest_condition_number: float) -> float | None:
-    """How many times as long a motion has to take, with all of it checked at every trial; None if nothing helps."""
+    """The time scale that a motion needs, with the whole motion checked at every step; None if none fits."""
 
     def share(factor: float) -> float:
         return _largest_share(platform, slower(motion, factor), largest_condition_number)
 
-    # what rest in its poses takes is left however slow it is
+    # the share at rest in its poses does not depend on speed
     return factor_that_fits(share) if share(math.inf) <= 1 else None
 
 
 def shrinking_that_fits(
     platform: Platform, motion: Motion, centre: FloatArray, largest_condition_number: float
 ) -> float | None:
-    """How many times as large a motion may be about a pose (6,), with all of it checked; None if nothing helps."""
+    """The amplitude scale that a motion may have about a pose (6,), with all of it checked; None if none fits."""
 
     def share(factor: float) -> float:
         return _largest_share(platform, smaller(motion, 1 / factor, centre), largest_condition_number)
@@ -94,7 +94,7 @@ def shrinking_that_fits(
 
 
 def remedy(platform: Platform, motion: Motion, centre: FloatArray, largest_condition_number: float) -> str:
-    """What to do with a motion that is beyond a limit, in words; factors are rounded to the safe side."""
+    """The remedy for a motion that exceeds a limit; factors are rounded to the safe side."""
     slow = slowing_that_fits(platform, motion, largest_condition_number)
     small = shrinking_that_fits(platform, motion, centre, largest_condition_number)
     ways = [] if slow is None else [f"{_rounded(slow, math.ceil)} times as long (reference.time_scale)"]
@@ -105,13 +105,13 @@ def remedy(platform: Platform, motion: Motion, centre: FloatArray, largest_condi
         largest = shares_along(platform, np.zeros(1), rest, largest_condition_number).largest
         return (
             "neither slower nor smaller helps: at rest in the pose that it is about, "
-            f"{largest.limit.replace('_', ' ')} is at {100 * largest.share:.4g} % already; move where it happens"
+            f"{largest.limit.replace('_', ' ')} is already at {100 * largest.share:.4g} %; move the motion elsewhere"
         )
     return f"it would fit if it were {' or '.join(ways)}"
 
 
 def _rounded(factor: float, to: Callable[[float], int]) -> str:
-    """Three digits."""
+    """To three digits."""
     unit = 10.0 ** (math.floor(math.log10(factor)) - 2)
     return f"{to(factor / unit) * unit:.3g}"
 

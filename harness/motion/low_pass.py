@@ -1,4 +1,4 @@
-"""Low-passes without phase for tables of poses: against noise, and before rows are taken at a lower rate."""
+"""Zero-phase low-pass filters for tables of poses: against noise, and against aliasing before resampling."""
 
 import math
 
@@ -10,17 +10,17 @@ from gough_stewart.model.vectors import FloatArray
 
 _SMOOTHING_ORDER = 3
 _ANTI_ALIAS_ORDER = 8
-# Of the new rate. Half of it would leave what is just above; the tests and docs/motion.md say what this one leaves.
+# Relative to the new rate. Half of it would keep frequencies just above; docs/motion.md states what this value leaves.
 _ANTI_ALIAS_CORNER = 0.4
-# In periods of the new rate, after which the filter's slowest mode, of damping sin(π/16), has faded to 0.1 %.
+# In periods of the new rate: time in which the filter's slowest mode, of damping sin(π/16), decays to 0.1 %.
 _ANTI_ALIAS_MEMORY = 15
 
 
 def smoothed(table: FromTable, cutoff: float) -> FromTable:
-    """Poses through a low-pass without phase, at even times.
+    """Poses through a zero-phase low-pass, at even times.
 
-    A Butterworth filter of third order, forward and backward: gain 1/(1 + (√2 − 1)(f/fc)⁶), so that accelerations
-    of noise beyond fc fade as f⁻⁴. Rows at uneven times are resampled by the splines first.
+    A third-order Butterworth filter, forward and backward: gain 1/(1 + (√2 − 1)(f/fc)⁶), so accelerations caused by
+    noise beyond fc decay as f⁻⁴. Rows at uneven times are first resampled by the splines.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def smoothed(table: FromTable, cutoff: float) -> FromTable:
     Raises
     ------
     MotionError
-        The cut-off is not below half the rate of the rows, or the table shorter than the filter needs.
+        The cut-off is not below half the rate of the rows, or the table is shorter than the filter needs.
     """
     n, rate = len(table.time), _rate_of(table)
     corner = cutoff * (math.sqrt(2) - 1) ** (-1 / (2 * _SMOOTHING_ORDER))
@@ -45,10 +45,10 @@ def smoothed(table: FromTable, cutoff: float) -> FromTable:
 
 
 def resampled(table: FromTable, rate: float) -> FromTable:
-    """Rows at a lower rate, without what that rate would take for something slower.
+    """Rows at a lower rate, filtered against aliasing.
 
-    First a Butterworth filter of eighth order, forward and backward: gain 1/(1 + (f/(0.4 rate))¹⁶), without phase.
-    The first row and the last keep their times, so that the rows come up to one row in the whole faster than asked.
+    An eighth-order Butterworth filter, forward and backward: gain 1/(1 + (f/(0.4 rate))¹⁶), zero phase. The first and
+    the last row keep their times, so the rate is higher than requested by at most one row in total.
 
     Parameters
     ----------
@@ -58,12 +58,12 @@ def resampled(table: FromTable, rate: float) -> FromTable:
     Raises
     ------
     MotionError
-        The rate is not below that of the rows, or leaves fewer rows than splines need.
+        The rate is not below that of the rows, or leaves fewer rows than the splines need.
     """
     n, present = len(table.time), _rate_of(table)
     if not rate < present:
         raise MotionError(
-            f"resample is {rate:g} Hz; expected below {present:.4g} Hz, the rate of the rows: between them are splines"
+            f"resample is {rate:g} Hz; expected below {present:.4g} Hz, the rate of the rows; splines interpolate them"
         )
     first, last = float(table.time[0]), float(table.time[-1])
     padding = min(math.ceil(_ANTI_ALIAS_MEMORY * present / rate), n - 1)
@@ -79,8 +79,8 @@ def _rate_of(table: FromTable) -> float:
 
 
 def _low_passed(table: FromTable, corner: float, order: int, padding: int) -> FromTable:
-    """Forward and backward through a Butterworth filter, mirrored at both ends over so many rows."""
-    from scipy.signal import butter, sosfiltfilt  # takes a second to import, and is seldom needed
+    """Forward and backward through a Butterworth filter, mirrored over so many rows at both ends."""
+    from scipy.signal import butter, sosfiltfilt  # takes a second to import, and is rarely needed
 
     time: FloatArray = np.linspace(table.time[0], table.time[-1], len(table.time))
     sections = butter(order, corner, fs=_rate_of(table), output="sos")

@@ -14,7 +14,7 @@ from gough_stewart.model.rotations import (
 )
 from gough_stewart.model.vectors import FloatArray
 
-# Times are multiples of a step up to rounding: a jump at 0.2 s has happened in the row of 0.19999999999 s [s].
+# Times are multiples of a step up to rounding: a jump at 0.2 s takes effect in the row at 0.19999999999 s [s].
 ROUNDING = 1e-9
 
 
@@ -30,14 +30,14 @@ class Motion(NamedTuple):
 
 
 class Reference(Protocol):
-    """A wanted motion."""
+    """A reference motion."""
 
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
 
 
 class Piecewise(ABC):
-    """A motion that is, or is as good as, a polynomial from time to time; so it can leave as a table."""
+    """A motion that is piecewise polynomial, exactly or up to rounding, so that it can be exported as a table."""
 
     @abstractmethod
     def __call__(self, time: ArrayLike) -> Motion:
@@ -51,19 +51,19 @@ class Piecewise(ABC):
     @property
     @abstractmethod
     def pieces(self) -> tuple[FloatArray, FloatArray]:
-        """When each piece begins (n,) [s], and its polynomials in the time since then (n, 6, 6).
+        """The start of each piece (n,) [s], and its polynomials in the time since then (n, 6, 6).
 
         Coefficients of x, y, z, roll, pitch, yaw, the highest power first.
         """
 
 
 def end_of(reference: Reference) -> float:
-    """The last time that a motion knows [s], its `end`; infinite where it goes on for ever."""
+    """The last time that a motion defines [s], its `end`; infinite if it has none."""
     return float(getattr(reference, "end", math.inf))
 
 
 def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
-    """The motion that (n, 6) of x, y, z, roll, pitch, yaw and their first and second derivatives are."""
+    """The motion from (n, 6) of x, y, z, roll, pitch, yaw and their first and second derivatives."""
     angles, rates, accelerations = pose[:, 3:], rate[:, 3:], acceleration[:, 3:]
     return Motion(
         pose[:, :3],
@@ -76,13 +76,13 @@ def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
 
 
 def coordinates_of(motion: Motion) -> tuple[Any, Any, Any]:
-    """x, y, z, roll, pitch, yaw of a motion and their first and second derivatives; each (n, 6), as `motion_of` takes.
+    """x, y, z, roll, pitch, yaw of a motion and their first and second derivatives; each (n, 6); inverts `motion_of`.
 
-    The angles' second derivatives are what is left of ω̇ without that which their rates alone give.
+    The angles' second derivatives follow from ω̇ less the part that depends on their rates.
     """
     angles, omega = motion.orientation, motion.angular_velocity
     rates = orientation_rate_from_angular_velocity(angles, omega)
-    # ω̇ is linear in the second derivatives of the angles, by the map from rates to ω
+    # ω̇ is linear in the second derivatives of the angles, with the matrix that maps rates to ω
     turning = angular_acceleration_from_orientation_rates(angles, rates, 0 * rates)
     second = orientation_rate_from_angular_velocity(angles, motion.angular_acceleration - turning)
     return (
@@ -93,9 +93,9 @@ def coordinates_of(motion: Motion) -> tuple[Any, Any, Any]:
 
 
 def extrapolated(motion: Motion, ahead: Any) -> Motion:
-    """The motion some time [s] later if accelerations and second derivatives of the angles stay: to second order.
+    """The motion some time [s] later, for constant accelerations and second derivatives of the angles.
 
-    x + v h + a h²/2 for the position, likewise for roll, pitch, yaw, and their exact derivatives.
+    x + v h + a h²/2 for the position, likewise for roll, pitch, yaw, with exact derivatives.
     """
     pose, rate, acceleration = coordinates_of(motion)
     return motion_of(

@@ -16,15 +16,15 @@ from gough_stewart.model.vectors import FloatArray, cross, dot, skew
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-# Natural ends: no curvature there, so that two poses are joined by a straight line.
+# Natural ends have no curvature, so the path between two poses is a straight line.
 _DERIVATIVES_ZERO_AT_ENDS = {5: (2, 4), 3: (2,)}
 DEGREES = {"quintic": 5, "cubic": 3}
-# Angles [rad] below which the coefficients of the exponential come from their series.
+# Angles [rad] below which the coefficients of the exponential are computed by series.
 _SMALL_ANGLE = 1e-2
 
 
 class PathPoint(NamedTuple):
-    """Poses on a path and their derivatives by its parameter s; each (n, 3)."""
+    """Poses on a path and their derivatives with respect to its parameter s; each (n, 3)."""
 
     position: FloatArray  # [m]
     orientation: FloatArray  # roll, pitch, yaw [rad]
@@ -34,7 +34,7 @@ class PathPoint(NamedTuple):
     turning_rate: FloatArray  # τ' [rad]
 
     def motion(self, rate: FloatArray, acceleration: FloatArray) -> Motion:
-        """The motion with s at these rates ṡ (n,) [1/s] and s̈ (n,) [1/s²]: v = p' ṡ, v̇ = p' s̈ + p'' ṡ²; likewise ω."""
+        """The motion with rates ṡ (n,) [1/s] and s̈ (n,) [1/s²]: v = p' ṡ, v̇ = p' s̈ + p'' ṡ²; likewise ω."""
         first, second = rate[:, None], acceleration[:, None]
         return Motion(
             self.position,
@@ -48,21 +48,21 @@ class PathPoint(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class GeometricPath:
-    """A path through poses, from s = 0 to 1, at each of them exactly.
+    """A path exactly through a list of poses, from s = 0 to 1.
 
-    The pose at s is p(s) and R(s) = exp(ρ̃(s)) R₀, with R₀ the first pose's orientation; p and ρ are splines of s. From
-    pose to pose s grows with the distance √(|Δp|² + ℓ² |Δρ|²).
+    The pose at s is p(s) and R(s) = exp(ρ̃(s)) R₀, with R₀ the orientation of the first pose; p and ρ are splines of s.
+    From pose to pose s grows with the distance √(|Δp|² + ℓ² |Δρ|²).
 
     Raises
     ------
     MotionError
-        Fewer than two poses, one that is not finite, two neighbours that are the same, or one that is turned by half a
-        turn or more from the first.
+        Fewer than two poses, a pose that is not finite, two equal neighbours, or a pose rotated by half a turn or more
+        from the first.
     """
 
     position: FloatArray  # of the via poses (n, 3) [m]
     orientation: FloatArray  # roll, pitch, yaw (n, 3) [rad]
-    length: float  # ℓ that scales angles against lengths [m]
+    length: float  # ℓ, the length per angle [m]
     degree: int = 5
     at: FloatArray = field(init=False)  # s of the via poses (n,)
     _spline: "BSpline" = field(init=False, repr=False)
@@ -85,7 +85,7 @@ class GeometricPath:
         distance = np.sqrt((steps**2).sum(axis=1))
         if not distance.all():
             k = int((distance == 0).argmax())
-            raise MotionError(f"poses {k + 1} and {k + 2} of the path are the same; leave one out")
+            raise MotionError(f"poses {k + 1} and {k + 2} of the path are the same; remove one")
         at = np.concatenate([[0.0], np.cumsum(distance)])
         at /= at[-1]
         ends: Any = [(k, np.zeros(6)) for k in _DERIVATIVES_ZERO_AT_ENDS[self.degree]]
@@ -115,7 +115,7 @@ def turning_of(rho: FloatArray, rate: FloatArray, acceleration: FloatArray) -> t
     """Angular velocity and acceleration (n, 3) in world components of exp(ρ̃), from ρ and its derivatives.
 
     ω = ρ' + b ρ × ρ' + c ρ × (ρ × ρ'), with b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³, and ω' by the product rule; b' and
-    c' are 2 ρ·ρ' times the derivatives of b and c by θ².
+    c' are 2 ρ·ρ' times the derivatives of b and c with respect to θ².
     """
     _, b, c, db, dc = (each[:, None] for each in _coefficients(rho))
     growth = 2 * dot(rho, rate)[:, None]
@@ -132,7 +132,7 @@ def turning_of(rho: FloatArray, rate: FloatArray, acceleration: FloatArray) -> t
 
 
 def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
-    """Of θ² = |ρ|²: sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³, and the derivatives of the last two by θ²; each (n,)."""
+    """For θ² = |ρ|²: sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³, and θ²-derivatives of the last two; each (n,)."""
     q = dot(rho, rho)
     small = q < _SMALL_ANGLE**2
     safe = np.where(small, 1.0, q)
@@ -144,7 +144,7 @@ def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
 
 
 def _series(k: int, q: FloatArray) -> FloatArray:
-    """Σ (−q)ⁿ/(2n + 1 + k)! for k up to 2, to the fourth term; then the derivatives of those of k = 1 and 2."""
+    """Σ (−q)ⁿ/(2n + 1 + k)! for k up to 2, to the fourth term, then the derivatives for k = 1 and 2."""
     if k < 3:
         return np.asarray(sum((-q) ** n / math.factorial(2 * n + 1 + k) for n in range(4)))
     terms = range(1, 5)
@@ -152,12 +152,12 @@ def _series(k: int, q: FloatArray) -> FloatArray:
 
 
 def _rotation_vectors(rotation: FloatArray) -> FloatArray:
-    """ρ (n, 3) [rad] of rotation matrices; beyond half a turn they would jump to the other side."""
+    """ρ (n, 3) [rad] of rotation matrices; it would jump at half a turn."""
     from scipy.spatial.transform import Rotation
 
     rho = np.asarray(Rotation.from_matrix(rotation).as_rotvec())
     jumps = np.flatnonzero(~(np.linalg.norm(np.diff(rho, axis=0), axis=1) < math.pi - 1e-6))
     if jumps.size:
         k = int(jumps[0]) + 2
-        raise MotionError(f"pose {k} of the path is turned by half a turn or more from the first; expected less")
+        raise MotionError(f"pose {k} of the path is rotated by half a turn or more from the first; expected less")
     return rho

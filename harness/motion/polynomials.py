@@ -1,4 +1,4 @@
-"""Motions whose coordinates are polynomials from time to time: the same numbers here and in what is exported."""
+"""Motions with piecewise polynomial coordinates, with identical numbers in the harness and in exports."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +10,7 @@ from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, coo
 from gough_stewart.harness.motion.timed_path import TimedPath
 from gough_stewart.model.vectors import FloatArray
 
-# A quintic in τ from 0 to 1 by value, rate and second derivative at both ends, the highest power first.
+# A quintic in τ from 0 to 1 from value, rate and second derivative at both ends, highest power first.
 _HERMITE = np.array(
     [
         [-6, -3, -1 / 2, 6, -3, 1 / 2],
@@ -21,19 +21,19 @@ _HERMITE = np.array(
         [1, 0, 0, 0, 0, 0],
     ]
 )
-# Over shorter pieces [s] differences of positions round more than the acceleration bends.
+# In shorter pieces [s], rounding of position differences exceeds the change of the acceleration.
 _SHORT = 5e-5
-# No piece is longer than this share of the motion.
+# The longest piece, as a share of the motion.
 _PIECES = 400
 
 
 @dataclass(frozen=True, eq=False)
 class Polynomials(Piecewise):
-    """From piece to piece quintics in x, y, z, roll, pitch, yaw; at rest before the first and after the last."""
+    """Piecewise quintics in x, y, z, roll, pitch, yaw; at rest before the first and after the last piece."""
 
-    begins: FloatArray  # of the pieces (n,) [s]
-    coefficients: FloatArray  # in the time since then, the highest power first (n, 6, 6)
-    last: float  # the end of the last [s]
+    begins: FloatArray  # start times of the pieces (n,) [s]
+    coefficients: FloatArray  # in the time since then, highest power first (n, 6, 6)
+    last: float  # end of the last piece [s]
 
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
@@ -43,7 +43,7 @@ class Polynomials(Piecewise):
         at = np.searchsorted(self.begins, inside, side="right") - 1
         since = (inside - self.begins[at])[:, None]
         value = rate = half = np.zeros((len(time), 6))
-        for power in range(6):  # Horner's rule with its derivatives
+        for power in range(6):  # Horner's rule with derivatives
             half = half * since + rate
             rate = rate * since + value
             value = value * since + self.coefficients[at, :, power]
@@ -56,20 +56,20 @@ class Polynomials(Piecewise):
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
-        """As they are."""
+        """The pieces as stored."""
         return self.begins, self.coefficients
 
 
 def polynomials_of(motion: TimedPath) -> Polynomials:
     """The quintics between the knots of a path's time law, with its pose, rates and accelerations at both ends.
 
-    Accelerations may jump at the knots. Between them poses are off by some 1e-12 m.
+    Accelerations may jump at the knots. The error between them is some 1e-12 m.
     """
     knots = _refined(motion.law.knots)
-    # the accelerations of both sides of a piece, inside of it
+    # accelerations at both ends of a piece, evaluated inside it
     left, right = motion.since_start(knots[:-1]), motion.since_start(np.nextafter(knots[1:], 0))
     h = np.diff(knots)[:, None]
-    # (pieces, 6 conditions, 6 coordinates), derivatives by τ = t/h
+    # (pieces, 6 conditions, 6 coordinates), derivatives with respect to τ = t/h
     sides = coordinates_of(left), coordinates_of(right)
     ends = np.stack([part * h**k for side in sides for k, part in enumerate(side)], axis=1)
     pieces = np.moveaxis(_HERMITE @ ends, 1, 2) / h[:, :, None] ** np.arange(5, -1, -1)
@@ -78,7 +78,7 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
     pieces[short] = _cubics(left_short, right_short, h[short])
     begins = motion.start + knots[:-1]
     if motion.start > 0:
-        # at rest before: the first piece may begin with an acceleration
+        # at rest before; the first piece may start with an acceleration
         waiting = np.zeros((1, 6, 6))
         waiting[0, :, 5] = sides[0][0][0]
         begins, pieces = np.append(0.0, begins), np.concatenate([waiting, pieces])
@@ -86,7 +86,7 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
 
 
 def _refined(knots: FloatArray) -> FloatArray:
-    """Knots with others between those that lie far apart, where a motion nearly stops and turns."""
+    """Knots refined where they are far apart and the motion nearly stops and turns."""
     steps = np.diff(knots)
     parts = np.ceil(steps / (knots[-1] / _PIECES)).astype(int)
     at = np.repeat(knots[:-1], parts)
@@ -95,7 +95,7 @@ def _refined(knots: FloatArray) -> FloatArray:
 
 
 def _cubics(left: Any, right: Any, h: FloatArray) -> FloatArray:
-    """Pose and rate of the left end, and an acceleration that goes linearly from end to end."""
+    """Pose and rate at the left end, and an acceleration that is linear between the ends."""
     pose, rate, acceleration = left
     zero = np.zeros_like(pose)
     return np.stack([zero, zero, (right[2] - acceleration) / (6 * h), acceleration / 2, rate, pose], axis=2)

@@ -1,8 +1,8 @@
-"""Functions of time with their exact derivatives, of which motions are made.
+"""Functions of time with exact derivatives, the building blocks of motions.
 
 A motion is a base pose plus profiles in time times directions in (x, y, z, roll, pitch, yaw). Angular velocity and
-acceleration follow from the rates of roll, pitch and yaw. They are called with numbers, and with CasADi symbols in
-object arrays; so they never branch on a value.
+acceleration follow from the rates of roll, pitch and yaw. Arguments are numbers, or CasADi symbols in object arrays, so
+no function branches on a value.
 """
 
 from typing import NamedTuple
@@ -30,12 +30,12 @@ class Profile(NamedTuple):
         )
 
     def faded(self, time: Array, fade_in: float) -> "Profile":
-        """Times the quintic from 0 to 1 over the fade-in [s]; at 0 s there is none."""
+        """Multiplied by a quintic from 0 to 1 over the fade-in [s]; unchanged for 0 s."""
         return self.times(quintic(time, fade_in)) if fade_in > 0 else self
 
 
 def step(time: Array) -> Profile:
-    """From 0 to 1 at time 0, where it has happened; rates are zero on both sides."""
+    """From 0 to 1 at time 0 (1 at time 0 itself); rates are zero on both sides."""
     value = reached(time, -ROUNDING)
     return Profile(value, 0 * value, 0 * value)
 

@@ -1,4 +1,4 @@
-"""What a motion asks of the legs, and whether the platform can reach it."""
+"""Leg motion of a reference, and whether the platform can reach it."""
 
 from typing import Literal, NamedTuple
 
@@ -40,35 +40,35 @@ def check_reach(
     centre: FloatArray | None = None,
     dynamic: WhenBeyond = "refuse",
 ) -> list[str]:
-    """Refuse a motion that passes a limit of the platform, or comes near a singular pose; see `shares_along`.
+    """Refuse a motion that exceeds a limit of the platform or comes near a singular pose; see `shares_along`.
 
     Parameters
     ----------
     time
-        Of the motion's rows (n,) [s].
+        Times of the motion's rows (n,) [s].
     largest_condition_number
         Of the leg Jacobian with angles scaled to lengths.
     centre
-        The pose (6,) about which a smaller motion would be; by default that of the first row.
+        The pose (6,) about which a smaller motion is scaled; by default that of the first row.
     dynamic
-        "warn" lets motions pass that ask for too much velocity, acceleration, force or power.
+        "warn" accepts motions that exceed limits of velocity, acceleration, force or power.
 
     Returns
     -------
     list of str
-        One warning for each limit that is passed and may be.
+        One warning for each limit that is exceeded and accepted.
 
     Raises
     ------
     ReachError
-        Names the first time at which a limit is passed, the quantity, its value, the leg, and how much slower or
-        smaller the motion would have to be.
+        Names the first time at which a limit is exceeded, the quantity, its value, the leg, and how much slower or
+        smaller the motion has to be.
     """
     shares = shares_along(platform, time, motion, largest_condition_number)
     passed = [each for each in shares.limited if not each.within.all()]
     refused = [each for each in passed if dynamic == "refuse" or each.limit in GEOMETRIC]
     if not refused:
-        return [f"the reference passes a limit: {_at(time, each.first_beyond)}" for each in passed]
+        return [f"the reference exceeds a limit: {_at(time, each.first_beyond)}" for each in passed]
     first = min(refused, key=lambda each: each.first_beyond.row)
     beyond = first.first_beyond
     about = pose_at_start(motion) if centre is None else centre

@@ -19,9 +19,9 @@ from gough_stewart.model.vectors import FloatArray
 if TYPE_CHECKING:
     import polars
 
-# A step of time that is longer, in median steps, is a gap.
+# A longer time step, in median steps, is a gap.
 _LONGEST_STEP = 5.0
-# Recordings that ship lie in a folder `shipped` of this package.
+# Shipped recordings are in the folder `shipped` of this package.
 _SHIPPED_FROM = "gough_stewart.harness.motion"
 _ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
     "orientation": continuous,
@@ -32,14 +32,14 @@ _ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recorded motion: its poses, with the time counted from the first row, and that row's time in the file [s]."""
+    """A recorded motion: its poses with times since the first row, and the time of that row in the file [s]."""
 
     table: FromTable
     first: float
 
 
 def recording_path(folder: Path, file: str) -> Path | Traversable:
-    """The file in a folder; where there is none, the recording that ships under that name."""
+    """The file in a folder; if it does not exist, the shipped recording of that name."""
     path = folder / file
     shipped = resources.files(_SHIPPED_FROM).joinpath("shipped", Path(file).name)
     return shipped if file == shipped.name and shipped.is_file() and not path.exists() else path
@@ -53,15 +53,15 @@ def read_recording(
     Parameters
     ----------
     columns
-        Which columns, where the header does not say it; see `columns_of`.
+        The columns to read, if the header uses other names; see `columns_of`.
     largest_gap
         The longest time between two rows [s]; by default five times the median.
 
     Raises
     ------
     MotionError
-        The file cannot be read; a column or its unit is missing; a row holds no number, a time that does not
-        increase, a gap before it, or a quaternion whose length is not 1; names file, column and row.
+        The file cannot be read; a column or its unit is missing; a row has a non-numeric value, a time that does not
+        increase, a gap before it, or a quaternion whose norm is not 1; names file, column and row.
     """
     try:
         table = read_table(path, "reference")
@@ -76,7 +76,7 @@ def read_recording(
 
 
 def read_poses(path: Path | Traversable, columns: Mapping[str, str] | str = "") -> tuple[FloatArray, FloatArray]:
-    """Positions [m] and orientations [rad], each (n, 3), from a CSV or Parquet file; times are left aside.
+    """Positions [m] and orientations [rad], each (n, 3), from a CSV or Parquet file, ignoring times.
 
     Raises
     ------
@@ -111,6 +111,6 @@ def _check_gaps(time: FloatArray, first: float, largest: float | None) -> None:
         k = int(long[0])
         raise MotionError(
             f"a gap of {steps[k]:.6g} s before row {k + 2}, at {first + time[k + 1]:.10g} s; expected steps of at most "
-            f"{bound:.6g} s, where the median is {median:.6g} s; cut the file there, or bridge the gap by a spline: "
+            f"{bound:.6g} s; the median is {median:.6g} s; cut the file there, or let the spline bridge the gap: "
             f"largest_gap = {steps[k]:.6g}"
         )

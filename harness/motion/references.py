@@ -1,7 +1,7 @@
-"""The reference motions: `[reference]` of an experiment file, and the same in Python.
+"""The reference motions: `[reference]` in an experiment file, and the same in Python.
 
-One class a motion: its keys, their units, bounds and defaults, and its formula. A further class is all that a further
-motion takes; its `type` makes it known to experiment files.
+Each motion is one class: its keys with units, bounds and defaults, and its formula. A new class is all that a new
+motion needs; its `type` makes it known to experiment files.
 """
 
 import math
@@ -40,15 +40,15 @@ from gough_stewart.model.vectors import Array, FloatArray
 
 
 class ReferenceChoice(Kind):
-    """A motion that an experiment asks for.
+    """The motion of an experiment.
 
-    It takes `time_scale` times as long, from time 0 on, and is `amplitude_scale` times as large, about its own pose or
-    the first one of a table: pose₀ + a (pose(t/s) − pose₀), rates and accelerations likewise.
+    It takes `time_scale` times as long, counted from time 0, and is `amplitude_scale` times as large, about its own
+    pose or the first one of a table: pose₀ + a (pose(t/s) − pose₀), with rates and accelerations scaled to match.
 
     Raises
     ------
     MotionError
-        Numbers that make no motion; names the key, its value, and what was expected.
+        Impossible values; names the key, its value, and what was expected.
     """
 
     time_scale: PositiveNumber = 1.0
@@ -56,22 +56,22 @@ class ReferenceChoice(Kind):
 
     @abstractmethod
     def about(self, platform: Platform, folder: Path = Path()) -> Reference:
-        """The motion for a platform; files are looked for in the folder.
+        """The motion for a platform; `folder` resolves file names.
 
         Raises
         ------
         MotionError
-            A file that cannot be read, or holds no motion.
+            A file that cannot be read, or without a motion.
         """
 
     @property
     def highest_frequency(self) -> float:
-        """Of the motion [Hz]; 0 where it has none."""
+        """The highest frequency of the motion [Hz]; 0 if it has none."""
         return 0.0
 
     @classmethod
     def refusal(cls, message: str) -> MotionError:
-        """The error of wrong values."""
+        """The error for wrong values."""
         return MotionError(message)
 
 
@@ -82,7 +82,7 @@ class AboutPose(ReferenceChoice):
     orientation: Orientation | None = None
 
     def about(self, platform: Platform, folder: Path = Path()) -> Self:  # noqa: ARG002 - there is no file
-        """The same about the home pose, where no pose is given."""
+        """The same motion about the home pose, unless a pose is set."""
         home = {"position": platform.home_position, "orientation": platform.home_orientation}
         return self.model_copy(
             update={name: tuple(value.tolist()) for name, value in home.items() if getattr(self, name) is None}
@@ -94,21 +94,21 @@ class AboutPose(ReferenceChoice):
         Raises
         ------
         MotionError
-            Neither a pose nor a platform is known.
+            Neither a pose nor a platform is set.
         """
         return slower(self._at(numbers_or_symbols(time) / self.time_scale), self.time_scale)
 
     @abstractmethod
     def _at(self, time: Array) -> Motion:
-        """The same for an array of times in its own, unscaled time."""
+        """The motion at an array of times in its own, unscaled time."""
 
     def _by(self, *parts: tuple[Profile, FloatArray]) -> Motion:
-        """Profiles (n,) times directions (6,) away from the pose, as large as is wanted."""
+        """The pose plus profiles (n,) times directions (6,), times the amplitude scale."""
         return motion_about(self.centre, *((profile, self.amplitude_scale * along) for profile, along in parts))
 
     @property
     def centre(self) -> FloatArray:
-        """The pose (6,) that it is about."""
+        """The pose (6,) that the motion is about."""
         for name in ("position", "orientation"):
             if getattr(self, name) is None:
                 raise MotionError(f"{name} is None; expected a {name}, or the home pose of a platform: about(platform)")
@@ -129,7 +129,7 @@ class Hold(AboutPose):
 
 
 class _Change(AboutPose):
-    """A motion from a pose to another."""
+    """A motion from one pose to another."""
 
     position_change: Position = ZEROS
     orientation_change: Orientation = ZEROS
@@ -147,15 +147,15 @@ class Step(_Change):
     """
 
     type: Literal["step"] = "step"
-    at: PositiveTime  # at 0 there would be nothing to step from
+    at: PositiveTime  # at 0 there would be no step
 
     def _at(self, time: Array) -> Motion:
-        # at the jump itself, after it
+        # at the time of the jump, the value after it
         return self._by((step(time - self.at), self._direction))
 
 
 class PointToPoint(_Change):
-    """Go by a change from rest to rest: s = 10 τ³ − 15 τ⁴ + 6 τ⁵, τ = (t − at)/duration.
+    """Move by a change of pose from rest to rest: s = 10 τ³ − 15 τ⁴ + 6 τ⁵, τ = (t − at)/duration.
 
     `position_change` [m], `orientation_change` [rad], `at` [s], `duration` [s]; about `position` [m] and
     `orientation` [rad], home by default.
@@ -170,7 +170,7 @@ class PointToPoint(_Change):
 
 
 class _Swing(AboutPose):
-    """A motion to and fro."""
+    """A periodic motion."""
 
     position_amplitude: Position = ZEROS
     orientation_amplitude: Orientation = ZEROS
@@ -182,7 +182,7 @@ class _Swing(AboutPose):
 
 
 class Sine(_Swing):
-    """Swing: amplitude · sin(2π f t + phase), faded in by the quintic.
+    """Harmonic motion: amplitude · sin(2π f t + phase), faded in by the quintic.
 
     `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad], `fade_in` [s]; about
     `position` [m] and `orientation` [rad], home by default.
@@ -205,12 +205,12 @@ class Sine(_Swing):
 
     @property
     def highest_frequency(self) -> float:
-        """Its own [Hz]."""
+        """Its frequency [Hz]."""
         return self.frequency / self.time_scale
 
 
 class Chirp(_Swing):
-    """Swing with a frequency that changes linearly over a duration, then stays.
+    """Harmonic motion with a frequency that changes linearly over a duration, then stays constant.
 
     amplitude · sin 2π (f0 t + (f1 − f0) t²/(2 T)) up to T, with continuous phase afterwards.
     `position_amplitude` [m], `orientation_amplitude` [rad], `from_frequency` f0 and `to_frequency` f1 [Hz], `duration`
@@ -233,7 +233,7 @@ class Chirp(_Swing):
 
     @property
     def highest_frequency(self) -> float:
-        """The higher of both ends [Hz]."""
+        """The higher of the two frequencies [Hz]."""
         return max(self.from_frequency, self.to_frequency) / self.time_scale
 
 
@@ -258,16 +258,16 @@ class Circle(AboutPose):
 
     @property
     def highest_frequency(self) -> float:
-        """Its own [Hz]."""
+        """Its frequency [Hz]."""
         return self.frequency / self.time_scale
 
 
 class FromFile(ReferenceChoice):
-    """Go through the rows of a motion log, CSV or Parquet, from its `start_time` on, by default that of its first row.
+    """Follow the rows of a motion log, CSV or Parquet, from its `start_time` on, by default from its first row.
 
-    `columns` says which they are, where the header does not; `largest_gap` is the longest time between two rows that is
-    admitted. `resample` lowers the rate of the rows, `smoothing` is the cut-off of a low-pass without phase; see
-    `low_pass`. `at_home` moves the motion so that its first pose or its mean becomes the home pose; see `moved_home`.
+    `columns` names its columns, if the header uses other names; `largest_gap` is the longest time allowed between two
+    rows. `resample` lowers the rate of the rows, `smoothing` is the cut-off of a zero-phase low-pass; see `low_pass`.
+    `at_home` moves the motion so that its first pose or its mean becomes the home pose; see `moved_home`.
     """
 
     type: Literal["file"] = "file"
@@ -280,7 +280,7 @@ class FromFile(ReferenceChoice):
     at_home: AtHome | None = None
 
     def about(self, platform: Platform, folder: Path = Path()) -> FromTable:
-        """The file's poses, with quintic splines between them; a file that ships is found under its name."""
+        """The file's poses, with quintic splines between them; shipped files are found by name."""
         recording = read_recording(recording_path(folder, self.file), self.columns, self.largest_gap)
         table = recording.table
         table = table if self.resample is None else resampled(table, self.resample)

@@ -1,4 +1,4 @@
-"""Motions that take longer, or are smaller: exact in rates and accelerations."""
+"""Scaled motions, slower or smaller, with exact rates and accelerations."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +14,7 @@ from gough_stewart.model.vectors import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """A motion that takes longer and is smaller: pose₀ + a (pose(t/s) − pose₀), angles as roll, pitch, yaw."""
+    """A motion that is slower and smaller: pose₀ + a (pose(t/s) − pose₀), angles as roll, pitch, yaw."""
 
     reference: Reference
     time_scale: float = 1.0  # s > 0
@@ -27,7 +27,7 @@ class Scaled:
 
     @property
     def end(self) -> float:
-        """The last time that it knows [s]."""
+        """The last defined time [s]."""
         return end_of(self.reference) * self.time_scale
 
     @cached_property
@@ -37,7 +37,7 @@ class Scaled:
 
 
 def centre_of(reference: Reference) -> FloatArray:
-    """The pose (6,) about which amplitudes are: a reference's own `centre`, otherwise where it begins."""
+    """The pose (6,) about which amplitudes are scaled: a reference's `centre`, or else its first pose."""
     own: Any = getattr(reference, "centre", None)
     if own is not None:
         return np.asarray(own, dtype=float)
@@ -59,6 +59,6 @@ def slower(motion: Motion, scale: float) -> Motion:
 
 
 def smaller(motion: Motion, scale: float, centre: FloatArray) -> Motion:
-    """All deviations from a pose (6,) times a, of position and of roll, pitch, yaw."""
+    """All deviations from a pose (6,) times a, in position and in roll, pitch, yaw."""
     pose, rate, acceleration = coordinates_of(motion)
     return motion_of(centre + scale * (pose - centre), scale * rate, scale * acceleration)

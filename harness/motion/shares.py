@@ -1,4 +1,4 @@
-"""How much of every limit of a platform a motion uses: 1 is at the limit."""
+"""The share of every limit of a platform that a motion uses: 1 is at the limit."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,40 +24,40 @@ from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
-# Of the leg Jacobian with angles scaled to lengths; a motion that comes as near to a singular pose is refused.
+# Of the leg Jacobian with angles scaled to lengths; a motion with a larger one is too close to a singular pose.
 WORST_CONDITION_NUMBER = 100.0
-# Limits of the poses alone: no slower motion and no stronger actuator helps.
+# Limits of the poses alone; a slower motion or stronger actuators do not help.
 GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
 
 
 class Beyond(NamedTuple):
-    """Where a limit is first passed."""
+    """The first point where a limit is exceeded."""
 
     row: int
-    leg: int | None  # from 1; None where the limit is of the whole platform
+    leg: int | None  # from 1; None if the limit is of the whole platform
     value: float
     text: str  # quantity, leg, value and what was expected
 
 
 class Limited(NamedTuple):
-    """A quantity of a motion that has to stay from low to high."""
+    """A quantity of a motion with its lower and upper limit."""
 
-    limit: str  # a limit of the platform by its name, or one of `GEOMETRIC`
+    limit: str  # the name of a limit of the platform, or one of `GEOMETRIC`
     quantity: str
     unit: str
-    values: FloatArray  # (n,) or, leg by leg, (n, 6)
+    values: FloatArray  # (n,), or per leg (n, 6)
     low: float
     high: float
-    middle: float = 0.0  # where nothing of the limit is used
+    middle: float = 0.0  # the value at which the share is 0
 
     @property
     def within(self) -> NDArray[np.bool_]:
-        """Where it does; NaN does not."""
+        """Where the values are within the limits; false for NaN."""
         return (self.values >= self.low) & (self.values <= self.high)
 
     @property
     def first_beyond(self) -> Beyond:
-        """The first row that is not within."""
+        """The first row outside the limits."""
         outside = ~self.within
         row = int(outside.any(axis=tuple(range(1, outside.ndim))).argmax())
         leg = int(outside[row].argmax()) + 1 if self.values.ndim == 2 else None
@@ -69,7 +69,7 @@ class Limited(NamedTuple):
 
     @property
     def share(self) -> FloatArray:
-        """|x − middle| / (high − middle), or low / x without an upper end; infinite where x is no number."""
+        """|x − middle| / (high − middle), or low / x without an upper limit; infinite for NaN."""
         with np.errstate(all="ignore"):
             if self.low == self.high:
                 share = np.where(self.values == self.low, 0.0, np.inf)
@@ -86,7 +86,7 @@ class Peak(NamedTuple):
     limit: str
     share: float
     time: float  # [s]
-    leg: int | None  # from 1; None where the limit is of the whole platform
+    leg: int | None  # from 1; None if the limit is of the whole platform
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ class Shares:
 
     @cached_property
     def of(self) -> dict[str, FloatArray]:
-        """By limit, (n, 6) leg by leg or (n,); of a leg's two joint angles the larger."""
+        """By limit, (n, 6) per leg or (n,); for joint angles, the larger of a leg's two."""
         found: dict[str, FloatArray] = {}
         for each in self.limited:
             share = each.share
@@ -107,12 +107,12 @@ class Shares:
 
     @cached_property
     def over_time(self) -> dict[str, FloatArray]:
-        """By limit, of all legs the largest (n,)."""
+        """By limit, the largest over all legs (n,)."""
         return {name: share if share.ndim == 1 else share.max(axis=1) for name, share in self.of.items()}
 
     @cached_property
     def total(self) -> FloatArray:
-        """Of all limits the largest share (n,)."""
+        """The largest share over all limits (n,)."""
         return np.asarray(np.max(list(self.over_time.values()), axis=0))
 
     @cached_property
@@ -123,11 +123,11 @@ class Shares:
 
     @property
     def within(self) -> bool:
-        """Whether no limit is passed."""
+        """Whether all limits are kept."""
         return all(bool(each.within.all()) for each in self.limited)
 
     def peak(self, limit: str, leg: int | None = None) -> Peak:
-        """The largest share of a limit, of one leg (from 1) or of all, at the first time at which it is reached."""
+        """The largest share of a limit, for one leg (from 1) or all, at the first time at which it occurs."""
         share = self.of[limit]
         if share.ndim == 1:
             row = int(share.argmax())
@@ -139,7 +139,7 @@ class Shares:
 
     @property
     def largest(self) -> Peak:
-        """Of all limits the largest share."""
+        """The largest share over all limits."""
         return max((self.peak(name) for name in self.of), key=lambda peak: peak.share)
 
 
@@ -149,11 +149,11 @@ def shares_along(
     motion: Motion,
     largest_condition_number: float = WORST_CONDITION_NUMBER,
 ) -> Shares:
-    """The shares that a motion uses of the limits that a platform states, and of those that none may pass.
+    """The shares that a motion uses of the platform's limits, and of the geometric limits.
 
-    - `pitch`: |β| of ±90°; `side`: of the singular poses, 0 on home's side, infinite beyond; `condition_number`: of the
-      leg Jacobian with angles scaled to lengths, of the largest allowed;
-    - `stroke`: |L − middle| of half the stroke, or of the one end that is stated;
+    - `pitch`: |β| relative to ±90°; `side`: of the singular poses, 0 on home's side, infinite on the other;
+      `condition_number`: of the leg Jacobian with angles scaled to lengths, relative to the largest allowed;
+    - `stroke`: |L − middle| relative to half the stroke, or relative to the one limit that is stated;
     - `joint_angle_max`: the larger angle of a leg's two joints from home;
     - `leg_velocity_max`, `leg_acceleration_max`: |L̇| and |L̈|;
     - `actuator_force_max`, `actuator_power_max`: |F| and |F L̇|, F by inverse dynamics without load.
@@ -161,7 +161,7 @@ def shares_along(
     Parameters
     ----------
     time
-        Of the motion's rows (n,) [s].
+        Times of the motion's rows (n,) [s].
     """
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction; its condition number is not finite
         return Shares(time, tuple(_limited(platform, motion, largest_condition_number)))
@@ -174,7 +174,7 @@ def _limited(platform: Platform, motion: Motion, largest_condition_number: float
     if not (condition_number <= largest_condition_number).all():
         condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
     side = side_of_singular_poses(platform, legs)
-    pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # at LARGEST_PITCH itself the plant refuses
+    pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # the plant refuses LARGEST_PITCH itself
     name = "the condition number of the leg Jacobian"
     found = [
         Limited("pitch", "the pitch", "rad", motion.orientation[:, 1], -pitch, pitch),
@@ -197,12 +197,12 @@ def _limited(platform: Platform, motion: Motion, largest_condition_number: float
 def moving_limits(
     platform: Platform, motion: Motion, legs: LegGeometry, regular: NDArray[np.bool_] | None = None
 ) -> list[Limited]:
-    """Of leg velocity, leg acceleration, force and power, as far as the platform states them.
+    """Leg velocity, leg acceleration, force and power, as far as the platform states their limits.
 
     Parameters
     ----------
     regular
-        Rows (n,) in which the legs can hold the pose; all by default.
+        Rows (n,) in which the legs can hold the pose; all rows by default.
     """
     found = []
     state, rates = State(*motion[:4]), motion[4:]
@@ -222,7 +222,7 @@ def moving_limits(
 
 
 def _forces_of(platform: Platform, motion: Motion, regular: NDArray[np.bool_]) -> FloatArray:
-    """Actuator forces (n, 6) that give the motion; 0 where the legs cannot hold the pose, which is refused for that."""
+    """Actuator forces (n, 6) of the motion; 0 where the legs cannot hold the pose, which is refused separately."""
     forces = np.zeros((len(regular), 6))
     if regular.any():
         rows = [part[regular] for part in motion]

@@ -1,4 +1,4 @@
-"""The picture of the shares of all limits over time, with the active one named."""
+"""Figure of the shares of all limits over time, with the active one named."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +10,7 @@ from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.plotting import entitle, pictures
 from gough_stewart.harness.output.tables import number_text
 
-# The names of limits as readers see them, each with a colour of its own in every picture.
+# Display names of limits; each limit has the same colour in every figure.
 LABELS = {
     "stroke": "stroke",
     "joint_angle_max": "joint angle",
@@ -25,12 +25,12 @@ LABELS = {
 _COLOURS = dict(zip(LABELS, (*COLOURS, "#000000", "#999999", "#8B0000"), strict=True))
 _DASHES = dict(zip(LABELS, ("-", "--", "-", "-.", "-", "--", ":", ":", "-"), strict=True))
 _POINTS = 800
-_HIGHEST = 2.0  # shares beyond are cut off: how far they go is in the table
-_NARROW = 0.09  # of the time: a piece of the strip that is too narrow for a name
+_HIGHEST = 2.0  # larger shares are clipped; the table has their values
+_NARROW = 0.09  # share of the time below which a piece of the strip is too narrow for a name
 
 
 def shares_pictures(shares: Shares, title: str) -> dict[str, bytes]:
-    """`shares.png` and `shares.svg`: of every limit the largest share of all legs, and a strip of the active limits."""
+    """`shares.png` and `shares.svg`: each limit's largest share over all legs, and a strip of the active limits."""
 
     def draw(figure: Figure) -> None:
         entitle(figure, title)
@@ -44,7 +44,7 @@ def shares_pictures(shares: Shares, title: str) -> dict[str, bytes]:
 def _lines(axes: Axes, shares: Shares) -> None:
     active = set(shares.active.tolist())
     highest = float(np.clip(np.max(shares.total, initial=0.0), 1.0, _HIGHEST))
-    # the most used last, in front of the others
+    # the most used limit last, in front of the others
     for name in sorted(shares.of, key=lambda name: shares.peak(name).share):
         values = np.minimum(shares.over_time[name], 10 * _HIGHEST)
         if name in active or values.max() > 0.005:
@@ -66,7 +66,7 @@ def _lines(axes: Axes, shares: Shares) -> None:
 
 
 def _strip(axes: Axes, shares: Shares) -> None:
-    """Which limit has the largest share, and when."""
+    """A strip of the limit with the largest share over time."""
     time, active = shares.time, shares.active
     begins = np.concatenate([[0], np.flatnonzero(active[1:] != active[:-1]) + 1])
     ends = np.concatenate([begins[1:], [len(time) - 1]])

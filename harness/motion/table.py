@@ -1,4 +1,4 @@
-"""Motions through the rows of a table of poses, by quintic splines."""
+"""Motions from a table of poses, by quintic splines."""
 
 import math
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ _SPLINE_DEGREE = 5
 
 @dataclass(frozen=True, eq=False)
 class FromTable(Piecewise):
-    """Poses at given times with quintic splines between them, and the splines' own derivatives.
+    """Poses at given times with quintic splines between them, differentiated exactly.
 
     Raises
     ------
@@ -45,7 +45,7 @@ class FromTable(Piecewise):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         check_increasing(self.time)
-        from scipy.interpolate import make_interp_spline  # half a second of imports that other motions do without
+        from scipy.interpolate import make_interp_spline  # half a second of imports, needed here only
 
         pose = np.hstack([self.position, self.orientation])
         object.__setattr__(self, "_spline", make_interp_spline(self.time, pose, k=_SPLINE_DEGREE))
@@ -63,7 +63,7 @@ class FromTable(Piecewise):
         outside = time[~((time >= first - ROUNDING) & (time <= last + ROUNDING))]  # NaN is outside
         if outside.size:
             raise MotionError(
-                f"time {outside[0]:g} s is outside of the table, which goes from {first:g} to {last:g} s; make the run "
+                f"time {outside[0]:g} s is outside the table, which covers {first:g} to {last:g} s; make the run "
                 "shorter or the table longer"
             )
         inside = np.clip(time, first, last)
@@ -76,26 +76,26 @@ class FromTable(Piecewise):
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
-        """The splines as polynomials: when each begins (n,) [s], and of each six in the time since then (n, 6, 6).
+        """The splines as polynomials: start times (n,) [s], and six each in the time since then (n, 6, 6).
 
-        Coefficients of x, y, z, roll, pitch, yaw, the highest power first.
+        Coefficients of x, y, z, roll, pitch, yaw, highest power first.
         """
         begins = self._spline.t[_SPLINE_DEGREE : -_SPLINE_DEGREE - 1]
         powers = range(_SPLINE_DEGREE, -1, -1)
         return begins, np.stack([self._spline(begins, k) / math.factorial(k) for k in powers], axis=-1)
 
     def from_time(self, start: float) -> "FromTable":
-        """The same motion with its time [s] counted from `start`."""
+        """The same motion with times [s] relative to `start`."""
         return self if start == 0 else FromTable(self.time - start, self.position, self.orientation)
 
     @property
     def centre(self) -> FloatArray:
-        """The pose (6,) at time 0, or that of the first row if it is later: about it amplitudes are scaled."""
+        """The pose (6,) at time 0, or that of the first row if it is later; amplitudes are scaled about it."""
         begin = self(np.clip([0.0], self.time[0], self.time[-1]))
         return np.concatenate([begin.position[0], begin.orientation[0]])
 
     def scaled(self, time_scale: float, amplitude_scale: float) -> "FromTable":
-        """The same motion s times as long, and a times as large about where it begins; splines scale exactly."""
+        """The motion s times as long, and a times as large about its centre; splines scale exactly."""
         if time_scale == amplitude_scale == 1:
             return self
         position, orientation = np.split(self.centre, 2)
@@ -107,7 +107,7 @@ class FromTable(Piecewise):
 
 
 def check_increasing(time: FloatArray, first: float = 0.0) -> None:
-    """Refuse times (n,) [s] that do not increase; `first` is added to those that are named.
+    """Refuse times (n,) [s] that do not increase; `first` is added to the times in the message.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How fast a path is gone: its parameter s, from 0 to 1, as a function of time with exact derivatives."""
+"""Time laws of a path: its parameter s, from 0 to 1, as a function of time with exact derivatives."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,14 +23,14 @@ class TimeLaw(Protocol):
 
     @property
     def duration(self) -> float:
-        """From the first motion to the last [s]."""
+        """The time from start to end of the motion [s]."""
 
     @property
     def knots(self) -> FloatArray:
         """Times between which s is smooth (m,) [s], from 0 to the duration."""
 
     def __call__(self, time: FloatArray) -> AlongPath:
-        """S and its derivatives at times (n,) [s]; accelerations at a knot are those after it."""
+        """S and its derivatives at times (n,) [s]; at a knot, the acceleration after it."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Quintic:
 
     @property
     def knots(self) -> FloatArray:
-        """So many that the bends of a path between them are small."""
+        """Enough knots that the path bends little between them."""
         return np.linspace(0.0, self.duration, 401)
 
     def __call__(self, time: FloatArray) -> AlongPath:
@@ -51,7 +51,7 @@ class Quintic:
 
 @dataclass(frozen=True, eq=False)
 class Stepwise:
-    """Constant s̈ between the points of a grid: ṡ² grows linearly with s.
+    """Constant s̈ between grid points: ṡ² is linear in s.
 
     With s_k and x_k = ṡ_k²: s̈ = (x_{k+1} − x_k)/(2 Δs), and each piece takes Δt = 2 Δs/(ṡ_k + ṡ_{k+1}).
     """
@@ -61,7 +61,7 @@ class Stepwise:
 
     @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of every piece when it begins [s], ṡ there [1/s] and s̈ [1/s²]; each (m,), the last is the rest."""
+        """For each piece its start time [s], ṡ [1/s] and s̈ [1/s²] there; each (m,), the last piece is at rest."""
         rate = np.sqrt(self.squared_rate)
         steps = np.diff(self.grid)
         times = np.concatenate([[0.0], np.cumsum(2 * steps / (rate[1:] + rate[:-1]))])
@@ -102,7 +102,7 @@ class Stepwise:
 class Averaged:
     """The moving average over a window T of another law: s(t) = 1/T ∫ s₀ over (t − T, t).
 
-    So |d³s/dt³| is at most the change of s̈₀ within T, over T: no force changes faster than by its jump in that time.
+    So |d³s/dt³| is at most the change of s̈₀ within T, divided by T: a jump of the force is spread over that time.
     """
 
     law: Stepwise
@@ -110,12 +110,12 @@ class Averaged:
 
     @property
     def duration(self) -> float:
-        """Longer than the other by the window [s]."""
+        """The other law's duration plus the window [s]."""
         return self.law.duration + self.window
 
     @property
     def knots(self) -> FloatArray:
-        """Those of the other, and where they leave the window."""
+        """The other law's knots, and the same delayed by the window."""
         own = self.law.knots
         return np.unique(np.concatenate([own, own + self.window]))
 
@@ -130,7 +130,7 @@ class Averaged:
 
 @dataclass(frozen=True, eq=False)
 class Stretched:
-    """Another law in k times its time: ṡ/k, s̈/k²."""
+    """Another law slowed down by a factor k: ṡ/k, s̈/k²."""
 
     law: "TimeLaw"
     factor: float  # k
@@ -142,7 +142,7 @@ class Stretched:
 
     @property
     def knots(self) -> FloatArray:
-        """Those of the other, later."""
+        """The other law's knots, scaled."""
         return self.law.knots * self.factor
 
     def __call__(self, time: FloatArray) -> AlongPath:

@@ -1,4 +1,4 @@
-"""A path gone by a time law: a motion from rest to rest."""
+"""A path with a time law: a motion from rest to rest."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from gough_stewart.model.vectors import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class TimedPath:
-    """The poses of a path at s(t − start): at rest in the first pose before, in the last one afterwards."""
+    """The poses of a path at s(t − start): at rest in the first pose before, in the last pose after."""
 
     path: GeometricPath
     law: TimeLaw
@@ -27,7 +27,7 @@ class TimedPath:
 
     @property
     def end(self) -> float:
-        """When the last pose is reached [s]."""
+        """The time at which the last pose is reached [s]."""
         return self.start + self.law.duration
 
     def since_start(self, time: FloatArray) -> Motion:

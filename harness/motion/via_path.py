@@ -1,4 +1,4 @@
-"""A path through poses as `[reference]` of an experiment, as fast as the platform can or in a given time."""
+"""A path through poses as `[reference]` of an experiment, as fast as the platform allows or in a chosen time."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -43,14 +43,14 @@ def _timing(value: Any) -> float | str:
 
 
 class ViaPath(ReferenceChoice):
-    """Go along a smooth path through poses, from rest to rest.
+    """Move along a smooth path through poses, from rest to rest.
 
-    `poses` are rows of x, y, z [m], roll, pitch, yaw [rad], or those of a `file`, as a motion log without times;
-    `relative_to` "world" as they are, or "home" as displacements in the world's axes and rotations before that of home.
-    `interpolation` "quintic" or "cubic" joins positions and rotation vectors by natural splines.
-    `timing` is a duration [s], gone by a quintic, or "fastest": the least time that the platform's limits of leg
-    velocity, leg acceleration, force and power admit, of which a `margin` is left; with `ramp` [s] its acceleration is
-    averaged over that time, so that no force jumps. The motion begins `at` [s].
+    `poses` are rows of x, y, z [m], roll, pitch, yaw [rad], or come from a `file`, a motion log whose times are
+    ignored; `relative_to` "world", or "home" for displacements in the world's axes and rotations applied after home's.
+    `interpolation` "quintic" or "cubic": natural splines of positions and rotation vectors. `timing` is a duration [s]
+    with a quintic time law, or "fastest": the least time within the platform's limits of leg velocity, leg
+    acceleration, force and power, less a `margin`; `ramp` [s] averages the acceleration along the path over that time,
+    so that no force jumps. The motion begins `at` [s].
 
     Examples
     --------
@@ -74,16 +74,16 @@ class ViaPath(ReferenceChoice):
         if bool(self.poses) == (self.file is not None):
             raise ValueError("expected poses, or a file of them")
         if self.timing != "fastest" and (self.margin or self.ramp):
-            raise ValueError("margin and ramp go with timing = 'fastest'")
+            raise ValueError("margin and ramp need timing = 'fastest'")
         return self
 
     def about(self, platform: Platform, folder: Path = Path()) -> Polynomials:
-        """The motion for a platform, whose limits say how fast it is.
+        """The motion for a platform, whose limits determine its speed.
 
         Raises
         ------
         MotionError
-            Poses that make no path or are out of reach, or limits that admit no motion.
+            Poses that do not form a path or are out of reach, or limits that no motion meets.
         """
         poses = np.reshape(self.poses, (-1, 6))
         position, orientation = (poses[:, :3], poses[:, 3:]) if self.file is None else read_poses(folder / self.file)
@@ -105,7 +105,7 @@ class ViaPath(ReferenceChoice):
 
 
 def _check_poses(platform: Platform, position: FloatArray, orientation: FloatArray) -> None:
-    """Refuse poses (n, 3) that the platform cannot have, before anything is planned through them."""
+    """Refuse poses (n, 3) that the platform cannot take, before planning through them."""
     rest = np.zeros_like(position)
     at_rest = Motion(position, orientation, rest, rest, rest, rest)
     shares = shares_along(platform, np.zeros(len(position)), at_rest)

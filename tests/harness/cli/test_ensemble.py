@@ -91,7 +91,7 @@ WRONG: Mapping[str, tuple[tuple[str, ...], int, str]] = {
     "no ensemble": (
         ("ensemble", "heave_step"),
         1,
-        "ensemble: is missing; it says what varies: add it, or start from heave_tolerances",
+        "ensemble: is missing; add it to declare what varies, or start from heave_tolerances",
     ),
     "workers": (("ensemble", "heave_tolerances", "--workers", "0"), 2, "Invalid value for '--workers'"),
     "members": (("ensemble", "heave_tolerances", "--members", "-4"), 2, "Invalid value for '--members'"),

@@ -146,7 +146,7 @@ def test_runs_without_a_response_are_refused_with_the_reason(shipped: Record) ->
     plain = run("heave_step", {"loop.duration": 0.05})
     with pytest.raises(RecordError, match=r"had no \[injection\]"):
         frf(plain)
-    with pytest.raises(RecordError, match="hold no experiment"):
+    with pytest.raises(RecordError, match="contain no experiment"):
         frf(Record(shipped.table, {**shipped.metadata, "experiment": {"title": 3}}))
     with pytest.raises(ExperimentError, match=r"injection: a period of 1 s in a run of 1 s.*loop.duration of 3 s"):
         run("frequency_response", {"loop.duration": 1})

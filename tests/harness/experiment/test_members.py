@@ -78,7 +78,7 @@ SCHEMA: dict[str, tuple[dict[str, Any], str]] = {
         "platform_mass: expected one of normal,",
     ),
     "an unknown one": ({"platform_mass": {"normal": [1, 1], "gauss": [1, 1]}}, "gauss: unknown key"),
-    "no table": ({"platform_mas": 3}, "platform_mas: is 3; expected a setting of the ensemble (members,"),
+    "not a table": ({"platform_mas": 3}, "platform_mas: is 3; expected a setting of the ensemble (members,"),
     "negative": ({"members": -3}, "members: is -3"),
     "not positive": (
         {"covariance": [{"of": ["a", "b"], "matrix": [[1, 2], [2, 1]]}]},
@@ -98,7 +98,7 @@ def test_what_is_no_ensemble_is_refused_as_the_file_is_read(what: str) -> None:
 
 def test_numbers_of_saltellis_design_count_what_varies() -> None:
     """Expected: of eight inputs, with those that are correlated as one."""
-    with pytest.raises(ExperimentError, match=r"Saltelli's design has 10 for each point \(8 inputs and 2\)"):
+    with pytest.raises(ExperimentError, match=r"Saltelli's design needs 10 per point \(8 inputs plus 2\)"):
         Members(small(sampling="saltelli", members=41))
     pair = {"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[1, 0.5], [0.5, 1]]}
     assert len(Members(small(sampling="saltelli", correlation=[pair], members=45)).groups) == 7

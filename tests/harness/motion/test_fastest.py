@@ -190,5 +190,5 @@ def test_a_platform_that_states_no_limit_of_acceleration_has_no_fastest_way() ->
 
 def test_limits_that_do_not_hold_the_platform_are_refused_with_leg_and_force() -> None:
     weak = replace(LIMITED, actuator_force_max=40.0)
-    with pytest.raises(MotionError, match=r"standing still near pose \d of the path takes .* N in leg \d; the limit"):
+    with pytest.raises(MotionError, match=r"rest near pose \d of the path takes .* N in leg \d; the limit"):
         fastest(weak, random_path(LIMITED, 1))

@@ -187,11 +187,11 @@ USUAL = ["t [s]", "x [mm]", "y [mm]", "z [mm]", "roll [deg]", "pitch [deg]", "ya
         (
             USUAL,
             {"position[1]": "x [m]"},
-            r"^columns: .* is 'x \[m\]', and the file says 'x \[mm\]'; expected one unit",
+            r"^columns: .* is 'x \[m\]', but the file has 'x \[mm\]'; expected one unit",
         ),
         ([*USUAL, "x [m]"], {"position[1]": "x"}, r"^columns: .* is 'x'; the file has 2 such columns; write the unit"),
         (SI, {}, None),
-        (SI, "reference", r"^columns: position\[1\] is 'reference\.position\[1\]', and the file has no such column"),
+        (SI, "reference", r"^columns: position\[1\] is 'reference\.position\[1\]', but the file has no such column"),
     ],
 )
 def test_columns_that_say_too_little_or_too_much_are_refused(
@@ -362,7 +362,7 @@ def test_a_record_of_a_run_is_a_reference_as_it_is(tmp_path: Path) -> None:
             assert np.array_equal(table.position, record[f"{prefix}position"])
             assert np.array_equal(table.orientation, record[f"{prefix}orientation"])
     assert not np.array_equal(record["position"], record["reference.position"])
-    with pytest.raises(MotionError, match=r"'measured\.position\[1\]', and the file has no such column"):
+    with pytest.raises(MotionError, match=r"'measured\.position\[1\]', but the file has no such column"):
         FromFile(file="record.csv", columns="measured").about(PLATFORM, tmp_path)
 
 

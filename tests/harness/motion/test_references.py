@@ -352,7 +352,7 @@ def test_a_table_admits_rounding_at_its_ends_and_no_more() -> None:
     beyond, ends = table(np.array([1 - 1e-9, 2 + 1e-9])), table(np.array([1.0, 2.0]))
     assert all(np.array_equal(a, b) for a, b in zip(beyond, ends, strict=True))
     for time in (1 - 1.02e-9, 2 + 1.02e-9, np.nan):
-        with pytest.raises(MotionError, match="outside of the table, which goes from 1 to 2 s"):
+        with pytest.raises(MotionError, match="outside the table, which covers 1 to 2 s"):
             table(np.array([1.5, time]))
 
 
@@ -372,7 +372,7 @@ def test_a_table_of_a_sine_reproduces_it_to_sixth_order() -> None:
 @pytest.mark.parametrize("time", [0.9, 3.1, np.nan, np.inf])
 def test_a_time_outside_of_the_table_is_refused(time: float) -> None:
     table = table_of(KINDS["sine"], np.linspace(1, 3, 21))
-    with pytest.raises(MotionError, match=rf"time {time:g} s is outside of the table, which goes from 1 to 3 s"):
+    with pytest.raises(MotionError, match=rf"time {time:g} s is outside the table, which covers 1 to 3 s"):
         table(np.array([1.5, time, 2.0]))
 
 
@@ -641,7 +641,7 @@ def test_a_log_may_begin_at_any_time(tmp_path: Path) -> None:
     later = FromFile(file="log.csv", start_time=14.3).about(platform, tmp_path)(times)
     assert begin.position == pytest.approx(0.1 * np.sin(2 * np.pi * 0.4 * times[:, None] + np.arange(3)), abs=1e-8)
     assert later.position == pytest.approx(log(times + 14.3).position, abs=1e-12)
-    with pytest.raises(MotionError, match=r"time 8 s is outside of the table, which goes from 0 to 7\.99 s"):
+    with pytest.raises(MotionError, match=r"time 8 s is outside the table, which covers 0 to 7\.99 s"):
         FromFile(file="log.csv").about(platform, tmp_path)(np.array([8.0]))
 
 
