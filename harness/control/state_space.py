@@ -88,7 +88,7 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
     """
     if system.dt:
         raise ControllerError(
-            f"the system is already discrete, with a sample time of {system.dt:g} s; expected a continuous one"
+            f"the system is already discrete (dt = {system.dt:g} s); expected a continuous one"
         )
     if not (np.isfinite(sample_time) and sample_time > 0):
         raise ControllerError(f"sample_time is {sample_time!r}; expected a time > 0 s")
