@@ -87,9 +87,7 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
         sample time: by Tustin's rule it would ring from sample to sample.
     """
     if system.dt:
-        raise ControllerError(
-            f"the system is already discrete (dt = {system.dt:g} s); expected a continuous one"
-        )
+        raise ControllerError(f"the system is already discrete (dt = {system.dt:g} s); expected a continuous one")
     if not (np.isfinite(sample_time) and sample_time > 0):
         raise ControllerError(f"sample_time is {sample_time!r}; expected a time > 0 s")
     if method not in METHODS:

@@ -1,1 +1,1 @@
-"""What is designed here and runs elsewhere: the controller as C and as FMU, the loop as SSP."""
+"""Export of designs: the controller as C and as FMU, the loop as SSP."""

@@ -1,4 +1,4 @@
-"""What leaves: a designed controller, frozen, with all that it is made of."""
+"""A designed controller with all its parts, ready for export."""
 
 import math
 from dataclasses import dataclass
@@ -30,37 +30,37 @@ REFERENCE = ("position", "orientation", "velocity", "angular_velocity", "acceler
 
 @dataclass(frozen=True, eq=False)
 class Designed:
-    """A controller as it was designed in an experiment."""
+    """A controller as designed in an experiment."""
 
     title: str
-    platform: Platform  # that the designer believes in
+    platform: Platform  # the nominal model
     sample_time: float  # [s]
     delay: int  # of the forces [samples]
-    law: Law | None  # None for forces known beforehand alone
+    law: Law | None  # None without feedback
     feedforward: Feedforward
     constant_force: FloatArray  # (6,) [N], added to the feedforward
-    reference: Reference | None  # None where it comes in, or where there is none
+    reference: Reference | None  # None if it is an input, or if there is none
     reference_inputs: bool
     force_limit: float  # [N], infinite without one
     rate_limit: float  # [N/s], likewise
     start_force: FloatArray  # (6,) [N]
-    first_measured: FloatArray  # on the reference at time 0, in the order of `measured`
+    first_measured: FloatArray  # the reference signals at time 0, in the order of `measured`
     first_reference: FloatArray  # likewise (18,)
 
     @property
     def measured(self) -> tuple[Variable, ...]:
-        """The signals it looks at, in the interface's order."""
+        """The signals that it uses, in the interface's order."""
         used = () if self.law is None else self.law.signals
         return tuple(v for v in signals.VARIABLES if v.name in used)
 
     @property
     def reference_variables(self) -> tuple[Variable, ...]:
-        """What comes in of the reference, under the interface's names; none where it is inside."""
+        """The reference inputs, by the interface's names; none if the reference is inside."""
         return tuple(interface.BY_NAME[name] for name in REFERENCE) if self.reference_inputs else ()
 
     @property
     def zeros_are_no_measurement(self) -> bool:
-        """Whether inputs that are all zero show that nothing came in yet.
+        """Whether inputs that are all zero mean that no values have arrived yet.
 
         Velocities are zero at rest; poses and leg lengths are not, unless the reference starts at zero.
         """
@@ -73,10 +73,10 @@ class Designed:
 
     @cached_property
     def settings(self) -> tuple[Setting, ...]:
-        """Its parameters: in C the fields of its struct, in this order."""
+        """Its parameters, in C the fields of its struct, in this order."""
         sampled: tuple[str, ...] = ()
         if isinstance(self.law, MatrixLaw) and self.law.controller.sample_time is not None:
-            # matrices are those of one sample time
+            # the matrices are valid for one sample time
             sampled = ("fabs(parameters->sample_time / DEFAULT_SAMPLE_TIME - 1) <= 1e-9",)
         found = [
             setting(
@@ -85,7 +85,7 @@ class Designed:
                 conditions=sampled,
             ),
             setting(
-                *("delay", "", ">= 0", "samples after which a force acts; the feedforward is of half a sample later"),
+                *("delay", "", ">= 0", "samples until a force acts; the feedforward is for half a sample later"),
                 self.delay,
                 variability="fixed",
             ),
@@ -95,13 +95,13 @@ class Designed:
                 may_be_infinite=True,
             ),
             setting(
-                *("force_rate_limit", "N/s", "> 0", "by which the drives follow at most, for the anti-windup"),
+                *("force_rate_limit", "N/s", "> 0", "rate limit of the drives, for the anti-windup"),
                 self.rate_limit,
                 is_real=True,
                 may_be_infinite=True,
             ),
             setting(
-                *("start_force", "N", None, "forces before the first sample, and after one of zeros only"),
+                *("start_force", "N", None, "forces before the first sample, and while all inputs are zero"),
                 self.start_force,
             ),
         ]
@@ -117,7 +117,7 @@ class Designed:
 
     @property
     def needs_platform(self) -> bool:
-        """Whether anything is computed from what the designer believes of the platform."""
+        """Whether any computation uses the nominal model of the platform."""
         legs = self.law is not None and (
             self.law.space == "task"
             or any(name.startswith("leg_") for name in self.law.signals)
@@ -132,17 +132,17 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
     Parameters
     ----------
     controller
-        In the place of the experiment's: a discrete python-control system, a `LinearController`, or a CasADi function
-        with the inputs and outputs of `FunctionLaw`. Feedforward stays as it is.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a CasADi function with the
+        inputs and outputs of `FunctionLaw`. The feedforward is unchanged.
     reference
-        "inside": the experiment's motion is a part of it; "inputs": it comes in at every sample.
+        "inside": the experiment's motion is part of the controller; "inputs": the reference is an input at each sample.
 
     Raises
     ------
     ExportError
-        A function in Python, a controller that is unstable on its own, or nothing to compute.
+        A Python function, a controller that is unstable by itself, or nothing to compute.
     ExperimentError, ReachError
-        The experiment cannot be run as it is written.
+        The experiment cannot run as written.
     """
     if reference not in ("inside", "inputs"):
         raise ExportError(f"reference is {reference!r}; expected 'inside' or 'inputs'")
@@ -153,13 +153,13 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
     has_reference = experiment.reference is not None
     if law is None and (not has_reference or chosen.feedforward == "none"):
         raise ExportError(
-            f"controller is type = '{chosen.type}' without feedforward: constant forces, nothing to compute; "
-            "expected a controller with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
+            f"controller is type = '{chosen.type}' without feedforward: its forces are constant; expected a controller "
+            "with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
         )
     loop = prepared.loop
     actuators, wanted = loop.actuators, loop.wanted
     if wanted is None:
-        raise ExportError("a controller without a reference; expected the signals that it is to follow")
+        raise ExportError("a controller without a reference; expected the reference signals for it to follow")
     used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
     return Designed(
         title=experiment.title,
@@ -194,9 +194,9 @@ def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
     if isinstance(controller, casadi.Function):
         return FunctionLaw(controller)
     if isinstance(controller, UnitController):
-        raise ExportError(f"controller is {controller.path}, which is a unit already; expected the controller in it")
+        raise ExportError(f"controller is {controller.path}, which is already an FMU; expected its source controller")
     raise ExportError(
-        "controller is a Python function, which cannot leave Python; trace it with CasADi: call it with symbols, make "
+        "controller is a Python function, which cannot be exported; trace it with CasADi: call it with symbols, make "
         "a casadi.Function with the inputs it takes (leg_length, reference_leg_length, …) and the output "
         "actuator_force, and export that"
     )

@@ -1,4 +1,4 @@
-"""Export a designed controller as C, as FMU, and with the plant as SSP; files are written together or not at all."""
+"""Export a designed controller as C, as FMU, or with the plant as SSP; all files are written, or none."""
 
 import re
 from collections.abc import Iterable
@@ -40,36 +40,37 @@ def export(
     controller: Any = None,
     progress: StepProgress | None = None,
 ) -> list[Path]:
-    """Write the controller of an experiment as C, as FMU, or with its plant as SSP; all files, or none on an error.
+    """Write the controller of an experiment as C, as FMU, or with its plant as SSP; after an error, no file is written.
 
     Parameters
     ----------
     experiment, settings
-        As for `run`; or a `casadi.Function` from named signals to `actuator_force`, for the paper's platform at home,
-        sampled every millisecond, where the settings say nothing else.
+        As for `run`; or a `casadi.Function` from named signals to `actuator_force`, by default for the paper's platform
+        at home with a sample time of 1 ms.
     forms
         "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
-        `example_main.c`, C11 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 units, connected.
+        `example_main.c`, C11 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 FMUs, connected.
     out
-        Folder, made if needed.
+        Folder, created if needed.
     fmi
         Versions of the FMU: "2.0", "3.0".
     targets
-        Systems that units shall run on, as for `build`.
+        Target systems of the FMUs, as for `build`.
     reference
-        "inside": the experiment's motion is part of the controller. "inputs": it comes in at every sample.
+        "inside": the experiment's motion is part of the controller. "inputs": the reference is an input at each sample.
+
     controller
-        In the place of the experiment's: a discrete python-control system, a `LinearController`, or a
-        `casadi.Function` from named signals to `actuator_force`. Feedforward stays as it is.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a `casadi.Function` from
+        named signals to `actuator_force`. The feedforward is unchanged.
     progress
-        Called with what is being done.
+        Called with the present action.
 
     Raises
     ------
     ControllerError
-        A controller that cannot leave Python, is unstable on its own, or of the wrong size.
+        A controller that cannot be exported, is unstable by itself, or has the wrong size.
     ExportError
-        An unknown form, or an SSP with a reference from outside.
+        An unknown form, or an SSP with external reference.
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 
@@ -94,7 +95,7 @@ def export(
     if "c" in wanted:
         report("C")
         files |= c_files(law, f"{name}_controller")
-    # a unit's forces act one sample late at least; in an SSP nothing delays them further
+    # the forces of an FMU act at least one sample late; an SSP adds no further delay
     duration = chosen.loop.duration
     if "fmu" in wanted:
         late = replace(law, delay=max(1, law.delay))
@@ -118,20 +119,20 @@ def export(
 
 
 def around(function: casadi.Function) -> Experiment:
-    """The least experiment that a control function is for."""
+    """A minimal experiment for a control function."""
     parts = {"controller": {"type": "open_loop"}, "reference": {"type": "hold"}, "loop": {"duration": 1.0}}
     return Experiment.model_validate({"title": function.name(), **parts})
 
 
 def c_files(law: Designed, prefix: str) -> dict[str, bytes]:
-    """The controller as C, and a program that runs it, by file name."""
+    """The C source of the controller and an example program, by file name."""
     sources = controller_sources(law, prefix)
     texts = {**sources.units, **sources.headers, EXAMPLE: sources.example}
     return {name: text.encode() for name, text in texts.items()}
 
 
 def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) -> list[str]:
-    """What `export` writes."""
+    """The names of the files that `export` writes."""
     files: dict[Form, list[str]] = {
         "c": [f"{name}_controller.c", f"{name}_controller.h", EXAMPLE],
         "fmu": [f"{name}_controller_fmi{version[0]}.fmu" for version in versions],
@@ -141,21 +142,21 @@ def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) ->
 
 
 def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
-    """Forms, each once, in the order of `FORMS`.
+    """Forms without repetition, in the order of `FORMS`.
 
     Raises
     ------
     ExportError
-        Another than "fmu", "c" and "ssp", or none.
+        An unknown form, or none.
     """
     if not isinstance(forms, Iterable):
-        raise ExportError(f"forms is {forms!r}; expected some of {', '.join(FORMS)}")
+        raise ExportError(f"forms is {forms!r}; expected one or more of {', '.join(FORMS)}")
     wanted = [forms] if isinstance(forms, str) else list(forms)
     for form in wanted:
         if form not in FORMS:
             raise ExportError(f"no form '{form}'{nearest(form, FORMS)}")
     if not wanted:
-        raise ExportError(f"no form; expected some of {', '.join(FORMS)}")
+        raise ExportError(f"no form; expected one or more of {', '.join(FORMS)}")
     return tuple(form for form in FORMS if form in wanted)
 
 
@@ -168,8 +169,8 @@ def name_of(experiment: Experiment) -> str:
 
 
 def left_out(experiment: Experiment) -> list[str]:
-    """Keys of an experiment that neither the controller nor an SSP has: they belong to the machine around it."""
-    own = {"sensors.seed", "actuators.force_limit"}  # without noise, and the controller's
+    """Keys of an experiment that neither the controller nor an SSP includes: they describe the machine around it."""
+    own = {"sensors.seed", "actuators.force_limit"}  # unused without noise; part of the controller
     keys = [
         f"{section}.{name}"
         for section in ("sensors", "actuators")

@@ -1,4 +1,4 @@
-"""A designed controller as FMU."""
+"""A designed controller as an FMU."""
 
 import re
 
@@ -12,7 +12,7 @@ from gough_stewart.harness.export.settings import Setting
 
 
 def component_of(designed: Designed, name: str = "controller", stop_time: float = 1.0) -> Component:
-    """The controller as the builder of units knows it."""
+    """The controller as input of the FMU builder."""
     plain = controller_sources(designed)
     controller = Controller(
         title=designed.title or name,
@@ -33,7 +33,7 @@ def _parameter(setting: Setting, designed: Designed) -> Parameter:
 
 
 def _in_words(condition: str, designed: Designed) -> str:
-    """A condition of the C as users read it: `anti_windup_time[1] >= sample_time`."""
+    """A C condition in the user's terms: `anti_windup_time[1] >= sample_time`."""
     if "DEFAULT_SAMPLE_TIME" in condition:
         return f"{designed.sample_time!r} s, since the controller was designed for it"
     plain = condition.replace("parameters->", "")

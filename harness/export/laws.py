@@ -1,4 +1,4 @@
-"""Laws of feedback that can leave: PD and PID, discrete systems, CasADi functions; each as equations of symbols."""
+"""Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,22 +27,22 @@ from gough_stewart.harness.export.settings import Setting, setting
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import Array
 
-# By which an eigenvalue may lie outside of the unit circle: those of integrators in a row do, by rounding.
+# Tolerance beyond the unit circle, needed for chains of integrators, whose eigenvalues are rounded.
 _ROUNDING = 1e-6
 
 
 class Linear(NamedTuple):
-    """x⁺ = A x + B u, w = C x + D u, in numbers and in symbols of coefficients."""
+    """x⁺ = A x + B u, w = C x + D u, as numbers and as symbols of coefficients."""
 
     system: StateSpace
-    start: Array  # (n, inputs): the state at rest under constant inputs u is start @ u
+    start: Array  # (n, inputs): the steady state under constant inputs u is start @ u
     symbols: casadi.SX  # the coefficients (k,)
     coefficients: casadi.Function | None  # settings -> coefficients
 
 
 @dataclass(frozen=True)
 class PidLaw:
-    """PD or PID: its gains can be tuned where it runs; which channels differentiate and integrate is fixed."""
+    """PD or PID: its gains stay tunable; which channels have derivative and integral action is fixed."""
 
     gains: Gains
     derivative_on: DerivativeOn
@@ -58,12 +58,12 @@ class PidLaw:
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The name for display."""
         return f"{'PID' if self._actions.integrate.any() else 'PD'} in {self.space} space"
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """Gains, and the times that go with them."""
+        """Gains, and the related times."""
         channels, (differentiate, integrate) = channels_of(self.gains), self._actions
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
         of = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
@@ -81,7 +81,7 @@ class PidLaw:
                     conditions=_zero_but_where("derivative_gain", differentiate),
                 ),
                 setting(
-                    *("derivative_filter", "s", "> 0", "time constant of the derivative's filter"),
+                    *("derivative_filter", "s", "> 0", "time constant of the derivative filter"),
                     channels.filter_time[0],
                     conditions=sampled if self.discretisation == "tustin" else (),
                 ),
@@ -95,7 +95,7 @@ class PidLaw:
                     conditions=_zero_but_where("integral_gain", integrate),
                 ),
                 setting(
-                    *("anti_windup_time", "s", "> 0", "in which an integral gives way to a limit"),
+                    *("anti_windup_time", "s", "> 0", "time constant of back-calculation at a limit"),
                     channels.tracking_time,
                     conditions=late,
                 ),
@@ -104,7 +104,7 @@ class PidLaw:
 
     @cached_property
     def linear(self) -> Linear:
-        """Its matrices, sampled by the very function that samples the controller in Python."""
+        """Its matrices, discretised by the function that discretises the controller in Python."""
         inputs = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in self.settings}
         inputs["sample_time"] = casadi.SX.sym("sample_time")
         zeros = np.array([casadi.SX(0)] * N_LEGS, dtype=object)
@@ -112,7 +112,7 @@ class PidLaw:
         def channel(name: str) -> Array:
             if name not in inputs:
                 return zeros
-            return np.asarray(symbols.elements(inputs[name]) + zeros)  # one for all, or each its own
+            return np.asarray(symbols.elements(inputs[name]) + zeros)  # one value for all, or one each
 
         names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
         continuous = channel_matrices(Channels(*map(channel, names)), self.derivative_on, self._actions)
@@ -123,7 +123,7 @@ class PidLaw:
             self.discretisation,
         )
         values, c, system = _coefficients(traced)
-        # modes that integrate do so whatever the gains are
+        # integrating modes do not depend on the gains
         integrating = np.round(integrating_modes(numeric.A))
         start = rest(system.A, integrating, system.B, symbols.solve) if numeric.nstates else system.B
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
@@ -132,12 +132,12 @@ class PidLaw:
 
 @dataclass(frozen=True)
 class MatrixLaw:
-    """A discrete linear system, its matrices as constants.
+    """A discrete linear system with constant matrices.
 
     Raises
     ------
     ExportError
-        It is unstable on its own.
+        It is unstable by itself.
     """
 
     controller: LinearController
@@ -147,29 +147,29 @@ class MatrixLaw:
         worst = complex(poles[np.abs(poles).argmax()]) if len(poles) else 0j
         if abs(worst) > 1 + _ROUNDING:
             raise ExportError(
-                f"controller is unstable on its own: it has an eigenvalue z = {worst:.6g} with |z| = {abs(worst):.6g}; "
-                "expected none outside of the unit circle, since its state would grow whatever is measured; design it "
-                "anew with more damping or less gain"
+                f"the controller is unstable by itself: it has an eigenvalue z = {worst:.6g} with |z| = "
+                f"{abs(worst):.6g}; expected none outside the unit circle, since its state would grow for any "
+                "measurement; redesign it with more damping or less gain"
             )
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The name for display."""
         return f"a discrete linear system in {self.space} space"
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """What it looks at."""
+        """The signals that it uses."""
         return self.controller.signals
 
     @property
     def space(self) -> Space:
-        """Of the forces it gives."""
+        """The space of its output forces."""
         return self.controller.space
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """None: what was designed is fixed."""
+        """None: the design is fixed."""
         return ()
 
     @cached_property
@@ -187,16 +187,16 @@ ACCELERATIONS = ("acceleration", "angular_acceleration")
 
 @dataclass(frozen=True, eq=False)
 class FunctionLaw:
-    """A CasADi function of named inputs that gives `actuator_force` (6,) [N].
+    """A CasADi function from named inputs to `actuator_force` (6,) [N].
 
-    Inputs are any of time; position, orientation, velocity, angular_velocity, leg_length, leg_velocity as measured;
-    the same with `reference_` before them, and reference_acceleration, reference_angular_acceleration. What it keeps is
-    an input `memory` with an output `memory_next` of the same length; it begins at zero.
+    Inputs may be time; the measurements position, orientation, velocity, angular_velocity, leg_length, leg_velocity;
+    the same with the prefix `reference_`, and reference_acceleration, reference_angular_acceleration. State is an input
+    `memory` with an output `memory_next` of the same length; it begins at zero.
 
     Raises
     ------
     ExportError
-        Other inputs or outputs, or of other sizes; or a function that CasADi cannot expand to plain operations.
+        Other inputs or outputs, wrong sizes, or a function that CasADi cannot expand to plain operations.
     """
 
     function: casadi.Function
@@ -213,7 +213,7 @@ class FunctionLaw:
         for name, size in inputs.items():
             if name != MEMORY and name not in known:
                 raise ExportError(
-                    f"the CasADi function has the input '{name}'; expected some of {', '.join(known)}, {MEMORY}"
+                    f"the CasADi function has the input '{name}'; expected one of {', '.join(known)}, {MEMORY}"
                 )
             if name != MEMORY and size != known[name]:
                 raise ExportError(f"the CasADi function's input '{name}' has {size} elements; expected {known[name]}")
@@ -221,7 +221,7 @@ class FunctionLaw:
         if outputs != expected:
             raise ExportError(
                 f"the CasADi function has the outputs {outputs}; expected {expected}, names and sizes"
-                + ("" if MEMORY in inputs else f"; {MEMORY_NEXT} goes with an input {MEMORY}")
+                + ("" if MEMORY in inputs else f"; {MEMORY_NEXT} needs an input {MEMORY}")
             )
         try:
             f.expand()
@@ -234,17 +234,17 @@ class FunctionLaw:
 
     @property
     def n_states(self) -> int:
-        """Of its memory."""
+        """Size of its memory."""
         names = self.function.name_in()
         return int(self.function.numel_in(names.index(MEMORY))) if MEMORY in names else 0
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """What it looks at."""
+        """The signals that it uses."""
         return tuple(name for name in signals.NAMES if name in self.function.name_in())
 
     def __call__(self, values: Mapping[str, casadi.SX]) -> dict[str, casadi.SX]:
-        """Its outputs by name, of symbols by name."""
+        """Its outputs by name, from symbols by name."""
         f = self.function.expand()
         given = {name: casadi.reshape(values[name], f.size_in(k)) for k, name in enumerate(f.name_in())}
         return {name: casadi.vec(value) for name, value in f.call(given).items()}
@@ -254,14 +254,14 @@ Law = PidLaw | MatrixLaw | FunctionLaw
 
 
 def sizes_of_inputs() -> dict[str, int]:
-    """Of what a CasADi function may have as input."""
+    """The possible inputs of a CasADi function."""
     sizes = {v.name: v.size for v in signals.VARIABLES}
     wanted = {f"reference_{name}": size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
     return {"time": 1, **sizes, **wanted}
 
 
 def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]:
-    """Different values in matrices of symbols, a symbol for each of them, and the matrices of these and of numbers."""
+    """One symbol for each distinct value in matrices, and the matrices of these symbols and of numbers."""
     blocks = [np.asarray(each) for each in (system.A, system.B, system.C, system.D)]
     entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in blocks]))))
     place = dict[int, int]()

@@ -1,4 +1,4 @@
-"""The whole loop as SSP: plant and controller as FMI 2.0 units in one archive, connected."""
+"""The whole loop as SSP: plant and controller as connected FMI 2.0 FMUs in one archive."""
 
 from collections.abc import Iterable
 from typing import Literal
@@ -19,7 +19,7 @@ from gough_stewart.harness.export.system_structure import (
 from gough_stewart.model.progress import StepProgress
 
 PLANT, CONTROLLER = "plant", "controller"
-# The version that all importers of SSP 1.0 know.
+# The FMI version that all importers of SSP 1.0 support.
 FMI_VERSION = "2.0"
 STRUCTURE = "SystemStructure.ssd"
 
@@ -33,7 +33,7 @@ def loop_archive(
     targets: Iterable[Target],
     progress: StepProgress | None = None,
 ) -> bytes:
-    """The archive: SystemStructure.ssd, both units, and their parameters once more as an SSV file.
+    """The archive: SystemStructure.ssd, both FMUs, and their parameters again as an SSV file.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def loop_archive(
 
 
 def loop_system(name: str, plant: UnitComponent, controller: UnitComponent, duration: float, step: float) -> System:
-    """Plant and controller, each output of one that is an input of the other connected, element by element."""
+    """Plant and controller, with each output of one connected to the input of the same name, element by element."""
     forth, back = _shared(plant, controller), _shared(controller, plant)
     return System(
         name,

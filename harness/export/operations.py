@@ -1,10 +1,10 @@
-"""How much a step has to do."""
+"""Floating-point operations per step."""
 
 import casadi
 
 from gough_stewart.harness.export.trace import Traced
 
-# Not counted: what CasADi reads, writes and copies.
+# Not counted: CasADi's reads, writes and copies.
 _FREE = {casadi.OP_CONST, casadi.OP_INPUT, casadi.OP_OUTPUT, casadi.OP_ASSIGN, casadi.OP_PARAMETER}
 _SIMPLE = {
     *(casadi.OP_ADD, casadi.OP_SUB, casadi.OP_MUL, casadi.OP_NEG, casadi.OP_SQ, casadi.OP_TWICE),
@@ -16,12 +16,12 @@ SIMPLE, DIVISIONS, OTHERS = (
     "divisions and square roots",
     "other functions",
 )
-# Of the hand-written part for the six forces: limits, excess, what is finite; and the search in a table.
+# Of the hand-written code for six forces: limits, excess, checks for finite values; and the search in a table.
 _A_FORCE, _A_SEARCH, _A_PIECE = 12, 40, 6 * (5 + 4 + 3) * 2
 
 
 def operations_of(functions: Traced) -> dict[str, int]:
-    """Floating-point operations of a step, at most, by kind."""
+    """Floating-point operations per step, at most, by kind."""
     total = {SIMPLE: 6 * _A_FORCE + 10, DIVISIONS: 0, OTHERS: 0}
     motions = 0
     if functions.motion is not None:
@@ -42,7 +42,7 @@ def operations_of(functions: Traced) -> dict[str, int]:
 
 
 def words_of(counts: dict[str, int]) -> str:
-    """For the head of the source."""
+    """A text for the header of the source."""
     return f"at most {sum(counts.values())} floating-point operations, of them " + ", ".join(
         f"{n} {kind}" for kind, n in counts.items() if kind != SIMPLE
     )

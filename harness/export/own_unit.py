@@ -1,4 +1,4 @@
-"""The controller of an experiment as the unit that is its export, for a run with it."""
+"""The exported controller of an experiment as an FMU, for a run with it."""
 
 import tempfile
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from gough_stewart.model.progress import StepProgress
 def exported_controller(
     experiment: Experiment, fmi_version: str, progress: StepProgress | None = None
 ) -> Iterator[UnitController]:
-    """An FMU of this version, "2.0" or "3.0", that is there for as long as the context lasts.
+    """An FMU of FMI "2.0" or "3.0", which exists while the context is open.
 
     Raises
     ------

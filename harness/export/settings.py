@@ -1,4 +1,4 @@
-"""Parameters of an exported controller: in C the fields of a struct, of an FMU its parameters."""
+"""Parameters of an exported controller: fields of a struct in C, parameters of an FMU."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -12,12 +12,12 @@ from gough_stewart.model.vectors import FloatArray
 
 
 class Setting(NamedTuple):
-    """A parameter of the exported controller, and its value as designed."""
+    """A parameter of the exported controller, with its designed value."""
 
     variable: Variable
     value: FloatArray  # in the variable's shape
-    is_real: bool = False  # whether C holds it in its real type, float or double; else as double
-    # conditions in C on the struct `parameters` beside finite values and the variable's bound
+    is_real: bool = False  # whether C stores it in its real type, float or double; otherwise as double
+    # C conditions on the struct `parameters`, besides finite values and the variable's bound
     conditions: tuple[str, ...] = ()
     may_be_infinite: bool = False
 
@@ -34,7 +34,7 @@ def setting(
     conditions: Iterable[str] = (),
     may_be_infinite: bool = False,
 ) -> Setting:
-    """With the shape of its value."""
+    """A setting with the shape of its value."""
     value = np.asarray(value, dtype=float)
     variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
     return Setting(variable, value, is_real, tuple(conditions), may_be_infinite)

@@ -1,4 +1,4 @@
-"""CasADi symbols in the shapes that the equations take, and Functions of those that an expression needs."""
+"""CasADi symbols in the shapes that the equations use, and Functions of the symbols that an expression needs."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,7 +19,7 @@ def elements(vector: casadi.SX) -> Array:
 
 
 def row(vector: casadi.SX) -> Array:
-    """(1, n), as the equations want it: NumPy turns object arrays without axes into bare scalars."""
+    """(1, n), as the equations require: NumPy turns object arrays without axes into bare scalars."""
     return elements(vector)[None, :]
 
 
@@ -35,7 +35,7 @@ def sparse(matrix: Array) -> casadi.SX:
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """As `numpy.linalg.solve`, of arrays (n, n) and (n,) or (n, m) that hold symbols."""
+    """As `numpy.linalg.solve`, for arrays (n, n) and (n,) or (n, m) of symbols."""
     columns = right.reshape(len(right), -1)
     if not columns.size:
         return right
@@ -49,12 +49,12 @@ def platform_symbols() -> dict[str, casadi.SX]:
 
 
 def parameters_of(symbols: Symbols) -> Parameters:
-    """The same as the equations take them."""
+    """The same parameters in the form of the equations."""
     return Parameters(**{v.name: elements(symbols[v.name]).reshape(1, *v.shape) for v in interface.PLATFORM_PARAMETERS})
 
 
 def function(name: str, inputs: Symbols, outputs: Mapping[str, casadi.SX]) -> casadi.Function:
-    """Of those inputs that the outputs depend on."""
+    """A Function of those inputs on which the outputs depend."""
     results = casadi.cse([casadi.densify(v) for v in outputs.values()])
     everything = casadi.vertcat(*results)
     used = {key: v for key, v in inputs.items() if v.numel() and casadi.depends_on(everything, v)}

@@ -1,7 +1,7 @@
-"""SystemStructure.ssd and parameter sets of SSP 1.0: units by name, their connectors, connections and parameters.
+"""SystemStructure.ssd and parameter sets of SSP 1.0: FMUs by name, their connectors, connections and parameters.
 
-What importers were found to need is what is written: one flat system without connectors of its own, scalars with
-`ssc:Real` in every connector, connected connectors only, the standard's prefixes, SI units.
+Limited to what the tested importers read: one flat system without its own connectors, scalars with `ssc:Real` in every
+connector, connected connectors only, the standard's prefixes, SI units.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,7 +17,7 @@ from gough_stewart.harness.errors import ExportError
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 _SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 _SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
-# libcosim takes its step from an annotation of its own; it takes a prefix that is declared there for an algorithm
+# libcosim reads the step from its own annotation; it mistakes a prefix declared there for an algorithm
 _OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 _PREFIXES = {"ssd": _SSD, "ssc": _SSC, "ssv": _SSV, "osp": _OSP}
 _FMU = "application/x-fmu-sharedlibrary"
@@ -25,7 +25,7 @@ _FMU = "application/x-fmu-sharedlibrary"
 
 @dataclass(frozen=True)
 class Connector:
-    """A scalar input or output of a unit."""
+    """A scalar input or output of an FMU."""
 
     name: str
     kind: Literal["input", "output"]
@@ -34,7 +34,7 @@ class Connector:
 
 @dataclass(frozen=True)
 class Component:
-    """A unit in a system."""
+    """An FMU in a system."""
 
     name: str
     source: str  # path in the archive
@@ -52,13 +52,13 @@ class Connection:
 
 @dataclass(frozen=True)
 class System:
-    """Units and how they are connected.
+    """FMUs and their connections.
 
     Raises
     ------
     ExportError
-        A component whose name begins with another's, which FMPy would take for it, or a connection of what is not
-        there.
+        A component whose name begins with another's, since FMPy would confuse them, or a connection to a missing
+        connector.
     """
 
     name: str
@@ -84,7 +84,7 @@ class System:
 
 
 def system_structure(system: System) -> bytes:
-    """SystemStructure.ssd of a system, with its parameter values inside."""
+    """SystemStructure.ssd of a system, including its parameter values."""
     package = package_metadata()
     root = etree.Element(_ssd("SystemStructureDescription"), nsmap=_PREFIXES, version="1.0", name=system.name)
     root.set("generationTool", f"gough-stewart {package['Version']}")
@@ -107,7 +107,7 @@ def system_structure(system: System) -> bytes:
 
 
 def parameter_values(system: System) -> bytes:
-    """The parameters of all components as one SSV file, named `component.parameter` as importers of it expect."""
+    """The parameters of all components as one SSV file, named `component.parameter` as its importers expect."""
     root = etree.Element(f"{{{_SSV}}}ParameterSet", nsmap={"ssv": _SSV, "ssc": _SSC}, version="1.0", name=system.name)
     _add_parameters(
         root, ((f"{c.name}.{name}", value) for c in system.components for name, value in c.parameters.items())

@@ -1,9 +1,9 @@
-"""A motion from a table as C: the splines' polynomials, and their evaluation in fixed work."""
+"""C source of a motion from a table: the splines' polynomials, and their evaluation in constant time."""
 
 from gough_stewart.harness.export.texts import number, numbers
 from gough_stewart.harness.motion.motion import ROUNDING, Piecewise
 
-_TEXT = """/* Polynomials between the rows of a table: of each piece six quantities, of each the highest power first. */
+_TEXT = """/* Polynomials between the rows of a table: six coordinates per piece, highest power first. */
 #define TABLE_END @END@
 #define TABLE_ROUNDING @ROUNDING@
 enum { N_PIECES = @N@ };

@@ -1,4 +1,4 @@
-"""The hand-written C around the traced functions: texts with words to fill in, and with parts that may be left out."""
+"""Templates of the hand-written C around the traced functions, with placeholders and optional parts."""
 
 import math
 import re
@@ -13,7 +13,7 @@ _CONDITION = re.compile(r"^@(if|else|end)\b ?(\w*)\n", re.M)
 
 
 def filled(text: str, facts: Mapping[str, str | bool]) -> str:
-    """A text with `@NAME@` replaced, and lines between `@if name`, `@else` and `@end` only where the name is true."""
+    """A text with `@NAME@` replaced; lines between `@if name`, `@else` and `@end` are kept only if the name is true."""
     lines: list[str] = []
     written = [True]
     for line in text.splitlines(keepends=True):
@@ -38,5 +38,5 @@ def number(value: float) -> str:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Separated by commas; a zero where there are none."""
+    """Numbers separated by commas; a zero if there are none."""
     return ", ".join(number(float(value)) for value in values) or "0.0"

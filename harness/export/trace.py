@@ -1,6 +1,6 @@
-"""The functions of a sample as CasADi Functions, traced from the Python that runs in the harness.
+"""The functions of a sample as CasADi Functions, traced from the Python code that runs in the harness.
 
-Each takes what it needs of these vectors, by name:
+Each takes those of the following vectors that it needs, by name:
 
     time; motion (18) at it; coefficients; states x; measured; excess (6); the platform's parameters
 """
@@ -28,7 +28,7 @@ N_MOTION = 18
 
 
 class Traced(NamedTuple):
-    """The functions of a controller; None where it does without."""
+    """The functions of a controller; None if it does not need one."""
 
     coefficients: casadi.Function | None  # settings -> law
     motion: casadi.Function | None  # time, or pose, rate, acceleration of a table -> motion
@@ -64,7 +64,7 @@ def motion_function(reference: Reference) -> casadi.Function:
     time = casadi.SX.sym("time")
     try:
         motion = _vector(reference(symbols.elements(time)))
-    except Exception as error:  # somebody's own motion may do anything with a symbol
+    except Exception as error:  # a user's motion may raise anything when called with a symbol
         raise ExportError(
             f"the reference cannot be traced with CasADi ({type(error).__name__}: {error}); expected arithmetic "
             "without branches, or export with reference = 'inputs'"
@@ -73,10 +73,10 @@ def motion_function(reference: Reference) -> casadi.Function:
 
 
 def solve_by_orthogonal(matrix: Array, vector: Array) -> Array:
-    """Solution of Jᵀ x = w, of arrays (1, 6, 6) and (1, 6), from J = Q R: x = Q R⁻ᵀ w, in fixed work.
+    """Solution of Jᵀ x = w, of arrays (1, 6, 6) and (1, 6), from J = Q R: x = Q R⁻ᵀ w, in constant time.
 
-    Orthogonalising the columns of J by Gram and Schmidt needs no pivots, and the scale of a column, which is that of
-    lengths against angles, changes nothing.
+    Gram–Schmidt orthogonalisation of the columns of J needs no pivots, and is invariant to the scale of a column, which
+    depends on the units of lengths and angles.
     """
     return _Orthogonal(np.swapaxes(matrix, -1, -2)).transposed(vector)
 
@@ -164,7 +164,7 @@ def _leg(
 def _task(
     law: Any, given: dict[str, casadi.SX], r: casadi.SX, lengths: casadi.SX
 ) -> tuple[casadi.Function | None, casadi.Function]:
-    """As in leg space, of displacements Σ J⁻¹ ΔL; these and the lengths before are among the states."""
+    """As in leg space, for displacements Σ J⁻¹ ΔL; these and the previous lengths are states, too."""
     linear = law.linear
     n = linear.system.nstates
     states = casadi.SX.sym("states", n + 2 * N_LEGS)
@@ -184,7 +184,7 @@ def _task(
 
 
 def _inputs(system: Any, r: casadi.SX, y: casadi.SX, excess: casadi.SX) -> casadi.SX:
-    """Errors, or references and measurements, or these and the excess: as many as the system has inputs."""
+    """Errors, or references and measurements, or these and the excess, by the number of the system's inputs."""
     if system.ninputs == r.numel():
         return r - y
     return casadi.vertcat(r, y, excess)[: system.ninputs]
@@ -196,7 +196,7 @@ def _advance(system: Any, x: casadi.SX, u: casadi.SX) -> tuple[casadi.SX, casadi
 
 
 def _wanted(given: dict[str, casadi.SX], names: Any) -> dict[str, casadi.SX]:
-    """What is wanted of some signals and accelerations, by names with `reference_` before them."""
+    """References of some signals and accelerations, by names with the prefix `reference_`."""
     at = _motion(given["motion"])
     values = dict(zip(REFERENCE, at, strict=True))
     if any("_leg_" in name for name in names if name.startswith("reference_")):

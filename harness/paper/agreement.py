@@ -1,4 +1,4 @@
-"""Do the formulations agree? Each row is a measured figure with the bound it is held against."""
+"""Agreement of the formulations: measured differences with their bounds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ class Row:
 
     @property
     def holds(self) -> bool:
-        """Whether the figure is within its bound; never for a NaN."""
+        """Whether the difference is within its bound; false for NaN."""
         return bool(self.measured <= self.bound)
 
 
 def agreement(
     case: OpenLoopCase, kernel: Trajectory, kane_run: KaneTrajectory, stepping: FloatArray, leap: FloatArray
 ) -> list[Row]:
-    """All comparisons of an open-loop case; `stepping` by many communication steps, `leap` by one."""
+    """All comparisons of an open-loop case; `stepping` took many communication steps, `leap` one."""
     return [
         *instantaneous(case, kernel),
         Row(
@@ -67,7 +67,7 @@ def agreement(
 
 
 def of_fmus(case: OpenLoopCase, kernel: Trajectory, runs: Mapping[str, FloatArray]) -> list[Row]:
-    """Final pose of the FMU's runs, by what ran it."""
+    """Final poses of the FMU's runs, by importer."""
     return [
         Row(
             f"final pose: {how} (tolerance 1e-8) against kernel",
@@ -117,6 +117,6 @@ def energy_error(case: OpenLoopCase, run: Trajectory) -> float:
 
 
 def _relative(a: FloatArray, b: FloatArray) -> float:
-    """Largest |a − b| over the largest |b| of the run: a platform that friction holds has rows of nearly nothing."""
+    """Largest |a − b| over the largest |b| of the run: rows in which friction holds the platform are nearly zero."""
     a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
     return float(np.linalg.norm(a - b, axis=1).max() / np.linalg.norm(b, axis=1).max())

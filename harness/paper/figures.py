@@ -47,14 +47,14 @@ def open_loop_figures(case: OpenLoopCase, run: Trajectory) -> dict[str, bytes]:
 
 
 def drift_figure(runs: dict[str, KaneTrajectory]) -> bytes:
-    """PNG of the constraint violation of Kane's DAE at the integrator's steps; `runs` by their legend."""
+    """PNG of the constraint violation of Kane's DAE at the integrator's steps; `runs` by legend label."""
 
     def draw(figure: Figure) -> None:
         left, right = two_panels(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45")
         for k, (name, run) in enumerate(runs.items()):
             style: dict[str, Any] = {"color": COLOURS[k], "linestyle": DASHES[k], "label": name}
             style.update(marker="o", markersize=3)
-            # the consistent start violates nothing, which a logarithm cannot show
+            # the consistent start has no violation, which a logarithmic axis cannot show
             left.semilogy(run.time[1:], run.position_violation[1:], **style)
             right.semilogy(run.time[1:], run.velocity_violation[1:], **style)
         label(left, "gap in the closures, largest |Φ|", "m")

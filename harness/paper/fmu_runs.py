@@ -1,4 +1,4 @@
-"""The open-loop case through the FMU, as any importer would run it: by FMPy."""
+"""The open-loop case with the FMU, run by FMPy like any importer."""
 
 from pathlib import Path
 from typing import Any
@@ -17,14 +17,14 @@ from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 
 
 def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.float64]:
-    """States (n, 12) at the case's times: a communication step a row, or FMPy's CVode on Model Exchange.
+    """States (n, 12) at the case's times: one communication step per row, or FMPy's CVode with Model Exchange.
 
-    The FMU's own start values are those of the case's platform; start of the motion and forces are set.
+    Parameters keep the FMU's start values, those of the case's platform; the initial state and forces are set.
 
     Raises
     ------
     StepError
-        The FMU or the solver gave up, with the FMU's messages.
+        The FMU or the solver failed, with the FMU's messages.
     PlantError
         As `UnitFile` and `Unit`.
     """

@@ -1,4 +1,4 @@
-"""An open-loop case by three roads: Kane's DAE, the task-space kernel, the stepping model."""
+"""An open-loop case, computed three ways: Kane's DAE, the task-space kernel, the stepping model."""
 
 from dataclasses import dataclass
 
@@ -24,10 +24,10 @@ class Trajectory:
     time: FloatArray  # (n,) [s]
     states: FloatArray  # (n, 12)
     results: FloatArray  # (n, N_RESULTS), columns of `interface.RESULT_COLUMNS`
-    friction_work: FloatArray  # (n,) [J], lost since the start
+    friction_work: FloatArray  # (n,) [J], dissipated since the start
 
     def __getitem__(self, name: str) -> FloatArray:
-        """Column group of a result variable, (n, *shape)."""
+        """The values of a result variable, (n, *shape)."""
         return interface.unpack(interface.RESULTS, self.results)[name]
 
 
@@ -37,7 +37,7 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
     Raises
     ------
     StepError
-        The integration cannot be continued.
+        The integration cannot continue.
     """
     kernel, platform = Kernel(), case.platform
     p, u, time = parameter_vector(platform), case.inputs.to_vector(), case.time
@@ -57,7 +57,7 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
         t_eval=time,
         rtol=rtol,
         atol=rtol,
-        # dense output between steps is of lower order than the steps: keep them short
+        # dense output between steps is of lower order than the steps: keep steps short
         max_step=float(np.diff(time).max()),
     )
     if not solution.success:
@@ -96,7 +96,7 @@ def run_kane(
     own_steps: bool = False,
     progress: TimeProgress | None = None,
 ) -> kane_simulation.KaneTrajectory:
-    """The paper's DAE with the ode45 pair; see `kane_simulation.simulate`."""
+    """The paper's DAE with the method of ode45; see `kane_simulation.simulate`."""
     return kane_simulation.simulate(
         case.platform, case.start, case.inputs, case.time, baumgarte, rtol, own_steps, progress
     )

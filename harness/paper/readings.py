@@ -1,4 +1,4 @@
-"""What the scan of the paper leaves open: what is decided here, and what another reading would change."""
+"""Ambiguities in the scan of the paper: the reading used here, and the effect of another."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,26 +14,26 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 
-# Enough for differences that are shown with three digits.
+# Sufficient for differences shown with three digits.
 _RTOL = 1e-9
 
 
 @dataclass(frozen=True)
 class Reading:
-    """One open point: the decision, one other reading, and its effect at the end of the case."""
+    """One ambiguity: the reading used, another reading, and its effect at the end of the case."""
 
     point: str
     decided: str
     other: str
-    position_change: float | None  # largest component [m]; None where the other reading cannot be run
+    position_change: float | None  # largest component [m]; None if the other reading cannot run
     orientation_change: float | None  # [rad]
     remark: str = ""
 
 
 def other_readings(minus_first: bool = False, progress: Callable[[], None] | None = None) -> list[Reading]:
-    """Run the paper's case, in the given order of its legs, under each of the other readings.
+    """Run the paper's case under each of the other readings, in the given order of its legs.
 
-    `progress` is called after each.
+    `progress` is called after each run.
     """
     final = run_kernel(paper_case(minus_first), _RTOL).states[-1]
     rows = []
@@ -45,7 +45,7 @@ def other_readings(minus_first: bool = False, progress: Callable[[], None] | Non
 
 
 def weight_of_the_published_forces() -> dict[str, float]:
-    """How the published forces compare with the weight: what actuators hold at zero yaw, and what all bodies weigh.
+    """The published forces compared with the weight: static forces at zero yaw, and the weight of all bodies.
 
     The even legs' 49.5 N is the axial share of the whole mechanism's weight, m_total g L / (6 z), although the
     base joints carry most of the lower parts. So the platform is not near balance: it rises.
@@ -61,7 +61,7 @@ def weight_of_the_published_forces() -> dict[str, float]:
 
 
 def _turned_alike(platform: Platform) -> Platform:
-    """Both lists of the appendix as they stand, + before −: platform azimuths 75, 45, 195, 165, 315, 285 deg."""
+    """Both lists of the appendix as printed, + before −: platform azimuths 75, 45, 195, 165, 315, 285 deg."""
     return _on_azimuths(platform, [75, 45, 195, 165, 315, 285])
 
 
@@ -77,7 +77,7 @@ def _on_azimuths(platform: Platform, degrees: list[float]) -> Platform:
 
 
 def _as_uniform_rod(platform: Platform) -> Platform:
-    """The upper part as a uniform rod with its J2 and m2, hung from P: half its length √(12 J2/m2)."""
+    """The upper part as a uniform rod with its J2 and m2, suspended from P: half its length √(12 J2/m2)."""
     half = np.sqrt(12 * platform.leg_upper_inertia / platform.leg_upper_mass) / 2
     return replace(platform, leg_upper_com=float(half))
 
@@ -147,7 +147,7 @@ def _compare(
 
 
 def _body_fixed_angles(final: FloatArray) -> Reading:
-    """The same motion, its orientation read as turns about axes that move along: X, then Y', then Z''."""
+    """The same motion, with orientation read as rotations about moving axes: X, then Y', then Z''."""
     moving = Rotation.from_matrix(matrix_from_orientation(final[3:6])).as_euler("XYZ")
     return Reading(
         "axes of roll, pitch, yaw",

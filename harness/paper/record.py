@@ -1,4 +1,4 @@
-"""The record of an open-loop case, for the page that shows it."""
+"""The record of an open-loop case, for its HTML page."""
 
 import numpy as np
 import polars
@@ -19,12 +19,12 @@ def table_of(run: Trajectory) -> polars.DataFrame:
 
 
 def csv_of(run: Trajectory) -> bytes:
-    """`table_of` as CSV with the shortest digits that read back to the same numbers."""
+    """`table_of` as CSV with the fewest digits that read back to the same numbers."""
     return table_of(run).write_csv().encode()
 
 
 def record_of_case(case: OpenLoopCase, run: Trajectory) -> Record:
-    """Outputs, locals and inputs over time; nothing is wanted, measured or limited."""
+    """Outputs, locals and inputs over time; there are no references, measurements or limits."""
     inputs = np.tile(case.inputs.to_vector(), (len(run.time), 1))
     metadata = {
         "title": case.title,

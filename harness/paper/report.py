@@ -1,4 +1,4 @@
-"""The reproduction's report: one plain record, written as JSON, as Markdown, and as tables on the terminal."""
+"""The reproduction's report: one plain record, written as JSON, as Markdown, and as terminal tables."""
 
 import json
 import re
@@ -26,7 +26,7 @@ def record(
     weight: dict[str, float] | None,
     drift: dict[str, KaneTrajectory],
 ) -> dict[str, Any]:
-    """Everything the report says, in plain types. `readings` and `weight` are of the paper's own platform only."""
+    """The content of the report as plain types. `readings` and `weight` are for the paper's own platform only."""
     first, last = (State.from_vector(run.states[k]) for k in (0, -1))
     states = State.from_vector(run.states)
     return {
@@ -63,12 +63,12 @@ def record(
 
 
 def to_json(report: dict[str, Any]) -> bytes:
-    """Readable JSON."""
+    """Indented JSON."""
     return (json.dumps(report, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def to_markdown(report: dict[str, Any]) -> bytes:
-    """The report as a page."""
+    """The report as a Markdown page."""
     case, result = report["case"], report["result"]
     parts = [
         f"# {_escaped(_capital(case['title']))}",
@@ -82,10 +82,10 @@ def to_markdown(report: dict[str, Any]) -> bytes:
             ],
         ),
         f"Leg lengths at the end: {_numbers(result['leg_length_end'])} m. Largest condition number of the leg "
-        f"Jacobian on the way: {result['largest_condition_number']:.3g}. Work of the actuators: "
+        f"Jacobian: {result['largest_condition_number']:.3g}. Work of the actuators: "
         f"{result['actuator_work']:.6g} J, lost in friction: {result['friction_work']:.6g} J.",
         "## Agreement of the formulations",
-        "Formulations that share nothing but parameters and vector algebra: task space (traced kernel and NumPy), "
+        "Formulations that share only parameters and vector algebra: task space (traced kernel and NumPy), "
         "Kane's equations as in the paper, Newton–Euler from free bodies. The paper: “This example has been verified "
         "by the Newton–Euler approach.”",
         _markdown_table(
@@ -109,9 +109,9 @@ def to_markdown(report: dict[str, Any]) -> bytes:
         "## Versions",
         ", ".join(f"{name} {number}" for name, number in report["versions"].items()),
         "## Files",
-        "`open_loop.csv` holds `time` and every output and local of the interface; `figure-4.png` to `figure-7.png` "
-        "are laid out as the paper's figures of these numbers; `report.json` holds this page as data. The `.fmu` files "
-        "are the plant for other simulators, built for this machine with the platform of this case.",
+        "`open_loop.csv` has `time` and every output and local of the interface; `figure-4.png` to `figure-7.png` "
+        "show the same numbers in the layout of the paper's figures; `report.json` has this page as data. The `.fmu` "
+        "files are the plant for other simulators, built for this machine with the platform of this case.",
     ]
     return ("\n\n".join(parts) + "\n").encode()
 
@@ -136,7 +136,7 @@ def report_sheets(report: dict[str, Any]) -> list[Sheet]:
         drift.add(label, f"{d['closure_gap_end']:.1e}", f"{d['slip_end']:.1e}")
     sheets = [motion, agreement_sheet(report), drift]
     if report["readings"]:
-        title = "What the scan left open, and what another reading changes after 1 s"
+        title = "What the scan leaves open, and the effect of another reading after 1 s"
         readings = Sheet(title, ("decided", "other reading", "position m", "angles rad"))
         for r in report["readings"]:
             changes = (_change(r[f"{name}_change"]) for name in ("position", "orientation"))
@@ -145,7 +145,7 @@ def report_sheets(report: dict[str, Any]) -> list[Sheet]:
     return sheets
 
 
-# Of what CommonMark takes for markup, what may begin it within a line.
+# Characters that CommonMark treats as markup within a line.
 _MARKED = re.compile(r"[\\`*_{}\[\]<>#|~&$]")
 _STATE_UNITS = {"position": "m", "orientation": "rad", "velocity": "m/s", "angular_velocity": "rad/s"}
 
@@ -166,7 +166,7 @@ def _markdown_readings(report: dict[str, Any]) -> list[str]:
     ]
     return [
         "## What the scan of the paper leaves open",
-        "Largest change of a component of the final pose when one point is read otherwise (the whole case run again):",
+        "Largest change of a component of the final pose if one point is read otherwise (the whole case run again):",
         _markdown_table(["point", "decided", "other reading", "position [m]", "angles [rad]", "remark"], rows),
         weight_sentence(report["published_forces"]),
     ]
@@ -188,7 +188,7 @@ def _markdown_table(head: list[str], rows: list[list[Any]]) -> str:
 
 
 def _escaped(text: str) -> str:
-    """A user's text in which nothing is Markdown or HTML, nor the end of a line."""
+    """A user's text with Markdown, HTML and line ends escaped."""
     return _MARKED.sub(r"\\\g<0>", " ".join(text.split()))
 
 

@@ -1,4 +1,4 @@
-"""The reproduction: run everything of an open-loop case, then write all files; progress on the way."""
+"""The reproduction: compute an open-loop case in every way, show progress, then write all files."""
 
 import tempfile
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from gough_stewart.model.vectors import FloatArray
 if TYPE_CHECKING:
     from gough_stewart.harness.plants.unit import FmiType
 
-# Tolerance and (α, β) of the runs that show the drift; 1e-3 is ode45's default.
+# Tolerance and (α, β) of the runs for the drift; 1e-3 is ode45's default.
 _DRIFT_RUNS = {
     "without Baumgarte, rtol 1e-3": (1e-3, (0.0, 0.0)),
     "Baumgarte α = β = 10/s, rtol 1e-3": (1e-3, (10.0, 10.0)),
@@ -51,7 +51,7 @@ FILES = (
 
 @dataclass(frozen=True, repr=False)
 class Reproduction:
-    """What `reproduce` makes, before it is written."""
+    """The result of `reproduce`, before it is written."""
 
     report: dict[str, Any]
     files: dict[str, bytes]
@@ -62,13 +62,13 @@ class Reproduction:
         return all(row["holds"] for row in self.report["agreement"])
 
     def __repr__(self) -> str:
-        """Whether all agrees, and the files, in a line."""
+        """Whether all comparisons hold, and the files, in one line."""
         rows = self.report["agreement"]
         held = sum(row["holds"] for row in rows)
         return f"<Reproduction: {held} of {len(rows)} comparisons within their bounds; files {', '.join(self.files)}>"
 
     def save(self, folder: Path | str) -> list[Path]:
-        """Write all files to a folder, which is made if needed.
+        """Write all files to a folder, created if needed.
 
         Raises
         ------
@@ -86,23 +86,23 @@ def reproduce(
 ) -> Reproduction:
     """Run the paper's open-loop case by all formulations, compare them, and make report, table, figures and FMUs.
 
-    Nothing is written until the result's `save` is called. Takes some ten seconds.
+    Nothing is written until `save` of the result is called. Takes some ten seconds.
 
     Parameters
     ----------
     case
-        Another platform, to whose size the case is scaled; or a case. The published one by default.
+        A platform, to whose size the case is scaled; or a case. The published one by default.
     console
-        Where progress is shown; nowhere by default.
+        Where progress is displayed; none by default.
     page
-        Make report.html, the motion in the browser, too.
+        Also make report.html, an HTML page with the motion.
 
     Raises
     ------
     StepError
-        The plant cannot go through the case.
+        The plant cannot complete the case.
     BuildError
-        The FMUs cannot be built, or what runs them is not installed.
+        The FMUs cannot be built, or a package to run them is missing.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def reproduce(
             task = progress.add_task(description, total=total)
             return lambda: progress.advance(task)
 
-        # first the one that knows the poses a plant cannot pass
+        # first the one that detects poses a plant cannot pass
         stepping = run_stepping(case, progress=over_time("stepping model"))
         leap = run_stepping(case, rows=False)
         kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
@@ -163,7 +163,7 @@ def reproduce(
 
 
 def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
-    """The native FMUs of the case's platform as files, and what they make of the case."""
+    """The native FMUs of the case's platform as files, and their results of the case."""
     from gough_stewart.harness.paper.fmu_runs import run_fmu
 
     runs = {}

@@ -1,1 +1,1 @@
-"""Tuning: numbers of an experiment searched for the best value of a figure of merit, over many machines at once."""
+"""Tuning: search values of an experiment that minimise a metric, over many machines at once."""

@@ -1,4 +1,4 @@
-"""Candidates of a search, run side by side over the same members: a generation is one batch."""
+"""Candidates of a search, run in parallel over the same members: a generation is one batch."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,30 +24,30 @@ from gough_stewart.model.vectors import FloatArray
 
 Point = tuple[float | int, ...]
 RunsProgress = Callable[[int], None]
-# What the machine is, and where it starts, follows from these.
+# These determine the machine and its start.
 _OF_MACHINES = ("platform", "plant", "start", "reference")
 
 
 class Evaluation(NamedTuple):
-    """What a candidate is worth."""
+    """The evaluation of a candidate."""
 
     point: Point
-    value: float  # of the metric; infinite where too many members failed
+    value: float  # of the metric; infinite if too many members failed
     conditions: tuple[float, ...]  # the metric of each
-    failed: int  # members that did not complete
-    reason: str  # of the first of them
+    failed: int  # number of members that did not complete
+    reason: str  # cause of the first failure
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What is looked for."""
+    """The objective of the search."""
 
-    metric: str  # to be made small
+    metric: str  # to be minimised
     conditions: tuple[Condition, ...]
-    quantile: float  # over the members, of the metric and of what conditions bound from above
+    quantile: float  # over the members, of the metric and of metrics with an upper bound
 
     def violation(self, found: Evaluation) -> float:
-        """How far a candidate is from keeping all conditions, 0 if it does; failed members count for the most."""
+        """The violation of all conditions, 0 if they hold; failed members count as the worst."""
         total = sum(c.violation(value) for c, value in zip(self.conditions, found.conditions, strict=True))
         return total + (1e6 * (1 + found.failed) if not np.isfinite(found.value) else 0.0)
 
@@ -65,7 +65,7 @@ class Candidates:
 
     @property
     def count(self) -> int:
-        """Members that a candidate is judged by."""
+        """Number of members that evaluate a candidate."""
         return self.members.count - len(self._left_out)
 
     @property
@@ -75,7 +75,7 @@ class Candidates:
         return bool(self.members.inputs or any(sensors.noise.values()) or clocks.jitter)
 
     def metrics(self) -> tuple[str, ...]:
-        """Figures of merit that the runs have.
+        """The metrics of the runs.
 
         Raises
         ------
@@ -89,24 +89,24 @@ class Candidates:
         return tuple(Merit(some.loop, limits_of_members([some], 1)).columns())
 
     def leave_out_impossible(self) -> tuple[int, str]:
-        """From here on without the members that the experiment as it is cannot have; how many, and why the first."""
+        """Remove the members that are impossible in the original experiment; their number, and the first reason."""
         prepared = dict(self._prepared((), ()))
         impossible = {k: each for k, each in prepared.items() if isinstance(each, str)}
         self._left_out = frozenset(k for _, k in impossible)
         if len(impossible) == self.members.count:
             reason = next(iter(impossible.values()))
-            raise TuningError(f"{self.members.nominal.where}: none of the members is possible; the first: {reason}")
+            raise TuningError(f"{self.members.nominal.where}: no member is possible; the first: {reason}")
         return len(impossible), next(iter(impossible.values()), "")
 
     def evaluate(
         self, axes: Sequence[Axis], points: Sequence[Point], goal: Goal, progress: RunsProgress | None = None
     ) -> list[Evaluation]:
-        """All points over all members.
+        """Evaluate all points over all members.
 
         Raises
         ------
         TuningError
-            A metric that runs do not have.
+            A metric that the runs do not have.
         """
         names = [goal.metric, *(condition.metric for condition in goal.conditions)]
         numbers = np.full((len(points), self.members.count, len(names)), np.nan)
@@ -145,7 +145,7 @@ class Candidates:
     def _prepared(
         self, axes: Sequence[Axis], points: Sequence[Point]
     ) -> Iterator[tuple[tuple[int, int], Prepared | str]]:
-        """Every point and member; a text is why it cannot be."""
+        """Every point and member, prepared; a string is the reason for an impossible one."""
         members, paths = self.members, [axis.place.path for axis in axes]
         keeps_machines = not any(path[0] in _OF_MACHINES for path in paths)
         for c, point in enumerate(points or [()]):
@@ -167,7 +167,7 @@ class Candidates:
                 yield (c, k), prepared
 
     def _margins(self, axes: Sequence[Axis], points: Sequence[Point], name: str) -> list[float]:
-        """Of the linear loop about what the designer believes: a second each, so not of every member."""
+        """Margins of the linear loop of the nominal model; not of every member, since each takes a second."""
         found = []
         for point in points:
             values = {axis.place.path: value for axis, value in zip(axes, point, strict=True)}
@@ -180,7 +180,7 @@ class Candidates:
         return found
 
     def _run(self, prepared: Sequence[Prepared], names: Sequence[str]) -> tuple[FloatArray, list[tuple[str, str]]]:
-        """Metrics (n, names) and how each ended."""
+        """Metrics (n, names) and outcomes."""
         n = len(prepared)
         batch = batch_of(prepared, self.substeps)
         merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
@@ -189,25 +189,25 @@ class Candidates:
             self.integration_error = max(self.integration_error, float(np.max(batch.plant.integration_error[:n])))
         assert not hasattr(outcomes, "status")
         columns = merit.columns()
-        unknown = np.full(n, np.nan)  # a margin, which runs do not have
+        unknown = np.full(n, np.nan)  # margins are not part of runs
         return np.stack([columns.get(name, unknown)[:n] for name in names], axis=1), [
             (outcome.status, str(outcome.cause or "")) for outcome in outcomes[:n]
         ]
 
 
 def members_for(experiment: Experiment, members: int, seed: int | None) -> Members:
-    """So many members of an experiment; without `[ensemble]` they differ in noise and jitter alone."""
+    """So many members of an experiment; without `[ensemble]` they differ only in noise and jitter."""
     choice = experiment.ensemble
     if choice is None:
         choice = EnsembleChoice.model_validate({})
-    # a search and its check want other numbers of members than a design may have
+    # search and test may need other numbers of members than the design allows
     sampling = "random" if choice.sampling in ("saltelli", "latin_hypercube") else choice.sampling
     update = {"members": members, "sampling": sampling, "seed": choice.seed if seed is None else seed}
     return Members(experiment.model_copy(update={"ensemble": choice.model_copy(update=update)}))
 
 
 def _held(prepared: Prepared) -> FloatArray | None:
-    """Forces that hold the machine in its start pose, where no limit has cut them."""
+    """Forces that hold the machine in its start pose, if no limit has clipped them."""
     limit = prepared.loop.actuators.force_limit
     force = prepared.loop.start_force
     return force if limit is None or (np.abs(force) < limit).all() else None
@@ -216,14 +216,14 @@ def _held(prepared: Prepared) -> FloatArray | None:
 def _evaluation(
     point: Point, numbers: FloatArray, completed: np.ndarray[Any, np.dtype[np.bool_]], goal: Goal, reason: str
 ) -> Evaluation:
-    """Quantiles over the members; one that failed, or has no such number, is as bad as can be."""
+    """Quantiles over the members; a member that failed, or has no value, counts as the worst."""
     failed = int((~completed).sum())
 
     def quantile(column: int, is_upper: bool) -> float:
         worst = np.inf if is_upper else -np.inf
         values = np.where(completed & np.isfinite(numbers[:, column]), numbers[:, column], worst)
         level = goal.quantile if is_upper else 1 - goal.quantile
-        # the nearest member on the bad side: between two members there may be infinity
+        # round to the worse member: interpolation could involve infinity
         return float(np.quantile(values, level, method="higher" if is_upper else "lower"))
 
     conditions = tuple(quantile(1 + k, condition.is_upper) for k, condition in enumerate(goal.conditions))

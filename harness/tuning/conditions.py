@@ -1,4 +1,4 @@
-"""Conditions that a solution has to keep: `disk_margin > 0.5`, `stroke.margin >= 10 mm`."""
+"""Conditions on a solution: `disk_margin > 0.5`, `stroke.margin >= 10 mm`."""
 
 import re
 from collections.abc import Iterable
@@ -13,42 +13,42 @@ from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.model.interface import nearest
 
 _CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
-# The SI unit of what is shown in another.
+# The SI unit of quantities that are displayed in another unit.
 _SI = {"mm": "m", "mrad": "rad", "N": "N", "W": "W", "s": "s"}
 
 
 @dataclass(frozen=True)
 class Condition:
-    """A metric, which side it has to be on, and of what."""
+    """A metric with an upper or lower bound."""
 
     text: str
-    metric: str  # by its whole name
+    metric: str  # its full name
     is_upper: bool  # whether the bound is an upper one
     is_strict: bool
     bound: float  # SI
 
     def holds(self, value: float) -> bool:
-        """Whether a value keeps it; NaN does not."""
+        """Whether a value meets it; false for NaN."""
         if self.is_upper:
             return value < self.bound if self.is_strict else value <= self.bound
         return value > self.bound if self.is_strict else value >= self.bound
 
     def violation(self, value: float) -> float:
-        """How far a value is on the wrong side, as a share of the bound; 0 where the condition holds."""
+        """The violation by a value, as a share of the bound; 0 if the condition holds."""
         if self.holds(value):
             return 0.0
         gap = abs(value - self.bound) / max(abs(self.bound), 1e-9)
-        # a strict bound that is met exactly is not kept
+        # a strict bound is not met by equality
         return float(min(max(gap, 1e-12), 1e6)) if np.isfinite(gap) else 1e6
 
 
 def condition_of(text: str) -> Condition:
-    """Read a condition; nothing of it is executed.
+    """Parse a condition; nothing is executed.
 
     Raises
     ------
     TuningError
-        It is none; says what was expected.
+        Not a condition; states what was expected.
     """
     parts = _CONDITION.fullmatch(text)
     if parts is None:
@@ -60,7 +60,7 @@ def condition_of(text: str) -> Condition:
     metric = SHORT.get(name, name)
     unit = _SI.get(shown_metric(metric).unit, PLAIN) if metric.partition(".")[0] in _KNOWN else PLAIN
     try:
-        # numbers alone are in SI units
+        # plain numbers are in SI units
         size = number(bound if bound[-1:].isalpha() and unit in UNITS else float(bound), unit)
     except ValueError:
         expected = f"a number, or one with a unit such as {', '.join(list(UNITS[unit])[:3])}" if unit else "a number"
@@ -72,12 +72,12 @@ _KNOWN = ("tracking", "step_response", "force", "power", "energy", "stroke", "sa
 
 
 def check_metric(name: str, known: Iterable[str], where: str) -> str:
-    """The whole name of a metric.
+    """The full name of a metric.
 
     Raises
     ------
     TuningError
-        There is none of that name; the nearest is suggested.
+        Unknown; suggests the nearest name.
     """
     full, known = SHORT.get(name, name), list(known)
     if full not in known and not full.startswith(MARGINS):

@@ -1,4 +1,4 @@
-"""What a search leaves behind: an experiment file that runs, everything that was tried, and a picture of it."""
+"""The files of a search: an experiment file that runs, all candidates, and a figure."""
 
 import json
 import os
@@ -25,21 +25,21 @@ from gough_stewart.model.toml import toml_values
 
 TUNED = "tuned.toml"
 FILES = (TUNED, "tuning.json", "candidates.csv", "search.png", "search.svg")
-# Files that tables of an experiment name, by path.
+# Keys of tables that name files.
 _NAMED = (("platform", "file"), ("plant", "file"), ("plant", "fmu"), ("controller", "file"), ("reference", "file"))
 
 
 def tuning_files(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> dict[str, bytes]:
-    """The files by name: the experiment's own text with the keys set and its comments kept, and what was tried.
+    """The files by name: the experiment's own text with changed keys and its comments, and all candidates.
 
     Parameters
     ----------
     name
-        The file or shipped name of the experiment; None for one that has no file.
+        The file or shipped name of the experiment; None if it has no file.
     folder
-        Where they will be: files that the experiment names are found from there.
+        Their folder: file names in the experiment become relative to it.
     settings
-        What else was set anew.
+        Other changed settings.
     """
     numbers = {**summary(found), "versions": versions()}
     return {
@@ -51,7 +51,7 @@ def tuning_files(found: Tuning, name: Path | str | None, folder: Path, settings:
 
 
 def tuned_toml(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> str:
-    """An experiment file with the values that were found."""
+    """An experiment file with the values found."""
     if name is None:
         document = tomlkit.parse(tomlkit.dumps(found.experiment.model_dump(mode="json", exclude_unset=True)))
     else:
@@ -68,7 +68,7 @@ def tuned_toml(found: Tuning, name: Path | str | None, folder: Path, settings: S
 
 
 def summary(found: Tuning) -> dict[str, Any]:
-    """What was found, in plain types; None for what is infinite."""
+    """The result as plain types; None for infinite values."""
     goal = found.search.goal
 
     def plain(each: Evaluation | None) -> dict[str, Any] | None:
@@ -102,7 +102,7 @@ def _finite(value: float) -> float | None:
 
 
 def _merge(document: Any, old: Mapping[str, Any], new: Mapping[str, Any], path: tuple[str, ...] = ()) -> None:
-    """Set in a document what differs, and leave its comments where they are."""
+    """Change what differs in a document, and keep its comments."""
     for key, value in new.items():
         before = old.get(key)
         if isinstance(value, Mapping) and isinstance(before, Mapping):
@@ -161,7 +161,7 @@ def _one(axes: Axes, found: Search, x: Any, values: Any, kept: Any, is_shown: An
 
 
 def _two(figure: Figure, axes: Axes, found: Search, points: Any, values: Any, kept: Any) -> None:
-    """Over the first two keys, coloured by the metric."""
+    """The first two keys, coloured by the metric."""
     axes.plot(points[~kept, 0], points[~kept, 1], "x", color="#999999", markersize=3.5)
     if kept.any():
         dots = axes.scatter(
@@ -185,7 +185,7 @@ def _name(set_label: Any, found: Search, k: int) -> None:
 
 
 def _most(values: Any) -> float:
-    """Beyond it, a few would leave nothing to be seen of the others."""
+    """An upper limit of the axis, so that a few large values do not hide the others."""
     if not len(values):
         return np.inf
     low, middle, high = np.quantile(values, (0, 0.5, 1))

@@ -1,4 +1,4 @@
-"""The search: differential evolution, a generation as one batch, the user's own values among the first."""
+"""The search: differential evolution with one batch per generation; the original values are in the first one."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,32 +12,32 @@ from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal
 from gough_stewart.harness.tuning.space import Axis, values_of
 from gough_stewart.model.vectors import FloatArray
 
-# Every candidate that keeps the conditions is better than any that does not.
+# Every candidate that meets the conditions is better than any that does not.
 _INFEASIBLE = 1e30
 _TOLERANCE = 1e-3
 
 
 @dataclass
 class Search:
-    """What has been tried, in the order of trial."""
+    """All candidates tried, in order."""
 
     axes: tuple[Axis, ...]
     goal: Goal
     tried: list[Evaluation] = field(default_factory=list)
-    generation: list[int] = field(default_factory=list)  # of each
+    generation: list[int] = field(default_factory=list)  # of each candidate
     ending: str = ""
     is_interrupted: bool = False
 
     @property
     def best(self) -> Evaluation | None:
-        """The best that keeps all conditions."""
+        """The best candidate that meets all conditions."""
         kept = [each for each in self.tried if self.goal.violation(each) == 0 and np.isfinite(each.value)]
         return min(kept, key=lambda each: each.value, default=None)
 
     def broken_most(self) -> str:
-        """The condition that most candidates do not keep, in words."""
+        """The condition that most candidates break, as text."""
         if not self.tried:
-            return "nothing was tried"
+            return "no candidate was tried"
         failed = sum(not np.isfinite(each.value) for each in self.tried)
         counts = {f"{failed} of {len(self.tried)} candidates have members that do not complete": failed}
         for k, condition in enumerate(self.goal.conditions):
@@ -46,7 +46,7 @@ class Search:
             finite = [value for value in values if np.isfinite(value)]
             nearest = min(finite, key=condition.violation, default=None)
             reached = "" if nearest is None else f", the nearest reached {nearest:.4g}"
-            counts[f"'{condition.text}' was not kept by {count} of {len(self.tried)} candidates{reached}"] = count
+            counts[f"'{condition.text}' was not met by {count} of {len(self.tried)} candidates{reached}"] = count
         return max(counts, key=lambda text: counts[text])
 
 
@@ -61,12 +61,12 @@ def search(
     progress: RunsProgress | None = None,
     status: Callable[[Search], None] | None = None,
 ) -> Search:
-    """Look for the best candidate; Ctrl-C ends the search with what has been tried.
+    """Search for the best candidate; Ctrl-C ends the search and keeps what was tried.
 
-    Conditions come in by the order of candidates (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000) 311): one that keeps
-    them is better than any that does not, and of two that do not the one that is nearer. Differential evolution only
-    compares, so that this is all it needs; SciPy's own constraints would ask for them apart from the metric, though
-    both come from the same runs.
+    Conditions act through the ranking of candidates (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000) 311): one that
+    meets them is better than any that does not, and of two that do not, the one with the smaller violation. Since
+    differential evolution only compares candidates, this suffices; SciPy's own constraints would be evaluated
+    separately, although metric and conditions come from the same runs.
     """
     found = Search(axes, goal)
     number = 0
@@ -92,7 +92,7 @@ def search(
             rng=np.random.default_rng(seed),
             **options,
         )
-        found.ending = "the candidates have become one" if result.success else f"after {generations} generations"
+        found.ending = "the candidates have converged" if result.success else f"after {generations} generations"
     except KeyboardInterrupt:
         found.ending, found.is_interrupted = "interrupted by the user", True
     return found
@@ -104,7 +104,7 @@ def _energy(goal: Goal, found: Evaluation) -> float:
 
 
 def _first(axes: tuple[Axis, ...], population: int, seed: int) -> FloatArray:
-    """Spread evenly, and among them what the experiment has."""
+    """The first generation: evenly spread candidates, and the original values."""
     points: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(population)
     if all(axis.is_within for axis in axes):
         points[0] = [axis.share(axis.now) for axis in axes if axis.now is not None]
@@ -112,6 +112,6 @@ def _first(axes: tuple[Axis, ...], population: int, seed: int) -> FloatArray:
 
 
 def own_point(axes: tuple[Axis, ...]) -> Point | None:
-    """The values of the experiment as it is, also outside of the bounds; None where it leaves one out."""
+    """The values of the experiment as it is, also outside the bounds; None if it leaves one out."""
     values = tuple(axis.now for axis in axes if axis.now is not None)
     return values if len(values) == len(axes) else None

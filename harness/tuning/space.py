@@ -1,4 +1,4 @@
-"""What is searched: keys of an experiment, each between two bounds, as `controller.bandwidth=1..6Hz`."""
+"""The search space: keys of an experiment, each between two bounds, as `controller.bandwidth=1..6Hz`."""
 
 import math
 import re
@@ -20,34 +20,34 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*([^\d.,\s][^.,]*?)?\s*\.\.\s*({_NUMBER})
 
 @dataclass(frozen=True)
 class Axis:
-    """One number that is searched."""
+    """One number to search."""
 
     key: str
     place: Place
     low: float
     high: float
-    now: float | int | None = None  # what the experiment has
+    now: float | int | None = None  # the value in the experiment
     is_log: bool = False
     is_whole: bool = False
 
     @property
     def unit(self) -> str:
-        """SI, Hz of frequencies; "" of plain numbers."""
+        """SI unit, Hz for frequencies, "" for plain numbers."""
         return self.place.target.unit or ""
 
     def value(self, u: float) -> float | int:
-        """Of a number in [0, 1]."""
+        """The value for a number in [0, 1]."""
         if self.is_whole:
             return min(int(self.low) + int(u * (self.high - self.low + 1)), int(self.high))
         if self.is_log:
             value = math.exp(math.log(self.low) + u * math.log(self.high / self.low))
         else:
             value = self.low + u * (self.high - self.low)
-        # what is written into a file is what has been tried
+        # rounded first, so that the written value is the one tried
         return min(max(float(f"{value:.{_DIGITS}g}"), self.low), self.high)
 
     def share(self, value: float) -> float:
-        """The number in [0, 1] of a value."""
+        """The number in [0, 1] for a value."""
         if self.is_whole:
             return (value - self.low + 0.5) / (self.high - self.low + 1)
         if self.is_log:
@@ -56,18 +56,18 @@ class Axis:
 
     @property
     def is_within(self) -> bool:
-        """Whether what the experiment has is within the bounds."""
+        """Whether the experiment's value is within the bounds."""
         return self.now is not None and self.low <= self.now <= self.high
 
 
 def axes_of(texts: Sequence[str], members: Members) -> tuple[Axis, ...]:
-    """The axes that texts such as `controller.bandwidth=1..6Hz` name; `,log` behind it searches on a logarithmic scale.
+    """The axes of strings such as `controller.bandwidth=1..6Hz`; `,log` after it selects a logarithmic scale.
 
     Raises
     ------
     TuningError
-        No range, bounds the wrong way round, an unknown key, one that is no single number, or one that varies in the
-        ensemble as well.
+        No range, reversed bounds, an unknown key, one that is not a single number, or one that also varies in the
+        ensemble.
     """
     if not texts:
         raise TuningError("nothing to vary; expected --vary KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
@@ -75,7 +75,7 @@ def axes_of(texts: Sequence[str], members: Members) -> tuple[Axis, ...]:
     paths = [axis.place.path for axis in axes]
     for axis in axes:
         if paths.count(axis.place.path) > 1:
-            raise TuningError(f"--vary {axis.key}: is there twice; expected every key once")
+            raise TuningError(f"--vary {axis.key}: is repeated; expected every key once")
     return axes
 
 
@@ -91,12 +91,12 @@ def _axis(text: str, members: Members) -> Axis:
     except ValueError as error:
         raise TuningError(f"--vary {text}: {key}: {error}") from None
     target = place.target
-    # a delay in samples, and its like
+    # integers, such as a delay in samples
     is_whole = isinstance(_now(experiment, place), int)
     if target.shape or (target.unit is None and not is_whole):
-        raise TuningError(f"--vary {text}: {key} is no single number; expected a key that is one")
+        raise TuningError(f"--vary {text}: {key} is not a single number; expected the key of a number")
     if any(each.place.path == place.path for each in members.inputs):
-        raise TuningError(f"--vary {text}: {key} varies in [ensemble], too; expected one of both")
+        raise TuningError(f"--vary {text}: {key} also varies in [ensemble]; expected it in one of them")
     try:
         low, high = (
             number(digits + each if each else float(digits), target.unit or PLAIN)
@@ -115,7 +115,7 @@ def _axis(text: str, members: Members) -> Axis:
 
 
 def _now(experiment: Experiment, place: Place) -> float | int | None:
-    """What stands there, whole numbers as such; None where it is left out."""
+    """The value in the experiment, integers as such; None if it is left out."""
     value: Any = experiment
     for name in place.path:
         if isinstance(value, list):

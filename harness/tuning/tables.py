@@ -1,4 +1,4 @@
-"""What a search has found, as tables and one honest sentence."""
+"""The result of a search as tables and a statement."""
 
 from html import escape
 
@@ -9,7 +9,7 @@ from gough_stewart.harness.tuning.tune import Tuning
 
 
 def tuning_sheets(found: Tuning) -> list[Sheet]:
-    """The values, and what they are worth beside the experiment as it was; at most 80 columns wide."""
+    """The values, and their evaluation next to that of the original experiment; at most 80 columns wide."""
     values = Sheet("Tuned", ("", "was", "is", "from", "to"))
     for axis in found.search.axes:
         row = [number_text(each, 5) for each in (axis.now, found.values[axis.key], axis.low, axis.high)]
@@ -31,7 +31,7 @@ def tuning_sheets(found: Tuning) -> list[Sheet]:
 
 
 def tuning_text(found: Tuning) -> str:
-    """The tables, as the terminal has them, and the statement."""
+    """The tables as in the terminal, and the statement."""
     tables = (text_of(to_terminal(sheet)) for sheet in tuning_sheets(found))
     return "\n".join([f"Tuning: {found.experiment.title}", *tables, statement(found)])
 
@@ -42,27 +42,26 @@ def tuning_html(found: Tuning) -> str:
 
 
 def statement(found: Tuning) -> str:
-    """What the value is worth on members that the search has not seen."""
+    """The value on the members of the search and on fresh members."""
     shown = shown_metric(found.search.goal.metric)
 
     def text(each: Evaluation) -> str:
         return f"{number_text(shown.factor * each.value)} {shown.unit}".rstrip()
 
-    seen = f"{shown.text} of {text(found.seen)}"
+    seen = f"{shown.text}: {text(found.seen)}"
     if found.fresh is None:
-        why = "the search was interrupted" if found.is_interrupted else "nothing is random: other runs are the same"
-        return f"{seen}, as the search saw it; not judged anew, {why}."
+        why = "the search was interrupted" if found.is_interrupted else "nothing is random, so other runs are the same"
+        return f"{seen} in the search; not evaluated again: {why}."
     broken = [
         condition.text
         for condition, value in zip(found.search.goal.conditions, found.fresh.conditions, strict=True)
         if not condition.holds(value)
     ]
-    also = f" There, {' and '.join(repr(each) for each in broken)} does not hold." if broken else ""
+    also = f" On these, {' and '.join(repr(each) for each in broken)} does not hold." if broken else ""
     by = f"the {found.members} members" if found.search_is_over_members else "the one run"
     return (
-        f"{seen} on {by} of the search; {100 * found.search.goal.quantile:g} % of {found.fresh_members} that it has "
-        f"not seen have at most "
-        f"{text(found.fresh)}.{also}"
+        f"{seen} on {by} of the search; {100 * found.search.goal.quantile:g} % of {found.fresh_members} fresh members "
+        f"have at most {text(found.fresh)}.{also}"
     )
 
 

@@ -1,4 +1,4 @@
-"""Tune an experiment: search its numbers for the best figure of merit, and say honestly what was found."""
+"""Tune an experiment: search values that minimise a metric, and test the result on new members."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from gough_stewart.harness.tuning.conditions import check_metric, condition_of
 from gough_stewart.harness.tuning.search import Search, own_point, search
 from gough_stewart.harness.tuning.space import Axis, axes_of
 
-# Members that a candidate is judged by, where the experiment has more, and those that the search has not seen.
+# Members that evaluate a candidate, if the experiment has more, and fresh members that the search does not use.
 MEMBERS, FRESH = 64, 500
 GENERATIONS, POPULATION = 25, 16
 QUANTILE = 0.95
@@ -22,29 +22,29 @@ QUANTILE = 0.95
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tuning:
-    """What a search has found, from `tune`; shows itself as tables and the statement on fresh members."""
+    """The result of a search, from `tune`; displays tables and the statement on fresh members."""
 
     experiment: Experiment
-    """The experiment with the values that were found."""
+    """The experiment with the values found."""
     values: dict[str, float | int]
     """Those values by key, in SI units, frequencies in Hz."""
     seen: Evaluation
-    """What they are worth on the members that the search has seen."""
+    """Their evaluation on the members of the search."""
     fresh: Evaluation | None
-    """The same on members that it has not seen; None where nothing is random."""
+    """Their evaluation on fresh members; None if nothing is random."""
     before: Evaluation | None
-    """What the experiment was worth as it was, on the members that the search has seen."""
+    """The evaluation of the original experiment on the members of the search."""
     before_fresh: Evaluation | None
-    """The same on those that it has not."""
+    """The same on fresh members."""
     search: Search
-    """Everything that was tried."""
+    """All candidates tried."""
     members: int
-    """By which candidates were judged."""
+    """Number of members that evaluated candidates."""
     fresh_members: int
     left_out: int
-    """Members that the experiment cannot have."""
+    """Number of impossible members that were left out."""
     integration_error: float
-    """The largest estimate of a plant step."""
+    """The largest error estimate of a plant step."""
 
     def __repr__(self) -> str:
         from gough_stewart.harness.tuning.tables import tuning_text
@@ -68,7 +68,7 @@ class Tuning:
 
     @property
     def candidates(self) -> polars.DataFrame:
-        """Everything that was tried: `generation`, a column for each key, `value`, the conditions, `failed`, `kept`."""
+        """All candidates: `generation`, a column for each key, `value`, the conditions, `failed`, `kept`."""
         goal, tried = self.search.goal, self.search.tried
         columns: dict[str, object] = {"generation": self.search.generation}
         columns |= {axis.key: [each.point[k] for each in tried] for k, axis in enumerate(self.search.axes)}
@@ -95,39 +95,39 @@ def tune(
     progress: RunsProgress | None = None,
     status: Callable[[Search], None] | None = None,
 ) -> Tuning:
-    """Search numbers of an experiment for the smallest value of a figure of merit, by differential evolution.
+    """Search values of an experiment that minimise a metric, by differential evolution.
 
-    Over an `[ensemble]` a candidate's value is a quantile over its members, the same members for all candidates; what
-    was found is judged once more by members that the search has not seen. Without one it is that of the single run.
+    Over an `[ensemble]` a candidate's value is a quantile over its members, the same members for all candidates; the
+    result is evaluated again on fresh members that the search did not use. Otherwise it is the value of a single run.
 
     Parameters
     ----------
     vary
-        Keys with their bounds: "controller.bandwidth=1..6Hz"; with ",log" behind on a logarithmic scale.
+        Keys with their bounds: "controller.bandwidth=1..6Hz"; append ",log" for a logarithmic scale.
     minimise
-        A figure of merit by its path, such as "tracking.position.norm_rms".
+        A metric by its path, such as "tracking.position.norm_rms".
     settings
-        Keys of the experiment to set anew, as `load_experiment` takes them.
+        Keys of the experiment to change, as in `load_experiment`.
     subject_to
-        Conditions on figures of merit and margins: "disk_margin > 0.5", "stroke.margin >= 10 mm".
+        Conditions on metrics and margins: "disk_margin > 0.5", "stroke.margin >= 10 mm".
     quantile
-        Of the metric, and of what conditions bound from above; 1 − quantile of what they bound from below.
+        Of the metric, and of metrics with an upper bound; metrics with a lower bound use 1 − quantile.
     members, fresh
-        How many candidates are judged by, and how many the search has not seen; 64 and 500 by default, or those that
-        the experiment has, if they are fewer.
+        How many members evaluate candidates, and how many fresh ones test the result; 64 and 500 by default, or as many
+        as the experiment has, if fewer.
     generations, population
         Of the search; by default 25 generations of 16 candidates for each key.
     seed
-        Of the search itself.
+        Seed of the search itself.
     progress
-        Called with numbers of runs that are done.
+        Called with the number of finished runs.
     status
         Called with the search after every generation.
 
     Raises
     ------
     TuningError
-        What is asked for cannot be, or no candidate keeps the conditions; says which condition most of them break.
+        An impossible search, or no candidate that meets the conditions; names the condition that most of them break.
     ExperimentError, ReachError
         As `run`.
 
@@ -160,7 +160,7 @@ def tune(
     )
     best = found.best
     if best is None:
-        raise TuningError(f"no candidate keeps the conditions ({found.ending}): {found.broken_most()}")
+        raise TuningError(f"no candidate meets the conditions ({found.ending}): {found.broken_most()}")
     judges = [here]
     if here.is_random and not found.is_interrupted:
         other = Candidates(chosen, _number(chosen, fresh, FRESH), here.members.seed + 1)
@@ -187,13 +187,13 @@ def tune(
 def _judged(
     candidates: Candidates, axes: tuple[Axis, ...], goal: Goal, best: Point, own: Point | None
 ) -> tuple[Evaluation, Evaluation | None]:
-    """What was found, and the experiment as it was, on the same members."""
+    """The evaluations of the result and of the original experiment, on the same members."""
     found = candidates.evaluate(axes, [best, *([] if own is None else [own])], goal)
     return found[0], found[1] if own is not None else None
 
 
 def _number(experiment: Experiment, wanted: int | None, most: int) -> int:
-    """How many members, if nobody says."""
+    """The default number of members."""
     if wanted is not None:
         return wanted
     has = None if experiment.ensemble is None else experiment.ensemble.members

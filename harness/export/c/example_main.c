@@ -1,5 +1,5 @@
-/* How @p@.h is used: five samples, of a platform that stands where it should be at the beginning. On a machine a timer
-   calls @p@_step each sample_time, with what the sensors say. */
+/* Example of @p@.h: five samples of a platform that rests in the first reference pose. On a machine, a timer calls
+   @p@_step once per sample_time with the measurements. */
 #include "@p@.h"
 
 #include <stdio.h>
@@ -19,7 +19,7 @@ int main(void)
 
     wrong = @p@_prepare(&parameters, &coefficients);
     if (wrong != 0) {
-        printf("parameter %d has a value that cannot be\n", wrong);
+        printf("parameter %d has an invalid value\n", wrong);
         return 1;
     }
     @p@_start(&parameters, &memory);

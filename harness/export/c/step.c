@@ -9,7 +9,7 @@
 #define sq(x) ((x) * (x))
 
 @if fixed_sample_time
-/* Of which the law's matrices are. */
+/* The sample time for which the law's matrices are valid. */
 #define DEFAULT_SAMPLE_TIME @SAMPLE_TIME@
 
 @end
@@ -26,7 +26,7 @@ static double sign(double x)
 @end
 @TABLE@@FUNCTIONS@
 @if table
-/* The motion at a time; beyond the end it stands still. */
+/* The motion at a time; after its end the platform is at rest. */
 static void motion(double time, double motion[])
 {
     double pose[6], rate[6], acceleration[6];

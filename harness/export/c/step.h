@@ -5,11 +5,11 @@
                     @p@_start(&parameters, &memory).
    At each sample:  @p@_step(&parameters, &coefficients, &memory, measured, @REFERENCE@force, limited).
 
-   Work of a step, the same at each: @WORK@. */
+   Work per step, constant: @WORK@. */
 #ifndef @P@_H
 #define @P@_H
 
-/* float or double. What is compared with measurements is double in any case; the forces known beforehand are not. */
+/* float or double. Measurements are always double; this type is used for feedforward and forces. */
 #ifndef @P@_REAL
 #define @P@_REAL double
 #endif
@@ -21,46 +21,46 @@ typedef struct {
 @FIELDS@
 } @p@_parameters;
 
-/* As designed. */
+/* Designed values. */
 extern const @p@_parameters @P@_DEFAULTS;
 
-/* What follows from the parameters. */
+/* Values computed from the parameters. */
 typedef struct {
-    double ahead; /* [s] of the forces known beforehand: (delay + 1/2) sample_time */
+    double ahead; /* [s] look-ahead of the feedforward: (delay + 1/2) sample_time */
 @if coefficients
     double law[@N_COEFFICIENTS@];
 @end
 } @p@_coefficients;
 
-/* All that the future depends on. */
+/* The complete state. */
 typedef struct {
     double samples; /* since the start */
-    double started; /* 0 until measurements come */
+    double started; /* 0 until measurements arrive */
 @if states
     double states[@P@_N_STATES];
 @end
 @if excess
-    double planned[6]; /* [N] forces when the last command has acted for a sample */
-    double excess[6];  /* [N] what the limits left of it, minus the command */
+    double planned[6]; /* [N] forces after the last command has acted for one sample */
+    double excess[6];  /* [N] force allowed by the limits minus the command */
 @end
 } @p@_memory;
 
-/* 0, or the number of the parameter, from 1 on in the order of the struct, that has a value which cannot be. */
+/* Returns 0, or the number of a parameter with an invalid value, counted from 1 in the order of the struct. */
 int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients);
 
-/* The memory before the first sample. */
+/* Sets the memory before the first sample. */
 void @p@_start(const @p@_parameters *parameters, @p@_memory *memory);
 
-/* A sample. `measured`: @MEASURED@.
+/* Computes a sample. `measured`: @MEASURED@.
 @if inputs
    `reference`: position [m], orientation [rad], velocity [m/s], angular_velocity [rad/s], acceleration [m/s2],
    angular_acceleration [rad/s2], three of each, world components; orientation is roll, pitch, yaw about fixed axes.
 @end
-   `force`: of the six actuators [N], positive extends the leg. `limited`: 1 where the force limit cut it, else 0.
+   `force`: of the six actuators [N], positive extends the leg. `limited`: 1 where the force limit is active, else 0.
 @if sees
-   As long as all that comes in is exactly 0, nothing is known yet: the force is `start_force`.
+   As long as all inputs are exactly 0, no measurements have arrived: the force is `start_force`.
 @end
-   A command that is not a number is given as it is, and an infinite one is cut; both leave the memory as it was, but
+   A command that is NaN is output unchanged, and an infinite one is clipped; both leave the memory unchanged, except
    for the number of samples. */
 void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coefficients, @p@_memory *memory,
 @if inputs

@@ -29,7 +29,5 @@ def test_sampling_is_python_controls(method: Method, is_diagonal: bool) -> None:
 
 
 def test_a_system_that_is_sampled_already_is_refused() -> None:
-    with pytest.raises(
-        ControllerError, match=r"already discrete \(dt = 0.01 s\); expected a continuous one"
-    ):
+    with pytest.raises(ControllerError, match=r"already discrete \(dt = 0.01 s\); expected a continuous one"):
         sampled(sampled(pid(Gains(100.0, 20.0)), T), T)

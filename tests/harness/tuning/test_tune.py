@@ -120,7 +120,7 @@ def test_over_members_the_value_is_their_quantile_and_fresh_members_are_others()
     assert tuned.fresh is not None
     assert tuned.fresh.value == pytest.approx(worth(5), rel=1e-6)
     assert tuned.fresh.value != tuned.seen.value
-    assert "5 that it has not seen" in statement(tuned)
+    assert "5 fresh members" in statement(tuned)
 
 
 def test_ctrl_c_ends_the_search_with_the_best_so_far() -> None:
