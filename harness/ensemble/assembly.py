@@ -1,4 +1,4 @@
-"""From chunks to the three files of an ensemble, member after member, without having all of them in memory."""
+"""Assembles chunks to the three files of an ensemble, one at a time to save memory."""
 
 import json
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ _MOST_CAUSES = 50
 
 
 def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path) -> Ensemble:
-    """Write members.parquet, bands.parquet and ensemble.json from the chunks; the last one says that all is there."""
+    """Write members.parquet, bands.parquet and ensemble.json from the chunks; the last one marks completion."""
     rows = polars.concat([polars.scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
 
     def write(path: Path) -> None:
@@ -44,18 +44,18 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     Raises
     ------
     RecordError
-        No ensemble is there.
+        The folder has no ensemble.
     """
     folder = Path(folder)
     try:
         metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
         return Ensemble(polars.read_parquet(folder / MEMBERS), polars.read_parquet(folder / BANDS), metadata)
     except (OSError, ValueError, polars.exceptions.PolarsError) as error:
-        raise RecordError(f"{folder} holds no ensemble: {error}") from error
+        raise RecordError(f"{folder} has no ensemble: {error}") from error
 
 
 def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) -> dict[str, Any]:
-    """The circumstances; the same for the same results, so neither times nor who computed what."""
+    """Metadata that depend only on the results: no times, and no names of workers."""
     prepared = plan.prepared
     counts = members.group_by(OUTCOME).len().sort(OUTCOME).collect()
     causes = members.group_by(CAUSE).len().drop_nulls().sort(["len", CAUSE], descending=[True, False])
@@ -73,7 +73,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
         "substeps": plan.substeps,
         "tolerance": prepared.choice.tolerance,
         "integration_error": largest,
-        # one text: the same bits from whoever computed a chunk; several: alike to 1e-9
+        # one text means the same bits from all workers; several mean agreement to 1e-9
         "features": list(features),
         "hash": plan.hash,
         "plan": plan.text,

@@ -1,4 +1,4 @@
-"""A chunk of an ensemble: some members, prepared, run side by side, and what is kept of them."""
+"""A chunk of an ensemble: some members, prepared, run in parallel, and reduced."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -24,25 +24,25 @@ from gough_stewart.model.parameters import LIMITS
 from gough_stewart.model.vectors import FloatArray
 
 INTEGRATION_ERROR = "integration_error"
-# Members that run side by side: Python's share is small, and two workers share a thousand evenly.
+# Members per chunk: enough to make Python's overhead small, few enough that two workers share a thousand evenly.
 SIZE = 512
 
 
 class Chunk(NamedTuple):
-    """What is kept of some members."""
+    """The results kept of some members."""
 
-    rows: polars.DataFrame  # one a member; see `result`
+    rows: polars.DataFrame  # one per member; see `result`
     bands: BandSamples
-    features: str  # what the machine code was made for
+    features: str  # processor features of the machine code
 
 
 def chunk(plan: Plan, first: int, last: int) -> Chunk:
-    """Run the members from first up to last, without it: a pure function, whoever computes it.
+    """Run members first to last − 1: a pure function, with the same result on any machine.
 
     Raises
     ------
     GoughStewartError
-        What no member of this experiment can do.
+        An error that concerns all members of this experiment.
     """
     members = plan.prepared
     part = prepared_members(members, first, last)
@@ -68,7 +68,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
 
 
 class _Both(Observer):
-    """Merit of all, copies included; bands of the members alone."""
+    """Metrics of all members, including copies; bands without copies."""
 
     def __init__(self, merit: Merit, bands: Bands, members: int) -> None:
         self._merit, self._bands, self._members = merit, bands, members
@@ -79,7 +79,7 @@ class _Both(Observer):
 
 
 def _head(row: Row, n: int) -> Row:
-    """Of the first members alone."""
+    """The row of the first n members."""
     wanted = row.wanted
     return row._replace(
         signals=row.signals[:n],
@@ -95,7 +95,7 @@ def _signals(members: Members) -> Sequence[str]:
 
 
 def limits_of_members(prepared: Sequence[Prepared], size: int) -> dict[str, Any]:
-    """What the designers believe, one number for all where it is the same."""
+    """Limits of the nominal models, one number if they are all the same."""
     believed = [each.platform for each in prepared]
     found = dict[str, Any]()
     for row in LIMITS:
@@ -108,7 +108,7 @@ def limits_of_members(prepared: Sequence[Prepared], size: int) -> dict[str, Any]
 
 
 def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
-    """Of each member's own machine with its controller: whether the linear loop is stable, and its disk margin."""
+    """For each member's machine with its controller: whether the linear loop is stable, and its disk margin."""
     # python-control takes a second to import
     from gough_stewart.harness.control.loop_transfer import loop_transfer
     from gough_stewart.harness.control.margins import loop_margins
@@ -137,12 +137,12 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
 
 
 def check_names(plan: Plan) -> None:
-    """Refuse bands and metrics that are not there, before anything runs.
+    """Refuse unknown bands and metrics before anything runs.
 
     Raises
     ------
     ExperimentError
-        A name in `signals` or `worst_by` that is none; says the nearest.
+        An unknown name in `signals` or `worst_by`; suggests the nearest.
     """
     members = plan.prepared
     where, choice = plan.where, members.choice
@@ -157,7 +157,7 @@ def check_names(plan: Plan) -> None:
 
 
 def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamples]:
-    """What is kept of members of which none can run."""
+    """The results if no member can run."""
     try:
         loop, platform = pilots(members)[0].loop, pilots(members)[0].platform
     except GoughStewartError:
@@ -182,7 +182,7 @@ def _rows(
     outcomes: Sequence[Outcome],
     metrics: dict[str, FloatArray],
 ) -> polars.DataFrame:
-    """A row a member, in the order of their numbers."""
+    """One row per member, in order of their numbers."""
     n = len(impossible) + len(numbers)
     at = np.array(numbers, dtype=np.intp) - first
     status, cause = [IMPOSSIBLE] * n, [impossible.get(first + k) for k in range(n)]

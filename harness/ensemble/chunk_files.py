@@ -1,4 +1,4 @@
-"""The files of chunks: each written whole, with what it takes to see that it is."""
+"""The files of chunks, written atomically, with checksums that show whether they are complete."""
 
 import hashlib
 import json
@@ -18,7 +18,7 @@ FOLDER = "chunks"
 
 @dataclass(frozen=True)
 class ChunkBytes:
-    """A chunk as it goes from a worker to its files."""
+    """A chunk as bytes, on its way from a worker to its files."""
 
     rows: bytes  # Parquet
     bands: bytes
@@ -26,7 +26,7 @@ class ChunkBytes:
 
     @classmethod
     def of(cls, chunk: Chunk) -> "ChunkBytes":
-        """The same bytes for the same chunk."""
+        """The same chunk always gives the same bytes."""
         rows, bands = BytesIO(), BytesIO()
         chunk.rows.write_parquet(rows, statistics=False)
         part = chunk.bands
@@ -37,18 +37,18 @@ class ChunkBytes:
 
 
 class ChunkFiles:
-    """Chunks in a folder; the one that begins with member k is in k.parquet, k.npz, and, written last, k.json."""
+    """Chunks in a folder; a chunk that starts at member k has k.parquet, k.npz, and, written last, k.json."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / FOLDER
 
     def write(self, first: int, chunk: ChunkBytes) -> None:
-        """A chunk, whole or not at all.
+        """Write a chunk completely or not at all.
 
         Raises
         ------
         OSError
-            It cannot be written; nothing of it counts.
+            It cannot be written; partial files are ignored.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         write_whole(self.rows(first), chunk.rows)
@@ -57,7 +57,7 @@ class ChunkFiles:
         write_whole(self._says(first), json.dumps(says, indent=1).encode())
 
     def features(self, first: int) -> str | None:
-        """What the chunk's machine code was made for; None if the chunk is not there, or not whole."""
+        """The processor features of the chunk's machine code; None if the chunk is missing or incomplete."""
         try:
             says = json.loads(self._says(first).read_bytes())
             whole = all(
@@ -79,11 +79,11 @@ class ChunkFiles:
         return BandSamples(**{**found, "columns": tuple(found["columns"].tolist())})
 
     def count(self) -> int:
-        """How many chunks there are."""
+        """The number of chunks."""
         return len(list(self.folder.glob("*.json")))
 
     def remove(self) -> None:
-        """All of them."""
+        """Remove all chunks."""
         for path in sorted(self.folder.glob("*")):
             path.unlink()
         if self.folder.is_dir():

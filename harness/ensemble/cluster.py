@@ -10,18 +10,18 @@ from gough_stewart.harness.ensemble.made_with import difference, made_with
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import Plan, plan_from
 
-TIMEOUT = 10  # [s], for the scheduler to answer, and for its first worker
-# Chunks under way for each thread of the workers: one that runs, and the next.
+TIMEOUT = 10  # [s], for an answer of the scheduler, and for its first worker
+# Chunks submitted per worker thread: one running, and the next.
 _AHEAD = 2
 
 
 def chunks_there(plan: Plan, ranges: Sequence[Range], address: str) -> Iterator[tuple[Range, ChunkBytes]]:
-    """Chunks as workers have them ready, in any order; those of a worker that dies are computed by others.
+    """Finished chunks of the workers, in any order; if a worker dies, others compute its chunks.
 
     Raises
     ------
     EnsembleError
-        No dask.distributed, no scheduler or no worker within `TIMEOUT`, or workers with other versions.
+        No dask.distributed, no scheduler or worker within `TIMEOUT`, or workers with other versions.
     """
     distributed = _distributed()
     try:
@@ -49,7 +49,7 @@ def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) 
 
     def submit() -> Any:
         each = waiting.pop()
-        # not pure: a result that is left over from another run is of no use
+        # not pure: results that dask has kept from another run must not be used
         future = client.submit(chunk_there, text, ours, *each, pure=False)
         under_way[future] = each
         return future
@@ -63,7 +63,7 @@ def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) 
         except (distributed.KilledWorker, distributed.CancelledError) as error:
             first, last = under_way[future]
             raise EnsembleError(
-                f"members {first} to {last - 1}: workers died of them again and again ({error}); not enough memory?"
+                f"members {first} to {last - 1}: workers died repeatedly ({error}); not enough memory?"
             ) from error
         yield under_way.pop(future), found
         if waiting:
@@ -71,7 +71,7 @@ def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) 
 
 
 def chunk_there(text: str, ours: dict[str, str], first: int, last: int) -> ChunkBytes:
-    """On a worker: a chunk, from a plan as text; workers that join later are checked here."""
+    """On a worker: compute a chunk of a plan's text; workers that join later are checked here."""
     _check(made_with(), "a worker", ours)
     return ChunkBytes.of(chunk(plan_from(text), first, last))
 
@@ -84,11 +84,9 @@ def _versions_there() -> dict[str, str] | None:
 
 
 def _check(theirs: dict[str, str] | None, worker: str, ours: dict[str, str] | None = None) -> None:
-    differs = "no gough-stewart there" if theirs is None else difference(ours or made_with(), theirs)
+    differs = "gough-stewart is not installed there" if theirs is None else difference(ours or made_with(), theirs)
     if differs:
-        raise EnsembleError(
-            f"{worker} differs from this side: {differs}; install the same there, or results would not be the same"
-        )
+        raise EnsembleError(f"{worker} differs from this machine: {differs}; install the same versions there")
 
 
 def _distributed() -> Any:
@@ -96,6 +94,6 @@ def _distributed() -> Any:
         import distributed
     except ImportError:
         raise EnsembleError(
-            "a scheduler takes dask.distributed; install it: pip install 'gough-stewart[cluster]'"
+            "a scheduler needs dask.distributed; install it: pip install 'gough-stewart[cluster]'"
         ) from None
     return distributed

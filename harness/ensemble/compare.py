@@ -1,4 +1,4 @@
-"""Two ensembles of the same members: how much better the one is than the other, and how sure that is."""
+"""Compare two ensembles of the same members: differences and their confidence."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,12 +22,12 @@ _ENDS = ("_low", "_high")
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """B − A of every figure of merit, member by member.
+    """B − A of every metric, member by member.
 
-    `differences` has a row for each figure of merit that members have in both: `metric`, `pairs`, `mean_a`, `mean_b`,
+    `differences` has a row for each metric that members have in both: `metric`, `pairs`, `mean_a`, `mean_b`,
     the `mean` of the differences with `mean_low` and `mean_high` (Student's t), their `median` with `median_low` and
-    `median_high` (bootstrap), and `less_b`, the share of members in which B has the smaller number. Confidence is
-    95 %, of each number alone.
+    `median_high` (bootstrap), and `less_b`, the share of members in which B has the smaller value. Each confidence
+    interval is 95 % by itself.
     """
 
     a: Ensemble
@@ -41,12 +41,12 @@ class Comparison:
 
 
 def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
-    """Compare two ensembles of the same members (common random numbers): members that completed in both.
+    """Compare two ensembles of the same members (common random numbers), using members that completed in both.
 
     Raises
     ------
     RecordError
-        Their members are not the same: other numbers of them, or other values of what varies in both.
+        Their members are not the same: another number of them, or other drawn values.
     """
     _check_same(a, b)
     completed_a, completed_b = ((each.members[OUTCOME] == "completed").to_numpy() for each in (a, b))
@@ -70,7 +70,7 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
 
 
 def compare_sheets(found: Comparison, usual: bool = True) -> list[Sheet]:
-    """Differences with their confidence, and who completed; at most 80 columns wide."""
+    """Differences with their confidence, and numbers of completed members; at most 80 columns wide."""
     first, second = found.names
     ended = Sheet(f"{found.a.members.height} members; A is {first}, B is {second}", ("", "completed in B", "not"))
     ended.add("completed in A", str(found.both_completed), str(found.only_a))
@@ -96,7 +96,7 @@ def compare_sheets(found: Comparison, usual: bool = True) -> list[Sheet]:
 
 
 def difference(found: Comparison) -> Ensemble:
-    """B − A of each member as an ensemble of its own: its figures of merit are the differences."""
+    """B − A of each member as an ensemble: its metrics are the differences."""
     a, b = found.a, found.b
     both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
     kept = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
@@ -121,7 +121,7 @@ def _check_same(a: Ensemble, b: Ensemble) -> None:
             if differ.any():
                 k = int(differ.argmax())
                 raise RecordError(
-                    f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in the one and {y[k]:.6g} in the other; "
+                    f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
                     "expected the same [ensemble] in both, with the same seed"
                 )
 
@@ -142,7 +142,7 @@ def _difference(x: FloatArray, y: FloatArray) -> dict[str, float | int | None]:
 
 
 def _median_interval(gap: FloatArray) -> tuple[float, float]:
-    """By bootstrap: quantiles of the medians of members drawn again, always the same ones."""
+    """By bootstrap with a fixed seed: quantiles of the medians of resampled members."""
     low, high = _middle_ranks(len(gap))
     ordered = np.sort(gap)
     medians = (ordered[low] + ordered[high]) / 2
@@ -152,11 +152,11 @@ def _median_interval(gap: FloatArray) -> tuple[float, float]:
 
 @lru_cache(4)
 def _middle_ranks(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Of the two middle members among n drawn again from n ordered ones: the median of any sample is between them."""
+    """Ranks of the two middle ones of n members resampled from n ordered ones: the median is between them."""
     rng = np.random.default_rng(1)
     low, high = np.zeros(_RESAMPLES, dtype=np.intp), np.zeros(_RESAMPLES, dtype=np.intp)
     for k in range(_RESAMPLES):
-        # how often each is drawn, and so how many are at most as large
+        # how often each is drawn; the cumulative sum gives the ranks
         at_most = np.cumsum(np.bincount(rng.integers(0, n, n), minlength=n))
         low[k], high[k] = np.searchsorted(at_most, ((n - 1) // 2, n // 2), side="right")
     return low, high

@@ -1,4 +1,4 @@
-"""Two experiments over the same members, run one after the other, and what is shown of their difference."""
+"""Run two experiments over the same members and report their differences."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,21 +23,21 @@ def run_compared(
     say: Callable[[str], None],
     **options: Any,
 ) -> Comparison:
-    """Run both over the first one's `[ensemble]`, with the same seed; write both, their differences and a page.
+    """Run both over the first one's `[ensemble]` with the same seed; write both, their differences and a page.
 
-    Each has a folder of its name; `options` are those of `ensemble`.
+    Each has a folder with its name; `options` are those of `ensemble`.
 
     Raises
     ------
     ExperimentError
         The first has no `[ensemble]`.
     RecordError
-        Their members differ all the same, as where factors are of other platforms.
+        Their members differ nevertheless, for example if factors apply to different platforms.
     """
     first, second = experiments
     choice = first.ensemble
     if choice is None:
-        raise ExperimentError(first.where, "ensemble", "is missing; it says what varies in both experiments")
+        raise ExperimentError(first.where, "ensemble", "is missing; add it to declare what varies in both experiments")
     seed = first.sensors.seed if choice.seed is None else choice.seed
     options = {**options, "seed": seed if options.get("seed") is None else options["seed"]}
     both = []
@@ -45,13 +45,13 @@ def run_compared(
         say(name)
         both.append(ensemble(experiment, out=folder / name, **options))
     found = compare(both[0], both[1], names)
-    say("pictures and pages")
+    say("figures and pages")
     for name, each in zip(names, both, strict=True):
         write_report(each, folder / name)
     gaps, by = difference(found), worst_by(both[0])
     try:
         known = [sensitivity(gaps, by)]
-    except RecordError:  # too few members, or the same in all of them
+    except RecordError:  # too few members, or equal values in all
         known = []
     page = ensemble_page(gaps, by, {}, known, compare_sheets(found, usual=False))
     write_files(folder, {DIFFERENCES: found.differences.write_parquet, PAGE: page})
@@ -59,6 +59,6 @@ def run_compared(
 
 
 def names_of(first: str, second: str) -> tuple[str, str]:
-    """What to call two experiments: their files' names where they differ, A and B otherwise."""
+    """Names of two experiments: their files' names if they differ, A and B otherwise."""
     stems = Path(first).stem, Path(second).stem
     return stems if stems[0] != stems[1] else ("A", "B")

@@ -1,4 +1,4 @@
-"""Run an ensemble: chunks on cores or on a cluster, to one table of members, bands, and circumstances."""
+"""Run an ensemble: chunks on cores or on a cluster, combined to a table of members, bands, and metadata."""
 
 import errno
 import json
@@ -25,7 +25,7 @@ from gough_stewart.model.files import check_output_folder, write_whole
 from gough_stewart.model.progress import StepProgress
 
 PLAN = "plan.json"
-# Called with how many members are done, and how many there are.
+# Called with the number of finished members, and the total.
 MembersProgress = Callable[[int, int], None]
 
 
@@ -42,34 +42,34 @@ def ensemble(
     progress: MembersProgress | None = None,
     status: StepProgress | None = None,
 ) -> Ensemble:
-    """Run the members of an experiment's `[ensemble]`; member k has the same numbers however many there are, and where.
+    """Run the members of an experiment's `[ensemble]`; member k has the same numbers for any count and on any machine.
 
     Parameters
     ----------
     experiment
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     settings
-        Keys of the experiment to set anew, as `load_experiment` takes them.
+        Keys of the experiment to change, as in `load_experiment`.
     members, seed
-        In the place of the experiment's.
+        Replace the experiment's.
     out
-        A folder for members.parquet, bands.parquet and ensemble.json, and on the way for finished chunks; by default
-        nothing stays.
+        A folder for members.parquet, bands.parquet and ensemble.json, and for finished chunks during the run; by
+        default nothing is kept.
     resume
-        Go on with what an interrupted run has left in that folder.
+        Continue an interrupted run in that folder.
     workers
-        Processes on this machine; by default one a core.
+        Processes on this machine; by default one per core.
     scheduler
-        The address of a scheduler of dask.distributed, whose workers compute, in the place of processes here.
+        The address of a dask.distributed scheduler, whose workers compute instead of processes here.
     progress
-        Called with the members that are done, and their number.
+        Called with the number of finished members, and the total.
     status
-        Called with what is being done before.
+        Called with the present action before the run.
 
     Raises
     ------
     ExperimentError
-        What varies, or how, is not what the experiment has.
+        The variation does not match the experiment.
     EnsembleError
         A folder with results of another experiment, a scheduler that does not answer, workers with other versions.
     OutputError, OSError
@@ -167,18 +167,18 @@ def _source(
 
 
 def _planned(experiment: Experiment, folder: Path, files: ChunkFiles, resume: bool) -> Plan | None:
-    """The plan of this run, the one that was begun in the folder where it goes on; None if all is done there.
+    """The plan of this run, continuing the one in the folder if there is one; None if that is complete.
 
     Raises
     ------
     EnsembleError
-        What is in the folder is of another experiment, or unfinished and would be lost.
+        The folder has another experiment, or an unfinished one that would be lost.
     """
     begun = _begun(folder)
     if not resume:
         if begun is not None and files.count():
             raise EnsembleError(
-                f"{folder} has finished chunks of an ensemble that was not finished; go on with --resume, or remove "
+                f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
                 f"{folder / FOLDER}, or choose another --out"
             )
         plan = plan_of(experiment)
@@ -193,15 +193,15 @@ def _planned(experiment: Experiment, folder: Path, files: ChunkFiles, resume: bo
     if wanted.hash != plan.hash:
         raise EnsembleError(
             f"{folder} has results of another experiment: {_differences(wanted.decisive, plan.decisive)}; choose "
-            "another --out, or leave out --resume"
+            "another --out, or omit --resume"
         )
     if differs := difference(made_with(), versions):
-        raise EnsembleError(f"{folder} has results that other versions have begun: {differs}; leave out --resume")
+        raise EnsembleError(f"{folder} has results of other versions: {differs}; omit --resume")
     return None if is_finished else plan
 
 
 def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:
-    """The plan that a folder's results are of, what made them, and whether they are finished."""
+    """The plan of a folder's results, the versions that made them, and whether they are complete."""
     for name in (PLAN, METADATA):
         try:
             found = json.loads((folder / name).read_bytes())
@@ -209,14 +209,14 @@ def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:
         except FileNotFoundError:
             continue
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise EnsembleError(f"{folder / name} is no plan of an ensemble: {error}; remove it") from error
+            raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
     return None
 
 
 def _differences(here: Any, there: Any, at: str = "") -> str:
-    """The first places where two trees of plain values differ."""
+    """The first differences between two trees of plain values."""
     found = list(_different(here, there, at))
-    # what the experiment has, too, need not stand there twice
+    # skip values that also appear in the experiment
     return "; ".join([each for each in found if not any(other.endswith(f".{each}") for other in found)][:3])
 
 
@@ -236,16 +236,16 @@ def _finished(n: int) -> str:
 
 @contextmanager
 def _kept(folder: Path, files: ChunkFiles) -> Iterator[None]:
-    """Say of what goes wrong that finished chunks are kept, and how to go on."""
+    """Add to an error that finished chunks are kept, and how to continue."""
     try:
         yield
     except BaseException as error:
         n = files.count()
         if n:
-            error.add_note(f"{_finished(n)} kept in {folder}; go on with --resume")
+            error.add_note(f"{_finished(n)} kept in {folder}; continue with --resume")
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise OutputError(
                 f"{error.filename or folder}: no space left on the disk; {_finished(n)} kept in {folder}: "
-                "make room, then go on with --resume"
+                "free some space, then continue with --resume"
             ) from error
         raise

@@ -1,4 +1,4 @@
-"""What is shown of an ensemble, as files: pictures, one page, records of the worst members with pages of their own."""
+"""The report of an ensemble as files: figures, an HTML page, records of the worst members with their pages."""
 
 import shutil
 from collections.abc import Mapping
@@ -18,12 +18,12 @@ from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.files import write_files
 
 WORST = "worst"
-# What the worst members are the worst of, where nothing else is asked for: the first of these that there is.
+# The default metric that ranks the worst members: the first of these that exists.
 _WORST_BY = ("tracking.position.norm_peak", "force.peak")
 
 
 def write_report(found: Ensemble, folder: Path) -> tuple[list[str], list[Sheet]]:
-    """Write pictures, page and the worst members' records; their names, and tables for the terminal.
+    """Write figures, page and the worst members' records; returns their names, and tables for the terminal.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def write_report(found: Ensemble, folder: Path) -> tuple[list[str], list[Sheet]]
 
 
 def worst_by(found: Ensemble) -> str:
-    """The figure of merit that says which members are the worst: the experiment's, or that of tracking."""
+    """The metric that ranks the worst members: the experiment's, or that of tracking."""
     chosen = found.metadata["experiment"]["ensemble"]["worst_by"]
     if chosen is not None:
         return metric_name(found.members, chosen)
@@ -50,7 +50,7 @@ def worst_by(found: Ensemble) -> str:
 
 
 def _sensitivity(found: Ensemble, by: str) -> Sensitivity | None:
-    """None where too few have run, or nothing varies that is a number."""
+    """None if too few members have run, or no number varies."""
     try:
         return sensitivity(found, by)
     except RecordError:
@@ -58,7 +58,7 @@ def _sensitivity(found: Ensemble, by: str) -> Sensitivity | None:
 
 
 def _write_worst(found: Ensemble, by: str, folder: Path) -> Mapping[int, str]:
-    """Their records, and by member the address of a page that plays it."""
+    """Write their records; returns for each member the address of its page."""
     number = found.metadata["experiment"]["ensemble"]["worst"]
     members = worst_members(found.members, by, number)
     shutil.rmtree(folder / WORST, ignore_errors=True)  # those of an older run

@@ -1,4 +1,4 @@
-"""Chunks on this machine's cores: processes of their own, which are started anew if one dies."""
+"""Chunks on this machine's cores, in processes that are restarted if one dies."""
 
 import os
 import threading
@@ -13,38 +13,38 @@ from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import Plan, plan_from
 from gough_stewart.harness.plants.isolated import Isolated
 
-# A first and a last member, without the last.
+# The first member, and the one after the last.
 Range = tuple[int, int]
-# How often a chunk is tried again when its process has died.
+# How often a chunk is tried if its process dies.
 _TRIES = 3
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
-# What waits for a free worker, so that Ctrl-C has not long to wait for it.
+# Chunks queued for workers; few, so that Ctrl-C acts soon.
 _WAIT = 0.2
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Worker:
-    """What runs in a process of its own."""
+    """The object in each worker process."""
 
     def chunk(self, plan: str, first: int, last: int) -> ChunkBytes:
         """See `chunk.chunk`; a plan as `Plan.text`."""
         return ChunkBytes.of(chunk(plan_from(plan), first, last))
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Nothing to release."""
 
 
 def chunks_here(plan: Plan, ranges: Sequence[Range], workers: "int | Workers") -> Iterator[tuple[Range, ChunkBytes]]:
-    """Chunks as they get ready, in any order; by so many processes, or by those that have been started for them.
+    """Finished chunks, in any order, from a number of processes, or from workers that have been started already.
 
     Raises
     ------
     EnsembleError
-        A chunk whose process died again and again.
+        A chunk whose process died repeatedly.
     """
     if isinstance(workers, Workers):
         yield from workers.chunks(plan, ranges)
@@ -57,21 +57,21 @@ def chunks_here(plan: Plan, ranges: Sequence[Range], workers: "int | Workers") -
 
 
 class Workers:
-    """Processes for chunks, one for each of so many threads; they import what they need as soon as they are here."""
+    """Processes for chunks, one per thread; they start to import their modules at once."""
 
     def __init__(self, number: int) -> None:
         self._own, self._lock = threading.local(), threading.Lock()
         self._open, self._ended = list[Isolated](), False
         self._threads = ThreadPoolExecutor(number)
         for _ in range(number):
-            self._threads.submit(self._worker)  # what goes wrong here goes wrong again with the first chunk
+            self._threads.submit(self._worker)  # an error here recurs with the first chunk
 
     def __enter__(self) -> Self:
-        """The processes, which get ready."""
+        """The starting processes."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all processes, at once; what they do is lost."""
+        """Kill all processes; their work is lost."""
         self._threads.shutdown(wait=False, cancel_futures=True)
         with self._lock:
             self._ended = True
@@ -87,7 +87,7 @@ class Workers:
                 yield waiting.pop(done), done.result()
 
     def _chunk(self, plan: str, members: Range) -> ChunkBytes:
-        """From this thread's process, which is started anew if it dies."""
+        """A chunk from this thread's process, which is restarted if it dies."""
         for last in (*[False] * (_TRIES - 1), True):
             try:
                 found: ChunkBytes = self._worker().call("chunk", plan, *members)
@@ -96,14 +96,14 @@ class Workers:
                 if last or self._ended:
                     raise EnsembleError(
                         f"members {members[0]} to {members[1] - 1}: {error}; tried {_TRIES} times. Not enough memory? "
-                        "Take fewer --workers"
+                        "Use fewer --workers"
                     ) from error
             else:
                 return found
         raise AssertionError
 
     def _forget(self) -> None:
-        """The process of this thread, which has ended."""
+        """Drop the ended process of this thread."""
         worker: Isolated | None = getattr(self._own, "worker", None)
         self._own.worker = None
         if worker is not None:

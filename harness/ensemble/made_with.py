@@ -1,4 +1,4 @@
-"""What results were made with: versions that have to be the same wherever chunks are computed."""
+"""Versions that must be the same wherever chunks are computed."""
 
 import hashlib
 import platform
@@ -26,7 +26,7 @@ def made_with() -> dict[str, str]:
 
 
 def difference(here: dict[str, str], there: dict[str, str]) -> str:
-    """Which versions differ, in words; empty if none."""
+    """Which versions differ, as text; empty if none."""
     names = [name for name in here if here[name] != there.get(name)]
     return ", ".join(f"{name} {here[name]} here and {there.get(name, 'unknown')} there" for name in names)
 

@@ -4,7 +4,7 @@ from gough_stewart.harness.results.metric_names import Shown
 from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.parameters import TABLE
 
-# Of signals, in the unit that is shown.
+# Signals, with the displayed unit.
 _SIGNALS = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}
 _AXES = {"position": "xyz", "orientation": ("roll", "pitch", "yaw")}
 
@@ -23,6 +23,6 @@ def shown_signal(column: str) -> Shown:
 
 
 def shown_input(key: str) -> Shown:
-    """What varies, by key: a parameter of the platform has its unit."""
+    """A varied input, by key: a parameter of the platform has its unit."""
     name = key.removeprefix("platform.").removeprefix("plant.parameters.").partition("[")[0]
     return Shown(key, TABLE[name].unit if name in TABLE else "", 1.0)

@@ -1,16 +1,16 @@
-"""What is known of an ensemble when it has run: a row for each member, bands over time, and its circumstances.
+"""The result of an ensemble: a row for each member, bands over time, and metadata.
 
 `members` has a row for each member, in their order:
 
 - `member`, its number;
-- `varied.KEY`, every number that varies, KEY as the experiment has it, elements as in `varied.base_points[1,2]`;
-- `outcome`: `completed`, `diverged`, `stopped`, or `impossible` where there was nothing to run; `ended`, its time [s];
-  `cause`, a text, null where there is none;
-- the figures of merit by path (`tracking.position.norm_rms`), and `margins.stable`, `margins.disk` where they were
-  asked for; null where they are undefined.
+- `varied.KEY`, every number that varies, KEY as in the experiment, elements as in `varied.base_points[1,2]`;
+- `outcome`: `completed`, `diverged`, `stopped`, or `impossible` if it could not run; `ended`, its time [s]; `cause`, a
+  text, null if there is none;
+- the metrics by path (`tracking.position.norm_rms`), and `margins.stable`, `margins.disk` if requested; null if
+  undefined.
 
-`bands` are those of `gough_stewart.harness.results.bands.bands_frame`. The metadata hold at least `title`, `seed`,
-`sampling`, and `groups`: the columns that vary, as lists of those that vary together.
+`bands` are those of `gough_stewart.harness.results.bands.bands_frame`. The metadata contain at least `title`, `seed`,
+`sampling`, and `groups`: the varied columns, as lists of those that vary together.
 """
 
 from dataclasses import dataclass
@@ -26,15 +26,15 @@ from gough_stewart.model.vectors import FloatArray
 MEMBER, OUTCOME, ENDED, CAUSE = "member", "outcome", "ended", "cause"
 VARIED, MARGINS = "varied.", "margins."
 IMPOSSIBLE = "impossible"
-# Of runs, and no merit.
+# Part of the metrics of runs, but not used for ranking.
 _CIRCUMSTANCES = ("rows", "duration", "integration_error")
-# Short names of what is asked for most.
+# Short names of frequently used metrics.
 SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ensemble:
-    """An ensemble that has run; shows itself as the quantiles of its figures of merit, and its failures."""
+    """An ensemble that has run; displays the quantiles of its metrics, and its failures."""
 
     members: polars.DataFrame
     bands: polars.DataFrame
@@ -52,38 +52,38 @@ class Ensemble:
 
     @property
     def metrics(self) -> tuple[str, ...]:
-        """Names of the figures of merit and of the margins."""
+        """Names of the metrics and margins."""
         return metric_names(self.members)
 
     @property
     def varied(self) -> tuple[str, ...]:
-        """What varies, without its prefix."""
+        """Names of the varied inputs, without prefix."""
         return tuple(name.removeprefix(VARIED) for name in self.members.columns if name.startswith(VARIED))
 
     @property
     def title(self) -> str:
-        """Of the experiment."""
+        """Title of the experiment."""
         return str(self.metadata.get("title", "ensemble"))
 
     def values(self, name: str) -> FloatArray:
-        """A figure of merit, a margin or what varies, of every member (N,); NaN where it is undefined."""
+        """A metric, a margin or a varied input of every member (N,); NaN if undefined."""
         column = f"{VARIED}{name}" if f"{VARIED}{name}" in self.members.columns else metric_name(self.members, name)
         return numbers(self.members, column)
 
 
 def metric_names(members: polars.DataFrame) -> tuple[str, ...]:
-    """The columns that are figures of merit or margins."""
+    """The columns that are metrics or margins."""
     other = (MEMBER, OUTCOME, ENDED, CAUSE, *_CIRCUMSTANCES)
     return tuple(name for name in members.columns if name not in other and not name.startswith(VARIED))
 
 
 def metric_name(members: polars.DataFrame, name: str) -> str:
-    """The column of a figure of merit, which may have a short name.
+    """The column of a metric, which may have a short name.
 
     Raises
     ------
     RecordError
-        There is none of that name; the nearest is suggested.
+        Unknown; suggests the nearest name.
     """
     known, full = metric_names(members), SHORT.get(name, name)
     if full not in known:

@@ -1,4 +1,4 @@
-"""Which of what varies makes a figure of merit vary: Sobol' indices, or standardised regression."""
+"""Sensitivity of a metric to the varied inputs: Sobol' indices, or standardised regression."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,19 +14,19 @@ from gough_stewart.model.vectors import FloatArray
 Method = Literal["sobol", "regression"]
 _CONFIDENCE = 0.95
 _RESAMPLES = 100
-# Regression and its resampling of more members would say the same, slower.
+# Regression and resampling use at most so many members; more would give the same, slower.
 _MOST = 20_000
 _SMALLEST_R2 = 0.7
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """How much of a figure of merit's variance is whose.
+    """The shares of the inputs in a metric's variance.
 
-    - `sobol`: the share `main` of each input alone (first order), and `total`, with everything in which it takes part;
-      each with half of its confidence interval. They need nothing but independent inputs.
-    - `regression`: `main` is the standardised regression coefficient β, of y on all inputs, both divided by their
-      standard deviations; its square is the share, as far as y is linear in them, which `r2` says.
+    - `sobol`: the share `main` of each input alone (first order), and `total`, with all its interactions; each with
+      half the width of its confidence interval. Requires independent inputs only.
+    - `regression`: `main` is the standardised regression coefficient β, of y on all inputs, each divided by its
+      standard deviation; its square is the share, as far as y is linear in the inputs, which `r2` measures.
     """
 
     metric: str
@@ -37,37 +37,37 @@ class Sensitivity:
     total: FloatArray | None
     total_confidence: FloatArray | None
     r2: float | None
-    used: int  # members that it is of
-    left_out: int  # of those that there are
+    used: int  # number of members used
+    left_out: int  # number of members without a value
 
     @property
     def order(self) -> list[int]:
-        """Inputs, the most influential first."""
+        """Inputs, most influential first."""
         size = np.abs(self.main) if self.total is None else self.total
         return [int(k) for k in np.argsort(-size, kind="stable")]
 
     @property
     def remark(self) -> str:
-        """What a reader has to know."""
+        """A caption with method and caveats."""
         of = f"of {self.used} members" + (f", {self.left_out} without a value left out" if self.left_out else "")
         if self.r2 is None:
             return f"Sobol' indices {of}; whiskers are 95 % confidence"
         text = f"standardised regression {of}, R² = {self.r2:.2f}; whiskers are 95 % confidence"
         if self.r2 < _SMALLEST_R2:
-            text += "; the metric is far from linear in what varies: take sampling = 'saltelli' for Sobol' indices"
+            text += "; the metric is far from linear in the inputs: use sampling = 'saltelli' for Sobol' indices"
         return text
 
 
 def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
-    """Of one figure of merit: Sobol' indices where the members are Saltelli's design, else regression.
+    """For one metric: Sobol' indices if the members are Saltelli's design, else regression.
 
-    Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: for the first order
-    (b) of table 2, for the total one (f). Confidence is by resampling members.
+    Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
+    table 2, total by (f). Confidence is by resampling members.
 
     Raises
     ------
     RecordError
-        There is no such metric, nothing varies, or too few members have a value.
+        Unknown metric, nothing varies, or too few members have a value.
     """
     metric_name(ensemble.members, metric)
     merit = np.where(_completed(ensemble), ensemble.values(metric), np.nan)
@@ -77,7 +77,7 @@ def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
 
 
 def group_name(columns: Sequence[str]) -> str:
-    """What to call columns that vary together: `base_points` of `base_points[1,1]`, `base_points[1,2]` and so on."""
+    """The name of columns that vary together: `base_points` for `base_points[1,1]`, `base_points[1,2]` and so on."""
     if len(columns) == 1:
         return columns[0]
     names = dict.fromkeys(column.partition("[")[0] for column in columns)
@@ -92,13 +92,13 @@ def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> S
     names = [group_name(columns) for columns in groups]
     block = len(groups) + 2
     points = merit[: len(merit) // block * block].reshape(-1, block)
-    # a point counts only with all of its members
+    # a point counts only if all its members completed
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 2:
         raise RecordError(f"{metric}: {len(points)} points of Saltelli's design are complete; expected at least 2")
     if np.ptp(points) == 0:
         raise RecordError(f"{metric}: is the same for all members; expected one that varies")
-    # the estimators are biased where the mean is far from 0
+    # the estimators are biased if the mean is far from 0
     points = (points - points.mean()) / points.std()
     S1, ST = _indices(points)
     resamples = np.random.default_rng(1).integers(len(points), size=(len(points), _RESAMPLES))
@@ -112,7 +112,7 @@ def _indices(points: FloatArray) -> FloatArray:
     """First-order and total indices (2, p) of rows f(A), f(A_B^1) to f(A_B^p), f(B), centred (n, p + 2).
 
     S_i = ⟨f(B) (f(A_B^i) − f(A))⟩ / V and T_i = ⟨(f(A) − f(A_B^i))²⟩ / 2V, with V the variance of f(A) and f(B); 0 if V
-    is, as it can be of few members.
+    is 0, which may happen with few members.
     """
     A, AB, B = points[:, :1], points[:, 1:-1], points[:, -1:]
     V = points[:, [0, -1]].var()
@@ -125,11 +125,11 @@ def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivi
     columns = {name: ensemble.values(name) for name in ensemble.varied}
     X = np.stack(list(columns.values()), axis=1) if columns else np.zeros((len(merit), 0))
     usable = np.flatnonzero(np.isfinite(merit))
-    # texts, and what is the same for all, have no coefficient
+    # strings and constants have no coefficient
     kept = [k for k, x in enumerate(X.T) if len(usable) and np.isfinite(x[usable]).all() and np.ptp(x[usable]) > 0]
     n, p = len(usable), len(kept)
     if not kept:
-        raise RecordError(f"{metric}: nothing that is a number varies; expected an [ensemble] with distributions")
+        raise RecordError(f"{metric}: no number varies; expected an [ensemble] with distributions")
     if n < p + 3:
         raise RecordError(f"{metric}: {n} members have a value; expected at least {p + 3} for {p} inputs")
     if np.ptp(merit[usable]) == 0:
@@ -153,7 +153,7 @@ def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:
-    """The coefficients (_RESAMPLES, p) of members drawn again, by normal equations; NaN where they are singular."""
+    """The coefficients (_RESAMPLES, p) of resampled members, by normal equations; NaN if singular."""
     n, p = z.shape
     rows = np.concatenate([z, w[:, None]], axis=1)
     rng = np.random.default_rng(1)

@@ -1,4 +1,4 @@
-"""Numbers about all members: quantiles of every figure of merit, and failures by cause."""
+"""Statistics over all members: quantiles of every metric, and failures by cause."""
 
 import re
 from typing import Any, NamedTuple
@@ -10,27 +10,27 @@ from gough_stewart.harness.ensemble.result import CAUSE, ENDED, IMPOSSIBLE, MEMB
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 from gough_stewart.model.vectors import FloatArray
 
-# A number in the text of a cause: it differs from member to member.
+# A number in the text of a cause, which differs between members.
 _NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(\.\d+)?([eE][-+]?\d+)?")
 
 
 class Failure(NamedTuple):
-    """Members that did not complete, for the same cause."""
+    """Members that did not complete for the same cause."""
 
     outcome: str
-    cause: str  # of the first of them
+    cause: str  # of the first one
     members: tuple[int, ...]
 
 
 def finite(values: FloatArray) -> FloatArray:
-    """Those that are defined."""
+    """The defined values."""
     return np.asarray(values[np.isfinite(values)])
 
 
 def quantiles(members: polars.DataFrame) -> polars.DataFrame:
-    """A row for each figure of merit: how many members have it, mean, deviation, extremes and quantiles.
+    """A row for each metric: how many members have it, mean, deviation, extremes and quantiles.
 
-    A run that ended early counts with the numbers that it has up to there; `failures` says which those are.
+    A run that ended early counts with its values up to then; see `failures` for these members.
     """
     rows: list[dict[str, Any]] = []
     for name in metric_names(members):
@@ -51,9 +51,9 @@ def quantiles(members: polars.DataFrame) -> polars.DataFrame:
 
 
 def failures(members: polars.DataFrame) -> tuple[Failure, ...]:
-    """Members that did not complete, by outcome and cause, the most frequent first.
+    """Members that did not complete, by outcome and cause, most frequent first.
 
-    Causes that differ in their numbers alone are one.
+    Causes that differ only in numbers count as one.
     """
     found: dict[tuple[str, str], list[int]] = {}
     first: dict[tuple[str, str], str] = {}
@@ -68,9 +68,9 @@ def failures(members: polars.DataFrame) -> tuple[Failure, ...]:
 
 
 def worst_members(members: polars.DataFrame, by: str, number: int) -> list[int]:
-    """The members with the largest value of a figure of merit; before them those that did not complete, earliest first.
+    """The members with the largest value of a metric; before them those that did not complete, earliest first.
 
-    Impossible members have no run, and are left out. Of margins the smallest are the worst.
+    Impossible members have no run and are left out. For margins, the smallest are the worst.
     """
     runs = members.filter(polars.col(OUTCOME) != IMPOSSIBLE)
     merit = numbers(runs, by)
@@ -81,5 +81,5 @@ def worst_members(members: polars.DataFrame, by: str, number: int) -> list[int]:
     return [int(member) for member in runs[MEMBER].to_numpy()[order][:number]]
 
 
-# Of these, more is better.
+# Metrics whose larger values are better.
 SMALL_IS_BAD = ("stroke.margin", "margins.disk", "margins.stable")

@@ -12,7 +12,7 @@ from gough_stewart.harness.output.tables import Named, Sheet, number_text, quant
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 from gough_stewart.harness.results.metric_names import shown_metric
 
-# What is shown of a figure of merit in one line; the page shows all of them.
+# The metrics of the terminal table; the page shows all.
 _MOST_CAUSES, _MOST_INPUTS = 8, 8
 _USUAL = (
     *("tracking.position.norm_rms", "tracking.position.norm_peak"),
@@ -25,7 +25,7 @@ _USUAL_OF_STEPS = ("overshoot_percent", "rise_time", "settling_time")
 
 
 def ensemble_sheets(ensemble: Ensemble, usual: bool = True) -> list[Sheet]:
-    """Quantiles of the figures of merit, the usual ones or all, and failures; at most 80 columns wide."""
+    """Quantiles of the usual metrics or of all, and failures; at most 80 columns wide."""
     names = usual_metrics(ensemble) if usual else ensemble.metrics
     sheets = [quantile_sheet(ensemble, names)]
     if failures(ensemble.members):
@@ -34,7 +34,7 @@ def ensemble_sheets(ensemble: Ensemble, usual: bool = True) -> list[Sheet]:
 
 
 def ensemble_text(ensemble: Ensemble) -> str:
-    """Title and tables, as the terminal has them."""
+    """Title and tables as in the terminal."""
     tables = (text_of(to_terminal(sheet)) for sheet in ensemble_sheets(ensemble))
     return "\n".join([f"Ensemble: {ensemble.title}", *tables])
 
@@ -45,7 +45,7 @@ def ensemble_html(ensemble: Ensemble) -> str:
 
 
 def usual_metrics(ensemble: Ensemble) -> list[str]:
-    """Figures of merit that are looked at first, and that some member has; not those that are always 0."""
+    """The metrics of most interest that some member has and that are not always 0."""
     names = [
         name
         for name in ensemble.metrics
@@ -62,7 +62,7 @@ def usual_metrics(ensemble: Ensemble) -> list[str]:
 
 
 def quantile_sheet(ensemble: Ensemble, names: Sequence[str]) -> Sheet:
-    """A row for each figure of merit: its quantiles."""
+    """A row for each metric: its quantiles."""
     counts = ensemble.members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
     ended = ", ".join(f"{count} {outcome}" for outcome, count in counts)
     sheet = Sheet(
@@ -77,7 +77,7 @@ def quantile_sheet(ensemble: Ensemble, names: Sequence[str]) -> Sheet:
 
 
 def failure_sheet(ensemble: Ensemble, most: int = _MOST_CAUSES) -> Sheet:
-    """Members that did not complete, by cause; the text is that of the first of them."""
+    """Members that did not complete, by cause; the text is that of the first one."""
     sheet = Sheet("Not completed", ("", "members", "cause of the first", "first"))
     found = failures(ensemble.members)
     for failure in found[:most]:
@@ -88,7 +88,7 @@ def failure_sheet(ensemble: Ensemble, most: int = _MOST_CAUSES) -> Sheet:
 
 
 def sensitivity_sheet(found: Sensitivity, most: int = _MOST_INPUTS) -> Sheet:
-    """The most influential inputs with what they make of a figure of merit."""
+    """The most influential inputs with their effect on a metric."""
     shown = shown_metric(found.metric)
     heads = ("", "β", "±") if found.total is None else ("", "alone", "±", "in total", "±")
     sheet = Sheet(f"What makes the {shown.text} vary", heads)
@@ -101,7 +101,7 @@ def sensitivity_sheet(found: Sensitivity, most: int = _MOST_INPUTS) -> Sheet:
 
 
 def worst_sheet(ensemble: Ensemble, worst: Sequence[int], by: str) -> Sheet:
-    """These members: how they ended, the figure of merit, and what varies."""
+    """These members with their outcome, the metric, and drawn values."""
     shown = shown_metric(by)
     inputs = [shown_input(name) for name in ensemble.varied][:_MOST_INPUTS]
     heads = tuple(f"{each.text} [{each.unit}]" if each.unit else each.text for each in inputs)

@@ -1,1 +1,1 @@
-"""Parameters from logs: what a machine has recorded becomes a platform file with honest uncertainty."""
+"""Identification: parameters of a platform from logs, with their uncertainty."""

@@ -1,4 +1,4 @@
-"""Whether a log can be of this platform, sampled evenly, with forces, in the units that it says."""
+"""Checks that a log matches the platform: even sampling, forces, plausible units."""
 
 import numpy as np
 
@@ -9,17 +9,17 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Of a sample, how far from the even time a row may be.
+# Tolerance of a row's time, in samples.
 _JITTER = 0.1
 _SLOWEST_SAMPLES = 0.1  # [s]
-# Of lengths and forces against those at home: beyond that factor it is another unit.
+# Factor between lengths or forces and those at home beyond which another unit is likely.
 _LENGTH_FACTOR = 3.0
 _FORCE_FACTOR = 50.0
 _OVER_LIMIT = 3.0
 
 
 def sample_time_of(log: Log) -> float:
-    """The even time from row to row [s].
+    """The constant sample time of the rows [s].
 
     Raises
     ------
@@ -70,7 +70,7 @@ def force_of(log: Log) -> FloatArray:
 
 
 def check_lengths(log: Log, platform: Platform) -> None:
-    """Refuse leg lengths that are in another unit, or not this platform's.
+    """Refuse leg lengths in another unit, or of another platform.
 
     Raises
     ------
@@ -84,13 +84,13 @@ def check_lengths(log: Log, platform: Platform) -> None:
     if not 1 / _LENGTH_FACTOR < ratio[k] < _LENGTH_FACTOR:
         unit = _unit_for(ratio[k], {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6})
         raise LogError(
-            f"{log.where}: leg {k + 1} is {found[k]:.6g} m long in the middle, at home it is {home[k]:.6g} m; no such "
-            f"machine can have that. {unit}Encoders that count from home need their length at home added"
+            f"{log.where}: leg {k + 1} has a median length of {found[k]:.6g} m, but {home[k]:.6g} m at home; expected "
+            f"similar lengths. {unit}If encoders count from home, add the length at home"
         )
 
 
 def check_forces(log: Log, platform: Platform) -> None:
-    """Refuse forces that are in another unit, or that these actuators cannot have.
+    """Refuse forces in another unit, or beyond the actuators' limit.
 
     Raises
     ------
@@ -106,19 +106,19 @@ def check_forces(log: Log, platform: Platform) -> None:
     if not 1 / _FORCE_FACTOR < ratio < _FORCE_FACTOR:
         unit = _unit_for(ratio, {"N": 1.0, "kN": 1e-3, "mN": 1e3})
         raise LogError(
-            f"{log.where}: the six forces have a norm of {found:.4g} N in the middle, those that hold the platform at "
-            f"home have {weight:.4g} N; no such machine can have that. {unit}Otherwise check force_per_current"
+            f"{log.where}: the six forces have a median norm of {found:.4g} N, but those that hold the platform at "
+            f"home have {weight:.4g} N; expected similar forces. {unit}Otherwise check force_per_current"
         )
     if limit is not None and strongest > _OVER_LIMIT * limit:
         raise LogError(
-            f"{log.where}: a force of {strongest:.6g} N, where actuator_force_max is {limit:g} N; no such machine can "
-            "have that. Check the unit, force_per_current, and the platform's limit"
+            f"{log.where}: a force of {strongest:.6g} N exceeds actuator_force_max, {limit:g} N; check the unit, "
+            "force_per_current, and the platform's limit"
         )
 
 
 def _unit_for(ratio: float, units: dict[str, float]) -> str:
-    """What unit would explain a ratio, as a sentence."""
+    """A sentence with the unit that would explain a ratio."""
     for unit, factor in units.items():
         if unit not in ("m", "N") and 1 / _LENGTH_FACTOR < ratio / factor < _LENGTH_FACTOR:
-            return f"They look like {unit}: write the unit into the columns' names, such as 'name[1] [{unit}]'. "
+            return f"They look like {unit}: write the unit into the column names, such as 'name[1] [{unit}]'. "
     return ""

@@ -1,4 +1,4 @@
-"""What an identification gives: values with their uncertainty, what the log could see, and what it left unexplained."""
+"""The result of an identification: values with their uncertainty, identifiability, and residuals."""
 
 import json
 from collections.abc import Sequence
@@ -13,20 +13,20 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95
-# Of a combination's text: parts smaller than this share of the largest are left out.
+# Text of a combination: parts smaller than this share of the largest are left out.
 _SHOWN_PART = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """What a fit leaves unexplained, per leg or other channel; each (k,)."""
+    """The residuals of a fit, per leg or other channel; each (k,)."""
 
-    quantity: str  # what the channels are, such as "force of leg"
+    quantity: str  # the kind of channels, such as "force of leg"
     unit: str
-    rms: FloatArray  # of the rows that were fitted [unit]
-    validation_rms: FloatArray | None  # of the rows that were kept aside [unit]
-    signal_rms: FloatArray  # of what was to be explained, about its mean [unit]
-    # p-value of the Ljung–Box test; small where residuals of one time tell those of the next
+    rms: FloatArray  # of the fitted rows [unit]
+    validation_rms: FloatArray | None  # of the validation rows [unit]
+    signal_rms: FloatArray  # of the fitted signal, about its mean [unit]
+    # p-value of the Ljung–Box test; small if residuals are autocorrelated
     whiteness: FloatArray | None
 
 
@@ -45,17 +45,17 @@ class Estimate:
     method: str
     names: tuple[str, ...]  # elements, such as platform_com[1]
     values: FloatArray  # (p,) [SI]
-    nominal: FloatArray  # (p,) values to begin with [SI]
+    nominal: FloatArray  # (p,) values before the fit [SI]
     covariance: FloatArray  # (p, p)
-    # of the regressor in units of `scale`, the largest first; and for each of them the combination of names, a row
+    # of the regressor in units of `scale`, largest first; and for each the combination of names, as a row
     singular_values: FloatArray
     directions: FloatArray  # (k, p)
     scale: FloatArray  # (p,) [SI]
-    # how many of these combinations the log sees; the others keep their nominal values
+    # how many of these combinations are observable; the others keep their nominal values
     rank: int
     residuals: Residuals
     notes: tuple[str, ...] = ()
-    # what pages and figures draw
+    # data for pages and figures
     details: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -71,14 +71,14 @@ class Estimate:
 
     @property
     def correlation(self) -> FloatArray:
-        """Of the estimates (p, p); 0 where a variance is 0."""
+        """Correlation of the estimates (p, p); 0 where a variance is 0."""
         s = self.standard_errors
         size = np.outer(s, s)
         return np.where(size > 0, self.covariance / np.where(size > 0, size, 1.0), np.eye(len(s)))
 
     @property
     def condition_number(self) -> float:
-        """Largest over smallest singular value; infinite where something is not seen."""
+        """Largest over smallest singular value; infinite if a combination is unobservable."""
         smallest = self.singular_values[-1]
         return float(self.singular_values[0] / smallest) if smallest > 0 else float("inf")
 
@@ -87,21 +87,21 @@ class Estimate:
         return np.array([v for n, v in zip(self.names, self.values, strict=True) if name in (n, n.partition("[")[0])])
 
     def platform(self, nominal: Platform) -> Platform:
-        """The platform with what was found.
+        """The platform with the estimated values.
 
         Raises
         ------
         PlatformError
-            What was found makes no platform together with the rest of this one.
+            The estimated values are not possible together with the rest of this platform.
         """
         return with_values(nominal, dict(zip(self.names, self.values.tolist(), strict=True)))
 
     def combination(self, k: int) -> str:
-        """The combination that singular value k belongs to, as a text; parts in units of their scale."""
+        """The combination of singular value k, as text; parts in units of their scale."""
         return combination_text(self.directions[k], self.names)
 
     def to_json(self) -> bytes:
-        """Everything but what is only drawn, as readable JSON."""
+        """Everything except data for figures, as indented JSON."""
         parts = {
             "method": self.method,
             "parameters": {
@@ -126,12 +126,12 @@ class Estimate:
 
 
 def nominal_values(names: Sequence[str], platform: Platform) -> FloatArray:
-    """What the platform has for these elements (p,)."""
+    """The platform's values of these elements (p,)."""
     return np.array([value_of(platform, name) for name in names])
 
 
 def combination_text(direction: FloatArray, names: Sequence[str]) -> str:
-    """A combination of parameters as a text, the largest parts first."""
+    """A combination of parameters as text, largest parts first."""
     order = np.argsort(-np.abs(direction))
     largest = np.abs(direction).max()
     shown = [k for k in order if np.abs(direction[k]) >= _SHOWN_PART * largest]

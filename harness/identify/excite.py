@@ -1,4 +1,4 @@
-"""A motion that tells parameters: Fourier coefficients for the best-conditioned regressor within all limits."""
+"""A motion that excites parameters: Fourier coefficients for the best-conditioned regressor within all limits."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
@@ -28,21 +28,21 @@ from gough_stewart.model.vectors import FloatArray
 
 Criterion = Literal["condition", "determinant"]
 ESTIMATE = ("platform_mass", "platform_com", "platform_inertia", *FRICTION)
-# Of every limit the motion uses at most this share, for what a controller adds.
+# The motion uses at most this share of every limit; the controller needs the rest.
 _SHARE = 0.9
-# Amplitudes at the outset: shares of the platform's size, and of a radian.
+# Initial amplitudes: shares of the platform's size, and of a radian.
 _LARGEST = (0.3, 0.3)
-# Rows in a period of the highest harmonic: of the regressor, and where limits are checked in the end.
+# Rows per period of the highest harmonic: for the regressor, and for the final check of limits.
 _COARSE, _FINE = 6, 40
 _BISECTIONS = 7
-_FIRST = 0.3  # of the trials are independent; the others vary the best
+_FIRST = 0.3  # share of the trials that are independent; the others vary the best one
 
 
 class Excited(NamedTuple):
-    """The best motion that was found."""
+    """The best motion found."""
 
     reference: Excitation
-    condition_number: float  # of the regressor, its columns in shares of their scale
+    condition_number: float  # of the regressor with scaled columns
     log_determinant: float  # of the information matrix per row, likewise
 
 
@@ -59,10 +59,10 @@ def excite(
     seed: int = 0,
     status: StepProgress | None = None,
 ) -> Excited:
-    """Find Fourier coefficients whose motion tells these parameters best, within all limits of the platform.
+    """Find Fourier coefficients whose motion excites these parameters best, within all limits of the platform.
 
-    Every trial is scaled until it just keeps stroke, joint angles, velocity, force, power and condition number, with
-    a tenth to spare; the best trial is then varied at random in ever smaller steps. The same seed, the same motion.
+    Every trial is scaled to the limits of stroke, joint angles, velocity, force, power and condition number, less a
+    reserve of a tenth; the best trial is then varied at random in decreasing steps. Equal seeds give equal motions.
 
     Parameters
     ----------
@@ -71,18 +71,18 @@ def excite(
     duration, fade
         [s]
     frequency, harmonics
-        Of the first harmonic [Hz], and how many there are.
+        Frequency of the first harmonic [Hz], and number of harmonics.
     criterion
         "condition", the regressor's condition number; or "determinant", that of its information matrix (D-optimal).
     trials
-        How many motions are tried.
+        Number of motions tried.
     status
-        Called with what has been found so far.
+        Called with the best result so far.
 
     Raises
     ------
     IdentificationError
-        A parameter that is not linear; names it. Or no motion was found that tells these at all.
+        A nonlinear parameter, by name; or no motion was found that excites these parameters.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def excite(
                 status(f"condition number {number:.3g}")
     if best is None or not np.isfinite(best[2]):
         raise IdentificationError(
-            f"no motion was found within the limits of {platform.name} that tells {', '.join(names)}; estimate fewer "
+            f"no motion was found within the limits of {platform.name} that excites {', '.join(names)}; estimate fewer "
             "parameters, or try more motions or harmonics",
             names,
         )
@@ -141,7 +141,7 @@ def excite(
 
 
 def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion: Motion) -> tuple[float, float]:
-    """Condition number of a motion's regressor, and the logarithm of det(Dᵀ D/n), columns in shares of their scale."""
+    """Condition number of a motion's regressor, and log det(Dᵀ D/n), with scaled columns."""
     state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
     W = regressor(platform, state, acceleration)
     elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
@@ -157,14 +157,14 @@ def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion:
 def condition_number_of(
     platform: Platform, estimate: Sequence[str] | str, reference: Reference, duration: float
 ) -> float:
-    """Condition number of any motion's regressor over a duration [s], as `excite` takes it."""
+    """Condition number of any motion's regressor over a duration [s], as in `excite`."""
     names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
     time = np.linspace(0.0, duration, 400)
     return criteria(platform, names, time, reference(time))[0]
 
 
 def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:
-    """Whether a motion keeps all limits, that of the forces among them."""
+    """Whether a motion keeps all limits, including that of force."""
     try:
         check_reach(platform, time, motion)
     except ReachError:
@@ -176,7 +176,7 @@ def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:
 
 
 def _largest(keeps: Callable[[float], bool]) -> float:
-    """The largest share of the amplitudes, up to 1, that keeps the limits; 0 if none was found."""
+    """The largest factor on the amplitudes, up to 1, that keeps the limits; 0 if none was found."""
     if keeps(1.0):
         return 1.0
     low, high = 0.0, 1.0

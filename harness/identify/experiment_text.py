@@ -1,11 +1,11 @@
-"""An optimised excitation as an experiment file that `run` takes."""
+"""The text of an experiment file with an optimised excitation."""
 
 from gough_stewart.harness.identify.excite import Excited
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 _TEXT = """\
-# Written by `gough-stewart excite` with --seed {seed}: finite Fourier series in six coordinates that tell
+# Written by `gough-stewart excite` with --seed {seed}: finite Fourier series in six coordinates that excite
 #   {names}
 # Condition number of their regressor: {number:.3g}.
 
@@ -36,12 +36,12 @@ sample_time = "1 ms"
 [sensors]
 quantisation = {{ leg_length = "1 um" }}
 """
-# Of the loop that follows it: a few times the motion's own frequencies.
+# Bandwidth of the loop that follows it: a few times the motion's own frequencies.
 _ABOVE = 6.0
 
 
 def experiment_text(found: Excited, platform: Platform, chosen: str, names: str, seed: int) -> str:
-    """The TOML text; `chosen` is the line that says which platform."""
+    """The TOML text; `chosen` is the line that names the platform."""
     reference = found.reference
     sine, cosine = reference.coefficients
     parts = {"position_sine": sine[:, :3], "position_cosine": cosine[:, :3]}

@@ -18,12 +18,12 @@ FILES = (
 
 
 def identification_files(estimate: Estimate, nominal: Platform, more: Sequence[Sheet] = ()) -> dict[str, bytes]:
-    """Contents by file name: the platform as `run` takes it, numbers, pictures, and the page with `more` tables.
+    """Contents by file name: the platform file for `run`, numbers, figures, and the page with `more` tables.
 
     Raises
     ------
     PlatformError
-        What was found makes no platform together with the rest of the nominal one.
+        The estimated values are not possible together with the rest of the nominal platform.
     """
     return {
         "platform.toml": platform_to_toml(estimate.platform(nominal)).encode(),

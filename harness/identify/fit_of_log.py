@@ -1,4 +1,4 @@
-"""From a fit to the estimate of it, alike for all methods that fit the samples of a log."""
+"""The estimate from a fit, for all methods that fit the samples of a log."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Where a tracker stands and where its target sits: a first guess, from poses of the nominal platform."""
+"""Initial guess of a tracker's frame and the place of its target, from poses of the nominal platform."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,10 @@ Rows = NDArray[np.bool_]
 
 
 def guessed_frames(geometry: Geometry, poses: Poses, measured: Measured) -> Frames:
-    """The better of two guesses of X and (y, Y) that lead from poses in world to measured ones.
+    """The better of two guesses of X and (y, Y), which map poses in world to measured ones.
 
-    From the positions alone (Kabsch, Acta Cryst. A32, 1976, 922), which is right where the target is near Op; and from
-    the rotations alone (Shah, J. Mechanisms Robotics 5, 2013, 031007), which is right where they differ enough.
+    One from the positions alone (Kabsch, Acta Cryst. A32, 1976, 922), accurate if the target is near Op; one from the
+    rotations alone (Shah, J. Mechanisms Robotics 5, 2013, 031007), accurate if they differ enough.
     """
     at, turned = np.asarray(np.isfinite(measured.position).all(axis=1)), measured.has_rotation
     shown = np.zeros((len(at), 3, 3))

@@ -1,4 +1,4 @@
-"""Joints and leg offsets from leg lengths and measured poses, whole or in part; what is not seen stays nominal."""
+"""Joints and leg offsets from leg lengths and full or partial poses; unobservable combinations stay nominal."""
 
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
@@ -20,13 +20,13 @@ from gough_stewart.model.vectors import FloatArray
 
 PoseFrame = Literal["world", "own"]
 GEOMETRY = ("base_points", "platform_points", "leg_length_offset")
-# How well the nominal geometry is known, unless stated: this share of the platform's size.
+# Default uncertainty of the nominal geometry, as a share of the platform's size.
 _NOMINAL_SHARE = 0.01
-# Beyond so many of their standard errors residuals are no noise, and a row is not like the others.
+# Larger residuals, in standard errors, are not noise, and the row is an outlier.
 _CONTRADICTION, _OUTLIER = 100.0, 6.0
-# The share of the rows, the last of them, that a second fit does without.
+# Share of the rows, at the end, that a second fit leaves out.
 _KEPT_ASIDE = 0.2
-_FAR = 10.0  # times nominal_error: another geometry, not an error of this one
+_FAR = 10.0  # times nominal_error: a different geometry, not an error of this one
 _SHOWN_UNSEEN = 3
 _REMEDY = (
     "expected legs and joints in the same order, lengths from joint to joint, poses of Op in world, or pose_frame 'own'"
@@ -50,30 +50,30 @@ def identify_geometry(
     pose_frame: PoseFrame = "world",
     nominal_error: float | None = None,
 ) -> Estimate:
-    """Joint points and leg offsets from poses at rest: least squares of lengths and poses, both with their errors.
+    """Joint points and leg offsets from poses at rest: least squares of lengths and poses, both with errors.
 
-    minimises ∑ (L − |t + R p − B| − o)²/σ_L² + ∑ (pose − measured)²/σ² over geometry and true poses, which is
-    errors-in-variables by total least squares. A row sees as many combinations as it has numbers of its pose: three
-    of a position, two of an inclinometer. Lengths alone see none, since any six have a pose that fits them.
+    Minimises ∑ (L − |t + R p − B| − o)²/σ_L² + ∑ (pose − measured)²/σ² over geometry and true poses, an
+    errors-in-variables problem. A row gives as many equations as it has numbers of its pose: three for a position, two
+    for an inclinometer. Lengths alone give none, since some pose fits any six lengths.
 
     Parameters
     ----------
     names
-        `base_points`, `platform_points`, `leg_length_offset` (what encoders show beyond the length [m]), or elements.
+        `base_points`, `platform_points`, `leg_length_offset` (encoder reading minus length [m]), or elements.
     accuracy
         Standard errors of the log: leg length [m], position [m], orientation [rad]; see `PoseAccuracy`.
     pose_frame
         "world": poses are those of the platform in world. "own": a tracker's frame and the place of its target are
-        unknown, and estimated as far as joints that are not estimated tell them; the others stay as near as possible
-        to their nominal places, where the base and the platform as a whole cannot be seen.
+        unknown, and estimated as far as fixed joints determine them; the other joints stay as close as possible to
+        their nominal places, since the base and the platform as a whole are unobservable.
     nominal_error
-        How well the nominal geometry is known [m]; combinations whose standard error would be larger are not seen.
+        Uncertainty of the nominal geometry [m]; combinations with a larger standard error count as unobservable.
         By default 1 % of the platform's characteristic length.
 
     Raises
     ------
     IdentificationError
-        No poses, names that are no geometry, nothing that is seen, or a geometry that the log contradicts.
+        No poses, names that are not geometry, nothing observable, or a geometry that the log contradicts.
     """
     elements = expanded(names, platform)
     unknowns = _unknowns(elements)
@@ -96,7 +96,7 @@ def identify_geometry(
     freedom = redundant - found.rank - _seen_of_frames(found, measured, pose_frame)
     every = np.concatenate([found.geometry.base.ravel(), found.geometry.platform.ravel(), found.geometry.offset])
     values, before = every[unknowns], nominal_values(elements, platform)
-    # with nothing left to tell the errors by, the stated ones stand
+    # without redundancy to estimate the errors from, the stated ones are used
     factor = float(np.sqrt(found.cost / freedom)) if freedom > 0 else 1.0
     _check(found, redundant, factor, elements, log, measured, values - before, scale)
     kept = max(1, round(_KEPT_ASIDE * len(log)))
@@ -129,14 +129,14 @@ def identify_geometry(
 
 
 def _unknowns(elements: Sequence[str]) -> FloatArray:
-    """Where the elements stand in the 42."""
+    """The positions of the elements in the 42 unknowns."""
     every = [f"{name}[{i + 1},{j + 1}]" for name in GEOMETRY[:2] for i in range(6) for j in range(3)]
     every += [f"{GEOMETRY[2]}[{i + 1}]" for i in range(6)]
     foreign = [name for name in elements if name not in every]
     if foreign:
         raise IdentificationError(
-            f"estimate: {', '.join(foreign)} beside method geometry; expected {', '.join(GEOMETRY)} or elements "
-            "of them: poses at rest say nothing of masses and friction",
+            f"estimate: {', '.join(foreign)} with the method geometry; expected {', '.join(GEOMETRY)} or elements "
+            "of them: poses at rest carry no information on masses and friction",
             foreign,
         )
     return np.array([every.index(name) for name in elements])
@@ -163,23 +163,23 @@ def _measured(log: Log, deviations: FloatArray, pose_frame: PoseFrame) -> Measur
     known = measured.is_known
     if not known[:, :6].all():
         row = int(np.argmin(known[:, :6].all(axis=1))) + 1
-        raise IdentificationError(f"{log.where}: row {row} lacks a leg length; expected all six of every pose")
+        raise IdentificationError(f"{log.where}: row {row} lacks a leg length; expected all six for every pose")
     if not known[:, 6:].any():
         raise IdentificationError(
-            f"{log.where}: no measured poses, and leg lengths alone tell nothing of the geometry: any six of them "
-            "have a pose that fits them; expected columns position[1..3] and orientation[1..3], or some of them"
+            f"{log.where}: no measured poses, and leg lengths alone do not determine the geometry: some pose fits any "
+            "six of them; expected columns position[1..3] and orientation[1..3], or some of them"
         )
     parts = known[:, 9:].any(axis=1) & ~known[:, 9:].all(axis=1)
     if pose_frame == "own" and parts.any():
         raise IdentificationError(
-            f"{log.where}: row {int(parts.argmax()) + 1} has some angles of three in a frame of its own; expected all "
+            f"{log.where}: row {int(parts.argmax()) + 1} has some angles of three in an own frame; expected all "
             "three, or pose_frame 'world'"
         )
     return measured
 
 
 def _first_poses(platform: Platform, measured: Measured, pose_frame: PoseFrame, where: str) -> Poses:
-    """The measured poses where they are whole and in world, else those of the nominal platform at these lengths."""
+    """The measured poses if they are full and in world, else those of the nominal platform at these lengths."""
     position, orientation = np.empty((2, len(measured.length), 3))
     near = platform.home_position, platform.home_orientation
     for k, length in enumerate(measured.length):
@@ -198,7 +198,7 @@ def _first_poses(platform: Platform, measured: Measured, pose_frame: PoseFrame, 
 
 
 def _seen_of_frames(found: Fit, measured: Measured, pose_frame: PoseFrame) -> int:
-    """How many of the twelve numbers of the frames are told by the log."""
+    """How many of the twelve numbers of the frames are observable."""
     if pose_frame == "world":
         return 0
     F = equations(found.geometry, found.frames, found.poses, measured).by_frames.reshape(-1, 12)
@@ -217,7 +217,7 @@ def _check(
 ) -> None:
     if found.rank == 0:
         raise IdentificationError(
-            f"{log.where}: {len(log)} poses with {redundant} measured numbers of them tell nothing of "
+            f"{log.where}: {len(log)} poses with {redundant} measured numbers do not determine "
             f"{', '.join(elements)} better than to {scale:.3g} m; expected more poses, or poses that differ more",
             elements,
         )
@@ -237,7 +237,7 @@ def _check(
 
 
 def _length_error(found: Fit, measured: Measured, rows: slice) -> FloatArray:
-    """Measured less predicted lengths (n, 6) [m] in the measured poses, or in fitted ones if some are not whole."""
+    """Measured minus predicted lengths (n, 6) [m] in the measured poses, or in fitted ones if some are partial."""
     geometry, frames = found.geometry, found.frames
     t, R, length = measured.position[rows], np.zeros((len(measured.length[rows]), 3, 3)), measured.length[rows]
     whole = np.asarray(measured.is_known[rows].all(axis=1))
@@ -261,13 +261,13 @@ def _rms(errors: FloatArray) -> FloatArray:
 def _notes(
     found: Fit, measured: Measured, elements: Sequence[str], factor: float, scale: float, pose_frame: PoseFrame
 ) -> list[str]:
-    notes = [f"residuals are {factor:.3g} times the stated standard errors; intervals are widened or narrowed by that"]
+    notes = [f"residuals are {factor:.3g} times the stated standard errors; intervals are scaled by this factor"]
     unseen = found.directions[found.rank :]
     if len(unseen):
-        why = "; with pose_frame 'own' where base and platform are as a whole is not" if pose_frame == "own" else ""
+        why = "; pose_frame 'own' makes the positions of base and platform unobservable" if pose_frame == "own" else ""
         notes.append(
-            f"{found.rank} of {len(elements)} combinations are seen, to better than {scale:.3g} m{why}; the others "
-            "keep their nominal values, and intervals leave them out: "
+            f"{found.rank} of {len(elements)} combinations are observable, to better than {scale:.3g} m{why}; "
+            "the others keep their nominal values, and intervals leave them out: "
             + "; ".join(combination_text(row, elements) for row in unseen[:_SHOWN_UNSEEN])
             + ("; …" if len(unseen) > _SHOWN_UNSEEN else "")
         )
@@ -275,7 +275,7 @@ def _notes(
     free = np.maximum(measured.is_known[:, 6:].sum(axis=1), 1)
     size = np.sqrt((r**2).sum(axis=1) / free) / np.median(np.sqrt((r**2).sum(axis=1) / free))
     notes += [
-        f"row {k + 1} is {size[k]:.3g} times as far off as most rows; leave it out if it was no pose at rest"
+        f"the residuals of row {k + 1} are {size[k]:.3g} times those of most rows; remove it if it was not at rest"
         for k in np.flatnonzero(size > _OUTLIER)
     ]
     return notes

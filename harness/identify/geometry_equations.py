@@ -1,8 +1,8 @@
 """Leg lengths and measured poses as equations in joints, offsets, frames and the true poses; exact derivatives.
 
-L_i = |t + R p_i − B_i| + o_i is what encoder i shows in the true pose (t, R); a tracker shows the position
-X_t + X_R (t + R y) and the rotation X_R R Y of its target. X leads from world to the tracker's frame, (y, Y) is the
-target's place on the platform; where the log's poses are those of the platform in world, X and Y are 1, and y is 0.
+L_i = |t + R p_i − B_i| + o_i is the reading of encoder i in the true pose (t, R); a tracker measures the position
+X_t + X_R (t + R y) and the rotation X_R R Y of its target. X maps world to the tracker's frame, (y, Y) is the target's
+place on the platform; if the log's poses are those of the platform in world, X and Y are 1, and y is 0.
 """
 
 from typing import NamedTuple
@@ -18,11 +18,11 @@ N_GEOMETRY, N_FRAMES, N_ROWS = 42, 12, 12
 
 
 class Geometry(NamedTuple):
-    """What is calibrated, in the order of the unknowns."""
+    """The calibrated geometry, in the order of the unknowns."""
 
     base: FloatArray  # B (6, 3) [m]
     platform: FloatArray  # p (6, 3) [m]
-    offset: FloatArray  # o (6,) [m], what encoders show beyond the length
+    offset: FloatArray  # o (6,) [m], encoder reading minus length
 
     def plus(self, change: FloatArray) -> "Geometry":
         """Changed by (42,) [m]."""
@@ -40,12 +40,12 @@ class Poses(NamedTuple):
     rotation: FloatArray  # R (n, 3, 3)
 
     def plus(self, change: FloatArray) -> "Poses":
-        """Moved by δt, turned by exp(δφ~) R, (n, 6) [m, rad]."""
+        """Moved by δt, rotated by exp(δφ~) R, (n, 6) [m, rad]."""
         return Poses(self.position + change[:, :3], _turned(self.rotation, change[:, 3:]))
 
 
 class Frames(NamedTuple):
-    """Where the log's poses are taken: the tracker's frame, and the place of its target on the platform."""
+    """The frames of the measured poses: the tracker's frame, and the place of its target on the platform."""
 
     X_t: FloatArray
     X: FloatArray
@@ -63,28 +63,28 @@ SAME = Frames(np.zeros(3), np.eye(3), np.zeros(3), np.eye(3))
 
 
 class Measured(NamedTuple):
-    """Rows of a log; what was not measured is not a number."""
+    """Rows of a log; NaN where not measured."""
 
     length: FloatArray  # (n, 6) [m]
     position: FloatArray  # (n, 3) [m]
     orientation: FloatArray  # (n, 3) [rad]
-    deviation: FloatArray  # standard errors of the twelve (12,) [m, rad]
+    deviation: FloatArray  # standard errors of the twelve numbers (12,) [m, rad]
 
     @property
     def is_known(self) -> NDArray[np.bool_]:
-        """Which of the twelve numbers of a row there are (n, 12)."""
+        """Which of the twelve numbers of a row are measured (n, 12)."""
         return np.asarray(np.isfinite(np.concatenate([self.length, self.position, self.orientation], axis=1)))
 
     @property
     def has_rotation(self) -> NDArray[np.bool_]:
-        """Which rows have all of the orientation (n,)."""
+        """Which rows have a full orientation (n,)."""
         return np.asarray(np.isfinite(self.orientation).all(axis=1))
 
 
 class Equations(NamedTuple):
-    """Measured less predicted, over their standard errors, and derivatives of the predictions."""
+    """Measured minus predicted, divided by standard errors, and derivatives of the predictions."""
 
-    residual: FloatArray  # (n, 12), 0 where nothing was measured
+    residual: FloatArray  # (n, 12), 0 where not measured
     by_pose: FloatArray  # (n, 12, 6)
     by_geometry: FloatArray  # (n, 12, 42)
     by_frames: FloatArray  # (n, 12, 12)
@@ -124,9 +124,9 @@ def equations(geometry: Geometry, frames: Frames, poses: Poses, measured: Measur
 
 
 def _orientation_rows(frames: Frames, R: FloatArray, measured: Measured) -> tuple[FloatArray, FloatArray]:
-    """Residuals (n, 3) [rad] and derivatives by δφ (n, 3, 3): of the whole rotation where there is one, else of angles.
+    """Residuals (n, 3) [rad] and derivatives by δφ (n, 3, 3): of the rotation if it is full, else of single angles.
 
-    The rotation from the predicted to the measured one as a vector; single angles, of inclinometers, are in world.
+    The rotation vector from the predicted to the measured rotation; single angles, of inclinometers, are in world.
     """
     whole = measured.has_rotation
     r, by_turn = np.zeros((len(R), 3)), np.zeros((len(R), 3, 3))

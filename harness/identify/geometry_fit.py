@@ -1,7 +1,7 @@
-"""The fit of joints and offsets: Gauss and Newton on lengths and poses, whose errors are both weighed.
+"""The fit of joints and offsets: Gauss–Newton on lengths and poses, weighted by their errors.
 
-The true poses are unknowns, too, six a row. They are eliminated row by row: six lengths fix a pose, so that what is
-left to see of the geometry is as many equations as the row has measured numbers of its pose.
+The true poses are unknowns, too, six per row. They are eliminated row by row: six lengths fix a pose, so each row
+leaves as many equations for the geometry as it has measured numbers of its pose.
 """
 
 from typing import NamedTuple
@@ -19,11 +19,11 @@ from gough_stewart.harness.identify.geometry_equations import (
 from gough_stewart.model.vectors import FloatArray
 
 _MOST_STEPS, _MOST_HALVINGS = 50, 12
-_CONVERGED = 1e-10  # of the cost, relative
+_CONVERGED = 1e-10  # relative change of the cost
 
 
 class Fit(NamedTuple):
-    """Where the fit ended."""
+    """The result of the fit."""
 
     geometry: Geometry
     frames: Frames
@@ -45,17 +45,17 @@ def fitted(
     *,
     is_frame_known: bool,
 ) -> Fit:
-    """The geometry nearest to nominal that explains the log best.
+    """The geometry that explains the log best and stays nominal where it is unobservable.
 
-    With z = Z d the equations that are left, d in units of `scale`, Z = U S Vᵀ: d = V₁ S₁⁻¹ U₁ᵀ z in the directions
-    V₁ whose standard error 1/S is below 1, that is, `scale`; nothing in the others, which keep their nominal values.
+    With z = Z d the remaining equations, d in units of `scale`, Z = U S Vᵀ: d = V₁ S₁⁻¹ U₁ᵀ z in the directions
+    V₁ whose standard error 1/S is below 1, that is, `scale`; zero in the others, which keep their nominal values.
 
     Parameters
     ----------
     unknowns
-        Which of the 42 numbers are looked for.
+        Which of the 42 numbers are estimated.
     scale
-        How well the nominal geometry is known [m].
+        Uncertainty of the nominal geometry [m].
     """
     geometry = nominal
     d: FloatArray = np.zeros(len(unknowns))
@@ -84,7 +84,7 @@ def fitted(
             tried = nominal.plus(change), frames.plus(share * turn), poses.plus(share * move)
             then = equations(*tried, measured)
             cost = float((then.residual**2).sum())
-            # what is not seen may have to go back to nominal, which costs rounding only
+            # unobservable directions may return to nominal, which costs rounding only
             if cost <= before * (1 + 1e-9) + 1e-12:
                 break
             share /= 2
@@ -98,7 +98,7 @@ def fitted(
 
 
 class _Left(NamedTuple):
-    """What a log says of geometry and frames whatever the poses were; rows of all poses."""
+    """Equations of geometry and frames with the poses eliminated; rows of all poses."""
 
     residual: FloatArray  # (6 n,)
     by_geometry: FloatArray  # (6 n, 42)
@@ -106,7 +106,7 @@ class _Left(NamedTuple):
 
 
 def _without_poses(of: Equations) -> _Left:
-    """Nᵀ of every row's equations, with Nᵀ A = 0, A their derivatives by the pose."""
+    """Nᵀ times every row's equations, with Nᵀ A = 0, A their derivatives with respect to the pose."""
     N = np.linalg.qr(of.by_pose, mode="complete")[0][:, :, 6:]
     back = np.swapaxes(N, 1, 2)
     return _Left(
@@ -117,14 +117,14 @@ def _without_poses(of: Equations) -> _Left:
 
 
 def _pose_change(now: Equations, unknowns: FloatArray, step: FloatArray, turn: FloatArray) -> FloatArray:
-    """Least squares of what geometry and frames leave of every row's residuals (n, 6)."""
+    """The least-squares pose changes for the residuals (n, 6) that geometry and frames leave."""
     rest = now.residual - now.by_geometry[:, :, unknowns] @ step - now.by_frames @ turn
     Q, R = np.linalg.qr(now.by_pose)
     return np.asarray(np.linalg.solve(R, np.swapaxes(Q, 1, 2) @ rest[..., None])[..., 0])
 
 
 def _small_svd(matrix: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """U, S (p,) and all of Vh (p, p) of a tall matrix, and z in what takes the place of its rows, by QR first."""
+    """U, S (p,) and full Vh (p, p) of a tall matrix, and the compressed z, by QR first."""
     p = matrix.shape[1]
     tall = np.pad(matrix, ((0, max(0, p - len(matrix))), (0, 0)))
     Q, R = np.linalg.qr(tall)
@@ -133,7 +133,7 @@ def _small_svd(matrix: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _span(matrix: FloatArray) -> FloatArray:
-    """An orthonormal basis of the columns; none of a matrix of zeros."""
+    """An orthonormal basis of the columns; empty for a zero matrix."""
     if not matrix.size:
         return np.zeros((len(matrix), 0))
     basis, sizes, _ = np.linalg.svd(matrix, full_matrices=False)

@@ -1,4 +1,4 @@
-"""Parameters from a log, by whichever method can tell them."""
+"""Identify parameters from a log by any method."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -33,29 +33,29 @@ def identify(
     Parameters
     ----------
     log
-        A file as `read_log` takes it, a `Log`, or a `Record`.
+        A file that `read_log` can read, a `Log`, or a `Record`.
     platform
-        The nominal one: what is not estimated is taken from it, and what is begins there.
+        The nominal one: the source of all other parameters, and of starting values.
     estimate
-        Parameters, or elements of them: a list, or a text with commas. `leg_viscous_friction` is one number for all
+        Parameters, or elements of them: a list, or a string with commas. `leg_viscous_friction` is one value for all
         legs, `leg_viscous_friction[1..6]` six.
     method
         "linear" is least squares of inverse dynamics: masses, centres of mass, inertias, armature, friction;
-        "output_error" simulates the plant and takes any physical parameter, `leg_friction_velocity` among them;
-        "geometry" calibrates `base_points`, `platform_points` and `leg_length_offset` from measured poses at rest,
-        and is the method wherever these alone are estimated.
+        "output_error" simulates the plant and accepts any physical parameter, also `leg_friction_velocity`;
+        "geometry" calibrates `base_points`, `platform_points` and `leg_length_offset` from measured poses at rest;
+        it is chosen if only these are estimated.
     options
-        Of the method: `cutoff` [Hz] of the filter, `validation`, the share of the log that checks the fit; of
-        "output_error" also `starts` and `seed`. Of "geometry": `pose_frame` ("world", or "own" for a tracker that
-        stands somewhere), `accuracy`, standard errors of leg length [m], position [m] and orientation [rad], and
-        `nominal_error` [m], to which the nominal geometry is known.
+        Of the method: `cutoff` [Hz] of the filter, `validation`, the share of the log for validation; for
+        "output_error" also `starts` and `seed`. For "geometry": `pose_frame` ("world", or "own" for a tracker with its
+        own frame), `accuracy`, standard errors of leg length [m], position [m] and orientation [rad], and
+        `nominal_error` [m], the uncertainty of the nominal geometry.
 
     Raises
     ------
     LogError
-        A log that cannot be evaluated, or that this platform cannot have made.
+        A log that cannot be evaluated, or that does not match this platform.
     IdentificationError
-        Parameters that this method, or this log, cannot tell; names them.
+        Parameters that this method, or this log, cannot determine; names them.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def identify(
     if method == "linear" and all(name.strip().partition("[")[0] in GEOMETRY for name in names):
         method = "geometry"
     if "pose_frame" in options and method != "geometry":
-        raise IdentificationError(f"pose_frame is of method geometry alone; this one is {method}")
+        raise IdentificationError(f"pose_frame is an option of method geometry only; this one is {method}")
     if isinstance(log, Record):
         log = log_of(log)
     elif not isinstance(log, Log):

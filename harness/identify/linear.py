@@ -1,4 +1,4 @@
-"""Linear identification: weighted least squares of inverse dynamics, in which masses and friction are linear."""
+"""Linear identification: weighted least squares of inverse dynamics, which is linear in masses and friction."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,9 +23,9 @@ from gough_stewart.harness.identify.regression import Rows, rows_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Of the largest pivot: smaller ones are rounding.
+# Relative to the largest pivot; smaller ones are rounding errors.
 _ROUNDING = 1e-9
-# Of the forces' changes, in the median of the legs: beyond it the log is of another machine.
+# Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine.
 _UNEXPLAINED = 0.5
 _REWEIGHTINGS = 3
 
@@ -35,24 +35,24 @@ def identify_linear(
 ) -> Estimate:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
 
-    Rows of each leg are weighted with the inverse variance of its residuals; where there is Coulomb friction, rows in
-    which the leg turns round are left out: no law of friction is sure there. The covariance of the result is the
-    sandwich A⁻¹ S A⁻¹ with A = Gᵀ Wᵀ Σ⁻¹ W G, G = ∂φ/∂θ, and S the long-run covariance of the scores, right for
-    residuals that remember, and that legs share.
+    Rows of each leg are weighted with the inverse variance of its residuals; with Coulomb friction, rows in which the
+    leg reverses are left out, since friction models are uncertain there. The covariance of the result is the sandwich
+    A⁻¹ S A⁻¹ with A = Gᵀ Wᵀ Σ⁻¹ W G, G = ∂φ/∂θ, and S the long-run covariance of the scores, valid for residuals that
+    are autocorrelated, and correlated between legs.
 
     Parameters
     ----------
     names
         Parameters or elements of them.
     cutoff
-        Of the filter [Hz]; found from the log by default.
+        Cut-off of the filter [Hz]; from the log by default.
     validation
-        Share of the log, its end, that is kept aside to check the fit.
+        Share of the log, at its end, reserved for validation.
 
     Raises
     ------
     IdentificationError
-        A parameter that is not linear, or that this log cannot tell; names it.
+        A parameter that is not linear, or that this log cannot determine; names it.
     LogError
         A log that cannot be evaluated.
     """
@@ -62,8 +62,8 @@ def identify_linear(
     for name in names:
         if name not in elements and name.partition("[")[0] not in FRICTION:
             raise IdentificationError(
-                f"{name}: inverse dynamics is not linear in it; use the method output_error, or for joints and offsets "
-                "geometry",
+                f"{name}: inverse dynamics is not linear in it; use the method output_error, or geometry for joints "
+                "and offsets",
                 [name],
             )
     elements = with_estimated(elements, names, nominal.tolist())
@@ -87,7 +87,7 @@ def identify_linear(
         weights = used / np.sqrt(power + 1e-24 * (F**2).mean(axis=0) + np.finfo(float).tiny)
     _check_explained(residual[:fitted], F)
     D = weights[..., None] * (W @ (G * scale))
-    notes = [f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept aside"]
+    notes = [f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept for validation"]
     channels = Channels(
         "force of leg", "N", rows.time, rows.force, residual, rows.regressor @ linear_parameters(elements), fitted
     )
@@ -110,7 +110,7 @@ def _fitted(
 
 
 def scales_of(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
-    """Sizes (p,) that changes of these elements are measured against."""
+    """Sizes (p,) relative to which changes of these elements are measured."""
     velocity = float(np.sqrt((rows.regressor[:, :, 15:21] ** 2).sum(axis=2).mean()))
     force = max(float(np.std(rows.force, axis=0).mean()), 1e-9 * float(np.abs(rows.force).max()))
     return scales(platform, names, force, velocity)
@@ -121,12 +121,12 @@ def _has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
 
 
 def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:
-    """Refuse combinations that this motion, or any, leaves without a force: rank-revealing QR with pivots."""
+    """Refuse combinations that have no effect on forces in this motion, or any: rank-revealing QR with pivots."""
     D = (W @ (gradient(elements, names) * scale)).reshape(-1, len(names))
     size = np.linalg.norm(D, axis=0)
     if not size.all():
         dead = [name for name, s in zip(names, size, strict=True) if s == 0]
-        raise IdentificationError(f"no force in this log depends on {', '.join(dead)}; leave them out", dead)
+        raise IdentificationError(f"no force in this log depends on {', '.join(dead)}; remove them", dead)
     R, pivots = qr(D, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(R))
     rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
@@ -137,16 +137,16 @@ def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence
     texts = []
     for j, name in enumerate(dependent):
         parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
-        texts.append(f"{name} acts as a combination of {', '.join(parts)} does")
+        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
     raise IdentificationError(
-        f"too little excitation: {'; '.join(texts)}; leave out one of each, or move the platform in more ways "
+        f"too little excitation: {'; '.join(texts)}; remove one of each, or move the platform in more ways "
         "(gough-stewart excite)",
         dependent,
     )
 
 
 def _check_explained(residual: FloatArray, force: FloatArray) -> None:
-    """Refuse a fit that leaves most of the forces unexplained: this platform has not made this log."""
+    """Refuse a fit that leaves most of the forces unexplained: the log is not of this platform."""
     share = rms(residual) / np.maximum(np.std(force, axis=0), 1e-300)
     if np.median(share) > _UNEXPLAINED:
         raise LogError(

@@ -1,7 +1,7 @@
-"""The parameters φ in which inverse dynamics is linear, F = W φ, and how a platform's own make them.
+"""The parameters φ in which inverse dynamics is linear, F = W φ, as functions of a platform's parameters.
 
     platform   m, m r_G, I = J + m (r_G·r_G 1 − r_G r_Gᵀ) about Op
-    legs       m2, m2 d, m1 r1, I0 = m1 r1² + J1 + J2 + m2 d², m_a: all that the equations of a leg hold
+    legs       m2, m2 d, m1 r1, I0 = m1 r1² + J1 + J2 + m2 d², m_a: all parameters in the equations of a leg
     friction   viscous and Coulomb, of each leg
 
 [Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.leg_dynamics`.]
@@ -39,13 +39,13 @@ _SCALARS = (
 COM = tuple(f"platform_com[{a}]" for a in (1, 2, 3))
 INERTIA = tuple(f"platform_inertia[{a + 1},{b + 1}]" for a, b in PAIRS)
 FRICTION = ("leg_viscous_friction", "leg_coulomb_friction")
-# Beside them only the smoothing velocity of friction is left of a platform; these make the regressor.
+# The only other parameter of the equations is the smoothing velocity of friction; these make the regressor.
 _FIXED = ("base_points", "platform_points", "gravity")
 SIZE = 10 + 5 + 12
 
 
 def elements_of(platform: Platform) -> dict[str, float]:
-    """All elements that make φ, with the platform's values."""
+    """All elements on which φ depends, with the platform's values."""
     factors = [f"{name}_factor[{k}]" for name in FRICTION for k in range(1, 7)]
     return {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA, *FRICTION, *factors)}
 
@@ -58,7 +58,7 @@ def linear_parameters(elements: Mapping[str, Any]) -> Array:
     I = [J[k] + m * ((c @ c) * (a == b) - c[a] * c[b]) for k, (a, b) in enumerate(PAIRS)]
     m1, m2, r1, d = (e[f"leg_{name}"] for name in ("lower_mass", "upper_mass", "lower_com", "upper_com"))
     I0 = m1 * r1**2 + e["leg_lower_inertia"] + e["leg_upper_inertia"] + m2 * d**2
-    # a leg's own friction goes before the common one with its factor
+    # a leg's own friction replaces the common value and its factor
     friction = [
         e[own] if (own := f"{name}[{k}]") in e else e[name] * e[f"{name}_factor[{k}]"]
         for name in FRICTION
@@ -68,12 +68,12 @@ def linear_parameters(elements: Mapping[str, Any]) -> Array:
 
 
 def with_estimated(elements: Mapping[str, Any], names: Sequence[str], values: Sequence[Any] | Array) -> dict[str, Any]:
-    """The elements with some replaced, or added: the friction of one leg."""
+    """The elements with some replaced, or with the friction of one leg added."""
     return {**elements, **dict(zip(names, values, strict=True))}
 
 
 def gradient(elements: Mapping[str, Any], names: Sequence[str]) -> FloatArray:
-    """∂φ/∂θ (SIZE, p) by these elements, by complex steps: exact for polynomials as these to the last digit."""
+    """∂φ/∂θ (SIZE, p) for these elements, by complex steps: exact to the last digit for these polynomials."""
     step = 1e-30
     values = [elements[name] for name in names]
     columns = []
@@ -84,7 +84,7 @@ def gradient(elements: Mapping[str, Any], names: Sequence[str]) -> FloatArray:
 
 
 def regressor(platform: Platform, state: State, acceleration: Acceleration) -> FloatArray:
-    """W (n, 6, SIZE): the actuator forces of n states for each of φ alone, by the physics with unit parameters.
+    """W (n, 6, SIZE): the actuator forces of n states for each element of φ alone, with unit parameters.
 
     Inverse dynamics with F = W φ; joints, gravity and the smoothing velocity of friction are the platform's.
     """
@@ -93,7 +93,7 @@ def regressor(platform: Platform, state: State, acceleration: Acceleration) -> F
     columns = np.array(_wrenches_function()(motion.T, np.concatenate(fixed))).T.reshape(len(motion), -1, 6)
     legs = leg_geometry(platform, state.position, state.orientation)
     inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), transpose(columns))
-    # friction acts along the actuator: a force of the leg's own, and of no other
+    # friction acts along the actuator, only on its own leg
     rates = rates_of_legs(legs, state).length_rate
     alone = [friction_force(_units(platform, **{name: 1}), rates)[..., None] * np.eye(6) for name in FRICTION]
     return np.concatenate([inertial, *alone], axis=-1)
@@ -102,7 +102,7 @@ def regressor(platform: Platform, state: State, acceleration: Acceleration) -> F
 @cache
 @interrupts_held_back()
 def _wrenches_function() -> casadi.Function:
-    """CasADi Function: (motion (18), joints and gravity) -> Jᵀ F of each inertial parameter alone, in turn."""
+    """CasADi Function: (motion (18), joints and gravity) -> Jᵀ F for each inertial parameter alone, in order."""
     motion, fixed = casadi.SX.sym("motion", 18), casadi.SX.sym("fixed", 39)
     numbers = np.array([casadi.vertsplit(motion)], dtype=object)
     state, acceleration = State.from_vector(numbers[:, :12]), Acceleration(numbers[:, 12:15], numbers[:, 15:])
@@ -120,7 +120,7 @@ def _wrenches_function() -> casadi.Function:
     mass, upper = wrench(platform_mass=1), wrench(leg_upper_mass=1)
     columns = [mass]
     for axis in np.eye(3):
-        # about Op this body has no inertia, so that only the moment is left beside the mass
+        # with zero inertia about Op, only mass and first moment remain
         about = np.outer(axis, axis) - np.eye(3)
         columns.append(wrench(platform_mass=1, platform_com=axis, platform_inertia=about) - mass)
     for a, b in PAIRS:
@@ -137,7 +137,7 @@ def _wrenches_function() -> casadi.Function:
 
 
 def _units(platform: Platform | None, **units: Any) -> Parameters:
-    """Parameters that are all 0 but these, with what φ does not hold of the platform."""
+    """Parameters that are all 0 except these, with those of the platform that φ does not include."""
     values: dict[str, Any] = {row.name: np.zeros(row.shape) for row in PHYSICAL}
     values["leg_friction_velocity"] = 1.0
     values |= {f"{name}_factor": np.ones(6) for name in FRICTION}

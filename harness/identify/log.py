@@ -1,4 +1,4 @@
-"""Logs of machines: what encoders, force sensors or motor currents, and now and then a tracker, have recorded."""
+"""Logs of machines: records of encoders, force sensors or motor currents, and possibly a tracker."""
 
 import json
 import math
@@ -17,10 +17,10 @@ from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.model.vectors import FloatArray
 
-# A name, perhaps with an index, and perhaps a unit in brackets: "leg_length[1]", "leg_length_1 (mm)", "time [ms]".
+# A name, optionally with an index, optionally with a unit: "leg_length[1]", "leg_length_1 (mm)", "time [ms]".
 _HEAD = re.compile(r"([A-Za-z][\w.]*?)(?:\[(\d+)\]|_(\d+))?(?:\s*[\[(]([^\])\d][^\])]*)[\])])?")
 _UNITS = {**UNITS, "A": {"A": 1, "mA": 1e-3}}
-# What the columns of each quantity may be called, the best first, with size and unit.
+# Possible column names of each quantity, preferred first, with size and unit.
 _QUANTITIES = {
     "time": (("time",), 1, "s"),
     "leg_length": (("measured.leg_length", "leg_length"), 6, "m"),
@@ -36,14 +36,14 @@ _FORM = "expected columns time, leg_length[1..6], actuator_force[1..6] or motor_
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What a machine has recorded, row by row, in SI units; `read_log` makes it from a file."""
+    """Recorded data of a machine, row by row, in SI units; `read_log` reads it from a file."""
 
     leg_length: FloatArray  # (n, 6) [m]
     time: FloatArray | None = None  # (n,) [s]; poses at rest need none
     actuator_force: FloatArray | None = None  # (n, 6) [N]; positive extends the leg
     position: FloatArray | None = None  # (n, 3) of Op [m]
     orientation: FloatArray | None = None  # (n, 3) roll, pitch, yaw [rad]
-    # whether a force acts from its row to the next, as a sampled controller's does; else it is that of its instant
+    # whether a force acts from its row to the next, as with a sampled controller; else it is instantaneous
     holds_force: bool = False
     where: str = "log"
 
@@ -52,7 +52,7 @@ class Log:
         return len(self.leg_length)
 
     def rows(self, which: slice) -> "Log":
-        """The same with some of the rows."""
+        """The log with a range of rows."""
         kept: dict[str, Any] = {}
         for name in ("leg_length", "time", "actuator_force", "position", "orientation"):
             values = getattr(self, name)
@@ -63,22 +63,22 @@ class Log:
 def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
     """Read a log from CSV or Parquet: a record of `run`, or columns of a machine with units in their names.
 
-    Columns: `time`, `leg_length[1..6]`, `actuator_force[1..6]` or `motor_current[1..6]`, and where they were measured
-    `position[1..3]` and `orientation[1..3]`. A unit stands behind the name: `time [ms]`, `leg_length[1] [mm]`; without
-    one it is SI. `leg_length_1` is the same as `leg_length[1]`. A record of a run gives what sensors measured, and
-    true values of what they did not.
+    Columns: `time`, `leg_length[1..6]`, `actuator_force[1..6]` or `motor_current[1..6]`, and, if poses were measured,
+    `position[1..3]` and `orientation[1..3]`. Write units after the names: `time [ms]`, `leg_length[1] [mm]`; without a
+    unit, values are in SI. `leg_length_1` is the same as `leg_length[1]`. From a record of a run, sensor values are
+    used, and true values of signals without a sensor.
 
     Parameters
     ----------
     path
         The file, or the folder of a record.
     force_per_current
-        Of each motor [N/A], where the log has currents.
+        Of each motor [N/A], if the log has currents.
 
     Raises
     ------
     LogError
-        The file cannot be read, lacks columns, or holds something that is no finite number; names column and row.
+        The file cannot be read, lacks columns, or has a value that is not a finite number; names column and row.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
 
 
 def log_of(record: Record) -> Log:
-    """What a run would have logged: what its sensors measured, true values of what they did not, and its forces.
+    """The log of a run: sensor values, true values of signals without a sensor, and forces.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _log_of(table: polars.DataFrame, metadata: Mapping[str, Any], path: str, for
     if "motor_current" in values and force is None:
         if force_per_current is None or not (math.isfinite(force_per_current) and force_per_current != 0):
             raise LogError(
-                f"{path}: has motor currents, and force_per_current is {force_per_current}; expected their factor "
+                f"{path}: has motor currents, but force_per_current is {force_per_current}; expected the factor "
                 "[N/A], torque constant · 2π · efficiency / lead"
             )
         force = values["motor_current"] * force_per_current
@@ -126,7 +126,7 @@ def _log_of(table: polars.DataFrame, metadata: Mapping[str, Any], path: str, for
         path,
     )
     if len(log) < 2:
-        raise LogError(f"{path}: {len(log)} rows; expected a log of some seconds, or of some poses")
+        raise LogError(f"{path}: {len(log)} rows; expected a log of some seconds, or of several poses")
     return _at_samples(log, metadata)
 
 
@@ -140,7 +140,7 @@ def _table(path: Path) -> polars.DataFrame:
 
 
 def _columns(heads: list[str], path: str) -> dict[str, list[tuple[str, float]]]:
-    """Of every quantity that is there its columns in order, each with its factor to SI units."""
+    """The columns of each available quantity in order, each with its factor to SI units."""
     parts: dict[tuple[str, int], tuple[str, str | None]] = {}
     for head in heads:
         match = _HEAD.fullmatch(head.strip())
@@ -178,7 +178,7 @@ def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: st
 
 
 def _metadata(path: Path) -> Mapping[str, Any]:
-    """Of the record of a run; nothing of other logs."""
+    """The metadata of a run's record; empty for other logs."""
     try:
         if path.suffix == ".parquet":
             text = polars.read_parquet_metadata(path).get("gough_stewart", "null")
@@ -191,7 +191,7 @@ def _metadata(path: Path) -> Mapping[str, Any]:
 
 
 def _at_samples(log: Log, metadata: Mapping[str, Any]) -> Log:
-    """The rows of a run at which its sensors were read, with the mean force until the next of them."""
+    """The rows of a run at which its sensors were read, with the mean force until the next reading."""
     sample, step = metadata.get("sample_time"), metadata.get("plant_step")
     if not log.holds_force or not sample or not step or log.actuator_force is None:
         return log

@@ -1,4 +1,4 @@
-"""From leg lengths to the platform's motion: poses by forward kinematics, and rates of the same smooth lengths."""
+"""The platform's motion from leg lengths: poses by forward kinematics, and rates from the same smoothed lengths."""
 
 import numpy as np
 
@@ -18,14 +18,14 @@ _TOLERANCE = 1e-11
 
 
 def poses_of(platform: Platform, leg_length: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions and orientations (n, 3) that have these leg lengths (n, 6) [m], in the assembly mode of home.
+    """Positions and orientations (n, 3) with these leg lengths (n, 6) [m], in the assembly mode of home.
 
-    Newton for all rows at once from the home pose; a row that this does not settle goes on from its neighbour's pose.
+    Newton's method from the home pose for all rows at once; rows that do not converge start from a neighbour's pose.
 
     Raises
     ------
     LogError
-        Lengths that this platform cannot have; names the row.
+        Lengths that are impossible for this platform; names the row.
     """
     n = len(leg_length)
     pose = np.tile(np.concatenate([platform.home_position, platform.home_orientation]), (n, 1))
@@ -42,7 +42,7 @@ def poses_of(platform: Platform, leg_length: FloatArray) -> tuple[FloatArray, Fl
             step *= np.minimum(1.0, largest / np.maximum(size, 1e-300))[:, None]
             pose[:, :3] += step[:, :3]
             pose[:, 3:] += orientation_rate_from_angular_velocity(pose[:, 3:], step[:, 3:])
-            # what runs away is begun again from home, and found from its neighbour below
+            # diverged rows restart from home, and later from their neighbour
             lost = ~(np.isfinite(pose).all(axis=1) & (np.abs(pose[:, 4]) < LARGEST_PITCH))
             pose[lost] = np.concatenate([platform.home_position, platform.home_orientation])
         legs = leg_geometry(platform, pose[:, :3], pose[:, 3:])

@@ -1,4 +1,4 @@
-"""What can be estimated, by name: elements of a platform's parameters, and what a log adds to them."""
+"""Names of quantities that can be estimated: elements of a platform's parameters, and offsets of a log."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -14,22 +14,22 @@ from gough_stewart.model.parameters import PHYSICAL
 from gough_stewart.model.platform import Platform
 
 _ROWS = {row.name: row for row in PHYSICAL}
-# What belongs to a log and not to the platform: shape and unit. They are 0 before they are estimated.
+# Quantities of a log, not of the platform: shape and unit. Their nominal value is 0.
 OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {"leg_length_offset": ((6,), "m")}
-# One number for all legs, or six.
+# One value for all legs, or six.
 PER_LEG = ("leg_viscous_friction", "leg_coulomb_friction")
 _ELEMENT = re.compile(r"(\w+)\[(\d+)(?:,(\d+))?\]")
 
 
 def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
-    """The elements that these names mean: `platform_com` its three, `leg_viscous_friction[1..6]` one a leg.
+    """The elements of these names: `platform_com` means its three, `leg_viscous_friction[1..6]` one per leg.
 
-    Of the symmetric inertia the six with ascending indices.
+    For the symmetric inertia, the six with ascending indices.
 
     Raises
     ------
     IdentificationError
-        No such parameter, or one that is there twice; names it and the nearest.
+        An unknown parameter, or a repeated one; names it, and the nearest.
     """
     elements: list[str] = []
     for name in (each.strip() for each in names):
@@ -48,20 +48,20 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
             )
     twice = sorted({n for n in elements if elements.count(n) > 1 or (n in PER_LEG and f"{n}[" in "".join(elements))})
     if twice:
-        raise IdentificationError(f"estimate: {', '.join(twice)} twice; expected every parameter once", twice)
+        raise IdentificationError(f"estimate: {', '.join(twice)} is repeated; expected every parameter once", twice)
     if not elements:
         raise IdentificationError("estimate: no names; expected parameters such as platform_mass,platform_com")
     return tuple(elements)
 
 
 def unit_of(element: str) -> str:
-    """Of an element [SI]."""
+    """The unit of an element [SI]."""
     stem = element.partition("[")[0]
     return _ROWS[stem].unit if stem in _ROWS else OF_LOGS[stem][1]
 
 
 def value_of(platform: Platform, element: str) -> float:
-    """What the platform has for an element; 0 for what belongs to logs."""
+    """The platform's value of an element; 0 for quantities of a log."""
     stem, index = place_of(element)
     if stem in OF_LOGS:
         return 0.0
@@ -72,12 +72,12 @@ def value_of(platform: Platform, element: str) -> float:
 
 
 def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
-    """The platform with other elements, checked anew; what belongs to logs is left out.
+    """The platform with other values, validated again; quantities of a log are left out.
 
     Raises
     ------
     PlatformError
-        Values that no platform can have.
+        Impossible values.
     """
     changed: dict[str, Any] = {}
     for element, value in values.items():
@@ -92,7 +92,7 @@ def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
         if stem == "platform_inertia":
             changed[stem][index[::-1]] = value
     for stem in [stem for stem in PER_LEG if np.ndim(changed.get(stem, 0.0))]:
-        # in the platform's table: the mean of the legs, and what each of them has of it
+        # as stored in the platform: the mean of the legs, and each leg's factor
         own = changed[stem]
         mean = own.mean()
         changed |= {stem: mean, f"{stem}_factor": own / mean if mean > 0 else np.ones(6)}

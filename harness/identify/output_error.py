@@ -1,4 +1,4 @@
-"""Output-error identification: the plant is simulated under the measured forces, and its leg lengths are fitted."""
+"""Output-error identification: simulate the plant under the measured forces and fit its leg lengths."""
 
 import math
 from collections.abc import Sequence
@@ -24,17 +24,17 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.vectors import FloatArray
 
-# Lengths and forces pass below this multiple of the cut-off, and a step is this share of its period.
+# The filter's cut-off as a multiple of the motion's; a step is this share of its period.
 _WIDER = 2.0
 _STEPS_A_PERIOD = 4
-# RK4 is stable to 2.78 on the real axis; friction may still grow in the fit.
+# RK4 is stable to 2.78 on the real axis; friction may increase during the fit.
 _STIFFEST = 1.5
-# Manoeuvring index of the α-β filter: the noise of a step's acceleration against that of a length, and its limits.
+# Manoeuvring index of the α-β filter: the noise of acceleration relative to that of length, and its limits.
 _INDICES = (1e-3, 10.0)
-# Steps before the filter has forgotten its start.
+# Steps until the filter has forgotten its start.
 _SETTLING = 12
-_OF_STARTS = 0.15  # share of the log on which further starts are tried
-_SPREAD = 0.3  # of starts, in shares of scale
+_OF_STARTS = 0.15  # share of the log on which additional starts are tried
+_SPREAD = 0.3  # of starts, relative to the scale
 
 
 def identify_output_error(
@@ -47,32 +47,32 @@ def identify_output_error(
     starts: int = 3,
     seed: int = 0,
 ) -> Estimate:
-    """Any element of the physical parameters, by a simulation that the log leads; exact gradients.
+    """Estimate any elements of the physical parameters by a simulation corrected by the log; exact gradients.
 
     Parameters
     ----------
     names
         Parameters or elements of them.
     cutoff
-        Of the filter that forces and lengths pass [Hz]; found from the log by default.
+        Cut-off of the filter for forces and lengths [Hz]; from the log by default.
     validation
-        Share of the log, its end, that is kept aside to check the fit.
+        Share of the log, at its end, reserved for validation.
     starts
-        How many values to begin with: the nominal ones, and random ones about them, tried on a part of the log.
+        Number of starting values: the nominal ones, and random ones about them, tried on part of the log.
     seed
-        Of the random ones.
+        Seed of the random ones.
 
     Raises
     ------
     IdentificationError
-        Parameters that this log cannot tell; names them.
+        Parameters that this log cannot determine; names them.
     LogError
         A log that cannot be evaluated.
     """
     names = expanded(names, platform)
     foreign = [name for name in names if name.partition("[")[0] in OF_LOGS]
     if foreign:
-        raise IdentificationError(f"{', '.join(foreign)}: no parameter of the plant; use the method geometry", foreign)
+        raise IdentificationError(f"{', '.join(foreign)}: not a parameter of the plant; use method geometry", foreign)
     course, time = course_of(log, platform, cutoff)
     n = len(course.length) - int(validation * len(course.length))
     nominal = nominal_values(names, platform)
@@ -119,19 +119,19 @@ def identify_output_error(
     whitening = whitening_of(whole.values[:fitted])
     D = np.einsum("ij,tjp->tip", whitening, whole.sensitivity[:fitted]) * scale
     notes = [
-        f"{fitted} steps of {1e3 * course.step:.3g} ms fitted, {len(course.length) - n} kept aside",
-        f"{agree} of {starts} starts lead to the same place",
+        f"{fitted} steps of {1e3 * course.step:.3g} ms fitted, {len(course.length) - n} kept for validation",
+        f"{agree} of {starts} starts converge to the same values",
     ]
     kept = slice(_SETTLING, None)
     measured = course.length[kept]
     before = measured - simulated(course, p, directions[:, :0]).values[kept]
-    channels = Channels("foreseen length of leg", "m", time[kept], measured, whole.values, before, fitted)
+    channels = Channels("predicted length of leg", "m", time[kept], measured, whole.values, before, fitted)
     regression = (D, whole.values[:fitted] @ whitening.T)
     return estimate_of("output_error", names, nominal, scale, best, regression, channels, notes)
 
 
 def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tuple[Course, FloatArray]:
-    """What leads the simulation, and the time at each step's end (n,) [s]; see `identify_output_error`."""
+    """The inputs of the simulation, and the time at the end of each step (n,) [s]; see `identify_output_error`."""
     h = sample_time_of(log)
     check_lengths(log, platform)
     check_forces(log, platform)
@@ -146,7 +146,7 @@ def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tupl
     n, step = len(lengths[0]) - 1, every * h
     J = np.asarray(leg_jacobian(platform, state.position, state.orientation))
     mobility = J @ np.linalg.solve(mass_matrix(platform, state.position, state.orientation), np.swapaxes(J, 1, 2))
-    # noise of what passes the filter: what of raw signals does not pass, by the share of the band
+    # noise that passes the filter, estimated from the rejected part of the raw signals and the share of the band
     lost, passed = slice(edge(h, wide), -edge(h, wide)), math.sqrt(min(1.0, 2 * wide * h))
     of_force = float(np.std(force_of(log)[lost] - smoothed(force_of(log), h, wide, 1, 0, delay))) * passed
     of_length = float(np.std(log.leg_length[lost] - smoothed(log.leg_length, h, wide))) * passed
@@ -166,7 +166,7 @@ def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tupl
         step=step,
         substeps=max(1, math.ceil(rate * step / _STIFFEST)),
     )
-    assert log.time is not None  # as sample_time_of has found
+    assert log.time is not None  # checked by sample_time_of
     return course, log.time[edge(h, wide) + every * np.arange(1, n + 1)]
 
 
@@ -178,7 +178,7 @@ def _gains(index: float) -> tuple[float, float]:
 
 
 def _starts(nominal: FloatArray, scale: FloatArray, number: int, rng: np.random.Generator) -> list[FloatArray]:
-    """The nominal values, and others about them; positive ones stay so."""
+    """The nominal values, and random ones about them; positive values stay positive."""
     found = [nominal]
     for _ in range(max(number, 1) - 1):
         z = _SPREAD * rng.standard_normal(len(nominal))

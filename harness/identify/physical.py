@@ -1,9 +1,9 @@
-"""The parameters that fit best among those which a body, and a leg, can have.
+"""The parameters that fit best among the physically consistent ones.
 
-A platform is a body if its mass is positive and so is its pseudo-inertia [[Σ, m r_G], [m r_Gᵀ, m]]; by Schur's
-complement that is m > 0 and Σ_G = ½ tr(J) 1 − J ≻ 0, J about the centre of mass [Wensing, Kim & Slotine, IEEE RA-L
-3(1), 2018]. Where the best fit is none, Σ_G = L Lᵀ with the exponentials of three parameters on L's diagonal, the
-log-Cholesky form [Rucker & Wensing, IEEE RA-L 7(2), 2022], keeps it one.
+A platform is a physical body if its mass is positive and its pseudo-inertia [[Σ, m r_G], [m r_Gᵀ, m]] positive
+definite; by Schur's complement that is m > 0 and Σ_G = ½ tr(J) 1 − J ≻ 0, J about the centre of mass [Wensing, Kim &
+Slotine, IEEE RA-L 3(1), 2018]. If the best fit is not, Σ_G = L Lᵀ with exponentials of three parameters on L's
+diagonal, the log-Cholesky form [Rucker & Wensing, IEEE RA-L 7(2), 2022], enforces it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,16 +21,16 @@ from gough_stewart.harness.identify.linear_parameters import (
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.vectors import FloatArray
 
-# Of an element with the bound "> 0", and of the moments of Σ_G, which may come near to 0: share of their scale.
+# Lower limit of elements with the bound "> 0", and of the moments of Σ_G, as a share of their scale.
 _SMALLEST = 1e-6
 Function = Callable[[FloatArray], FloatArray]
 
 
 class BestFit(NamedTuple):
-    """Where the fit ended."""
+    """The result of the fit."""
 
     values: FloatArray  # (p,)
-    at_bound: tuple[str, ...]  # what a bound or physical consistency holds
+    at_bound: tuple[str, ...]  # elements held by a bound or by physical consistency
 
 
 def best_fit(
@@ -42,21 +42,21 @@ def best_fit(
     start: FloatArray,
     tolerance: float = 1e-14,
 ) -> BestFit:
-    """Minimise |r(θ)|² over the named elements θ, within the bounds of the platform's table, and as a body.
+    """Minimise |r(θ)|² over the named elements θ, within the bounds of the platform's table and physically consistent.
 
     Parameters
     ----------
     residual, jacobian
         r (k,) of θ (p,), and ∂r/∂θ (k, p).
     elements
-        All elements of a platform; those not named stay.
+        All elements of a platform; those not named stay constant.
     scale, start
         Of θ (p,).
 
     Raises
     ------
     IdentificationError
-        The best fit is no body, and not all six elements of the inertia were to be estimated.
+        The best fit is not a physical body, and the estimate does not include all six elements of the inertia.
     """
     low = np.array([_SMALLEST * s if _bound(name) == "> 0" else 0.0 for name, s in zip(names, scale, strict=True)])
     low = np.where([_bound(name) is None for name in names], -np.inf, low)
@@ -69,8 +69,8 @@ def best_fit(
         return BestFit(theta, held)
     if len(inertias) < len(INERTIA):
         raise IdentificationError(
-            f"platform_inertia: the best fit is that of no body, and only {', '.join(names[k] for k in inertias)} were "
-            "to be estimated; estimate all of platform_inertia, or excite the platform's rotations more",
+            f"platform_inertia: the best fit is not a physical body, and the estimate has only "
+            f"{', '.join(names[k] for k in inertias)}; estimate all of platform_inertia, or excite rotations more",
             [names[k] for k in inertias],
         )
     theta = _as_body(residual, jacobian, elements, names, theta, low, scale)
@@ -86,7 +86,7 @@ def _as_body(
     low: FloatArray,
     scale: FloatArray,
 ) -> FloatArray:
-    """The best fit with Σ_G = L Lᵀ in the place of the six elements of the inertia."""
+    """The best fit with Σ_G = L Lᵀ instead of the six elements of the inertia."""
     six = np.array([list(names).index(name) for name in INERTIA])
     size = float(scale[six].max())
     moments, axes = np.linalg.eigh(_second_moments(with_estimated(elements, names, theta)))
@@ -94,7 +94,7 @@ def _as_body(
     lower = np.tril_indices(3)
     diagonal = lower[0] == lower[1]
     bound, eta, units = low.copy(), np.maximum(theta, low), scale.copy()
-    # no smaller than what is still a body for the platform's own check
+    # large enough to pass the platform's own check
     bound[six] = np.where(diagonal, 0.5 * np.log(_SMALLEST * size), -np.inf)
     eta[six] = np.where(diagonal, np.log(np.abs(L[lower])), L[lower])
     units[six] = np.where(diagonal, 1.0, np.sqrt(size))
@@ -108,7 +108,7 @@ def _as_body(
         return theta
 
     def chained(eta: FloatArray) -> FloatArray:
-        # complex steps: exact, since all of `values` is analytic
+        # complex steps: exact, since `values` is analytic
         steps = 1e-30j * np.eye(len(eta))
         by_eta = np.stack([values(eta + step).imag / 1e-30 for step in steps], axis=1)
         return np.asarray(jacobian(values(eta)) @ by_eta)

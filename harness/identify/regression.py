@@ -1,4 +1,4 @@
-"""From a log to the rows of the linear regression: the same low-pass on forces and on what explains them."""
+"""The rows of the linear regression from a log: the same low-pass on forces and on the regressor."""
 
 import math
 from dataclasses import dataclass
@@ -14,46 +14,46 @@ from gough_stewart.harness.identify.smoothing import edge, smoothed
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Lengths are differentiated below this multiple of the rows' cut-off, so that their filter is flat for what is left.
+# Lengths are filtered and differentiated with this multiple of the rows' cut-off, so their gain is flat below it.
 _WIDER = 2.0
-# Of the motion: the cut-off is this multiple of the frequency below which its accelerations lie, but for that share.
+# The cut-off is this multiple of the frequency below which the motion's accelerations lie, except for this share.
 _ABOVE_MOTION = 16.0
 _BEYOND = 1e-3
 _LOWEST = 2.0  # [Hz]
-# A leg turns round below so many times the smoothing velocity of friction, or this share of its usual velocity.
+# A leg reverses below this multiple of the smoothing velocity of friction, or this share of its usual velocity.
 _REVERSAL, _SLOW = 10.0, 0.1
-# Rows of the motion in a period of the lengths' cut-off.
+# Rows of the motion per period of the lengths' cut-off.
 _ROWS_A_PERIOD = 4
 
 
 @dataclass(frozen=True)
 class Rows:
-    """F = W φ + ε at times that are as far apart as the filter lets them tell something new."""
+    """F = W φ + ε at times that are nearly independent after the filter."""
 
     time: FloatArray  # (m,) [s]
     force: FloatArray  # F (m, 6) [N]
     regressor: FloatArray  # W (m, 6, SIZE)
-    cutoff: float  # of forces and regressor [Hz]
-    sliding: FloatArray  # 1 where a leg slides all the time that a row is made of, 0 where it turns round (m, 6)
+    cutoff: float  # of the filter on forces and regressor [Hz]
+    sliding: FloatArray  # 1 if a leg slides during the whole window of a row, 0 if it reverses (m, 6)
 
 
 def rows_of(log: Log, platform: Platform, cutoff: float | None = None) -> Rows:
     """The rows of the regression.
 
-    Lengths are low-passed and differentiated by one kernel; poses and rates follow by forward kinematics; the forces
-    of inverse dynamics for each linear parameter, and the measured forces, then go through one further low-pass. So
-    noise beyond the cut-off is gone, and what the filter does to one side of the equation it does to the other. Rows
-    are half a period of the cut-off apart: white noise of the forces stays nearly white.
+    One kernel filters and differentiates the lengths; poses and rates follow by forward kinematics. The forces of
+    inverse dynamics for each linear parameter, and the measured forces, then pass another low-pass. It removes noise
+    beyond the cut-off, with the same effect on both sides of the equation. Rows are half a period of the cut-off apart,
+    so white force noise stays nearly white.
 
     Parameters
     ----------
     cutoff
-        [Hz]; found from the log by default: `_ABOVE_MOTION` times the highest frequency of its motion.
+        [Hz]; by default `_ABOVE_MOTION` times the highest frequency of the log's motion.
 
     Raises
     ------
     LogError
-        A log that cannot be evaluated, or is not of this platform.
+        A log that cannot be evaluated, or that does not match this platform.
     """
     h = sample_time_of(log)
     check_lengths(log, platform)
@@ -61,7 +61,7 @@ def rows_of(log: Log, platform: Platform, cutoff: float | None = None) -> Rows:
     highest = 0.5 / h / (1.5 * _WIDER)
     cutoff = min(highest, cutoff_of(log.leg_length, h) if cutoff is None else cutoff)
     wide = _WIDER * cutoff
-    # every row of the regression is a row of the motion, and that one of the log
+    # each row of the regression is a row of the motion, which is a row of the log
     every = max(1, int(1 / (_ROWS_A_PERIOD * wide * h)))
     thin = max(1, int(1 / (2 * cutoff * h * every)))
     lengths = [smoothed(log.leg_length, h, wide, every, k) for k in range(3)]
@@ -70,27 +70,27 @@ def rows_of(log: Log, platform: Platform, cutoff: float | None = None) -> Rows:
     W = smoothed(W, h * every, cutoff, thin)
     first = edge(h, wide) + every * edge(h * every, cutoff)
     at = first + every * thin * np.arange(len(W))
-    # a held force is that of the middle of its sample
+    # a held force belongs to the middle of its sample
     delay = -h / 2 if log.holds_force else 0.0
     force = smoothed(force_of(log), h, cutoff, 1, 0, delay)[at - edge(h, cutoff)]
     # the filter's main lobe
     lobe = math.ceil(0.5 / (cutoff * h * every))
     slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[(at - edge(h, wide)) // every]
     fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
-    assert log.time is not None  # as sample_time_of has found
+    assert log.time is not None  # checked by sample_time_of
     return Rows(log.time[at], force, W.reshape(len(W), 6, SIZE), cutoff, np.asarray(slowest > fast, dtype=float))
 
 
 def cutoff_of(leg_length: FloatArray, sample_time: float) -> float:
-    """A cut-off above the motion of a log [Hz]: its accelerations are what tells masses, and noise has most of them.
+    """A cut-off above the motion of a log [Hz]; accelerations matter, since they carry the masses and most noise.
 
-    The spectrum of the lengths, times the frequency to the fourth, up to where it rises again into noise.
+    The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise.
     """
     n = len(leg_length)
     window = np.hanning(n)[:, None]
     power = (np.abs(np.fft.rfft((leg_length - leg_length.mean(axis=0)) * window, axis=0)) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(n, sample_time)
-    # white noise of encoders has the same power everywhere: that of the upper half
+    # encoder noise is white: its power is estimated from the upper half
     floor = float(np.median(power[len(power) // 2 :]))
     of_acceleration = np.maximum(power - 10 * floor, 0.0) * frequency**4
     share = np.cumsum(of_acceleration) / max(float(of_acceleration.sum()), 1e-300)

@@ -1,4 +1,4 @@
-"""What an identification is good for: an experiment with the nominal platform and with the found one, side by side."""
+"""The benefit of an identification: an experiment with the nominal and with the identified platform, compared."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 
-# Of the loop with the machine in it, and their units.
+# Margins of the loop with the machine, and their units.
 _MARGINS = {"disk margin α": "", "gain of all legs": "", "phase of all legs": "°", "crossover": "Hz"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Compared:
-    """An experiment before and after: the machine is the same, the designer's platform is not."""
+    """An experiment before and after: the machine is the same, the nominal model changes."""
 
     before: Record
     after: Record
@@ -55,10 +55,10 @@ class Compared:
 
 
 def before_and_after(experiment: Experiment | Path | str, nominal: Platform, found: Platform) -> Compared:
-    """Run an experiment with the nominal platform as what the designer believes, then with the found one.
+    """Run an experiment designed with the nominal platform, then designed with the identified one.
 
-    The machine is the experiment's own in both: `[plant]` as it is with the nominal platform. Margins are those of the
-    real loop: the controller designed for what is believed, around the linear model of the machine.
+    The machine is the same in both: `[plant]` of the experiment with the nominal platform. Margins are those of the
+    real loop: the controller from each design, with the linear model of the machine.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
 
 
 def with_belief(experiment: Experiment, platform: Platform, machine: Platform | None = None) -> Experiment:
-    """The experiment with this platform as what the designer believes, and if there is one, with this machine."""
+    """The experiment with this platform as nominal model, and optionally with this machine."""
     settings = {"platform.parameters": _numbers(platform)}
     if machine is not None:
         settings["plant.parameters"] = _numbers(machine)

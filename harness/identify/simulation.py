@@ -1,11 +1,11 @@
-"""The plant under measured forces, led by measured lengths, with exact sensitivities: the kernel's own derivatives.
+"""The plant simulated under measured forces and corrected by measured lengths, with exact sensitivities of the kernel.
 
 x̂⁻ = RK4 of ẋ = f(x, F, p) over a step;  ε = L − L(x̂⁻);  x̂ = x̂⁻ + K ε
 
-An open loop would drift away from the log: force noise integrates twice. So lengths lead it back by the gain of an
-α-β filter, the stationary Kalman filter of a mass under force noise [Kalata, IEEE Trans. AES 20(2), 1984]. The
-innovations ε are then nearly white, and their least squares is the prediction-error method [Ljung, System
-Identification, 1999, ch. 7]; short free segments would need twelve initial values each, and weigh noise worse.
+An open-loop simulation would drift away from the log, since force noise integrates twice. So lengths correct it with
+the gain of an α-β filter, the stationary Kalman filter of a mass under force noise [Kalata, IEEE Trans. AES 20(2),
+1984]. The innovations ε are then nearly white, and their least squares is the prediction-error method [Ljung, System
+Identification, 1999, ch. 7]; multiple shooting would need twelve initial values per segment and weight noise worse.
 """
 
 from collections.abc import Sequence
@@ -33,37 +33,37 @@ from gough_stewart.model.vectors import FloatArray
 
 
 class Course(NamedTuple):
-    """What leads a simulation of n steps."""
+    """The inputs of a simulation of n steps."""
 
     start: FloatArray  # x̂ at the first sample (12,)
-    force: FloatArray  # at the beginning, middle and end of each step (2 n + 1, 6) [N]
-    length: FloatArray  # measured at the end of each (n, 6) [m]
-    gain: FloatArray  # K there (n, 12, 6)
+    force: FloatArray  # at the start, middle and end of each step (2 n + 1, 6) [N]
+    length: FloatArray  # measured at the end of each step (n, 6) [m]
+    gain: FloatArray  # K at the end of each step (n, 12, 6)
     step: float  # [s]
-    substeps: int  # of RK4 in a step
+    substeps: int  # RK4 steps per step
 
 
 class Innovations(NamedTuple):
-    """What the simulation did not foresee."""
+    """The prediction errors of the simulation."""
 
     values: FloatArray  # ε (n, 6) [m]
     sensitivity: FloatArray  # ∂ε/∂θ (n, 6, k)
 
 
 def simulated(course: Course, parameters: FloatArray, directions: FloatArray) -> Innovations:
-    """Innovations at every step's end, and their exact derivatives.
+    """Innovations at the end of every step, with exact derivatives.
 
     Parameters
     ----------
     parameters
         The kernel's p.
     directions
-        Of the estimated elements in p (N_PARAMETERS, k).
+        The estimated elements as directions in p (N_PARAMETERS, k).
 
     Raises
     ------
     IdentificationError
-        The simulation leaves all numbers, with these parameters.
+        The simulation diverges with these parameters.
     """
     n, k = len(course.length), directions.shape[1]
     rates, lengths = _Bound(_rates(k), parameters, directions), _Bound(_lengths(k), parameters, directions)
@@ -84,20 +84,20 @@ def simulated(course: Course, parameters: FloatArray, directions: FloatArray) ->
             innovations[step] = innovation
             X = X + course.gain[step] @ innovation
     if not np.isfinite(innovations).all():
-        raise IdentificationError("the simulation diverges with parameters that were tried; begin nearer, or by linear")
+        raise IdentificationError("the simulation diverges with parameters that were tried; start nearer, or by linear")
     return Innovations(innovations[:, :, 0], innovations[:, :, 1:])
 
 
 def _between(start: FloatArray, middle: FloatArray, end: FloatArray, s: float) -> FloatArray:
-    """The parabola through three forces, at a share of the step."""
+    """A parabola through three forces, at a share of the step."""
     return start * ((1 - s) * (1 - 2 * s)) + middle * (4 * s * (1 - s)) + end * (s * (2 * s - 1))
 
 
 class _Bound:
-    """A CasADi Function behind buffers, with parameters and directions as its last arguments."""
+    """A CasADi Function with buffers, and parameters and directions as its last arguments."""
 
     def __init__(self, function: casadi.Function, parameters: FloatArray, directions: FloatArray) -> None:
-        buffer: Any  # whose types do not admit NumPy's
+        buffer: Any  # its type stubs do not accept NumPy arrays
         buffer, self._call = function.buffer()
         self._X = np.zeros(function.size_in(0), order="F")
         self._force = np.zeros(6)
@@ -118,7 +118,7 @@ class _Bound:
 def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """The kernel's p (N_PARAMETERS,), and ∂p/∂θ (N_PARAMETERS, k) by elements of a platform.
 
-    p holds friction as a common number times six factors; where a leg's own is an element, as 1 times the six.
+    p has friction as a common value times six factors; if a leg's own friction is an element, as 1 times six values.
     """
     own: dict[str, Any] = {}
     for stem in PER_LEG:

@@ -1,4 +1,4 @@
-"""A low-pass without phase, and the exact derivatives of what it lets through; its edges are dropped."""
+"""A zero-phase low-pass with exact derivatives; rows near the ends are dropped."""
 
 import math
 
@@ -8,20 +8,20 @@ from scipy.signal import oaconvolve
 from gough_stewart.harness.errors import LogError
 from gough_stewart.model.vectors import FloatArray
 
-# The window's half-length in periods of the cut-off: gain 1 up to half of the cut-off, ½ at it, 0 beyond one and a half
-# times it.
+# Half-length of the window in periods of the cut-off: gain 1 up to half the cut-off, ½ at it, 0 beyond one and a half
+# times the cut-off.
 HALF_LENGTH = 2.75
-# The window cos⁴(π t/2T) = a0 + a1 cos(π t/T) + a2 cos(2π t/T), whose derivatives are 0 at its ends up to the third
+# The window cos⁴(π t/2T) = a0 + a1 cos(π t/T) + a2 cos(2π t/T); at its ends it is 0 up to the third derivative.
 _WINDOW = (0.375, 0.5, 0.125)
 
 
 def smoothed(
     values: FloatArray, sample_time: float, cutoff: float, every: int = 1, derivative: int = 0, delay: float = 0.0
 ) -> FloatArray:
-    """The low-passed signal or a derivative of it, at every so many of those rows that the filter sees whole.
+    """The low-passed signal or its derivative, at every k-th of those rows that have the filter's full length.
 
-    (k * x)(t) with k(t) = 2 f_c sinc(2 f_c t) w(t): the derivative is that of the kernel, k̇ * x, so that values,
-    first and second derivatives are of one and the same smooth signal.
+    (k * x)(t) with k(t) = 2 f_c sinc(2 f_c t) w(t); its derivative uses that of the kernel, k̇ * x, so values, first
+    and second derivatives belong to the same smooth signal.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def smoothed(
     derivative
         0, 1 or 2.
     delay
-        By which the values are older than their rows say, negative if they are newer [s].
+        By how much the values are older than their rows state, negative if newer [s].
 
     Raises
     ------
@@ -60,14 +60,14 @@ def smoothed(
 
 
 def edge(sample_time: float, cutoff: float) -> int:
-    """Rows at either end of a log that the filter does not see whole."""
+    """Rows at either end of a log that the filter drops."""
     return math.ceil(HALF_LENGTH / cutoff / sample_time)
 
 
 def _kernel(t: FloatArray, cutoff: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The kernel and its first two derivatives, by the product rule."""
     w0, T = 2 * math.pi * cutoff, HALF_LENGTH / cutoff
-    # sin(w0 t)/(π t) and derivatives; about 0 by its series
+    # sin(w0 t)/(π t) and derivatives; near 0 by series
     x = w0 * t
     small = np.abs(x) < 1e-2
     safe = np.where(small, 1.0, x)

@@ -1,4 +1,4 @@
-"""Statistics of fits: covariances that hold for residuals which remember, whiteness, what a regressor sees."""
+"""Statistics of fits: covariances for autocorrelated residuals, whiteness, identifiability of a regressor."""
 
 import numpy as np
 from scipy.stats import chi2
@@ -7,7 +7,7 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def long_run_covariance(scores: FloatArray) -> FloatArray:
-    """Covariance (p, p) of the sum of a score's rows (n, p) that may remember some rows before them.
+    """Covariance (p, p) of the sum of the rows (n, p) of autocorrelated scores.
 
     S = Γ0 + Σ_l (1 − l/(m + 1)) (Γ_l + Γ_lᵀ), Γ_l = Σ_t s_t s_{t−l}ᵀ, m = ⌊4 (n/100)^(2/9)⌋; positive semidefinite
     [Newey & West, Econometrica 55(3), 1987, eq. (5)].
@@ -29,7 +29,7 @@ def uncertainty(D: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatA
     Parameters
     ----------
     D
-        (n, 6, p), columns of like scale.
+        (n, 6, p), columns of similar scale.
     residual
         e (n, 6).
     """

@@ -6,7 +6,7 @@ from gough_stewart.harness.output.tables import Named, Sheet
 
 
 def sheets_of(estimate: Estimate) -> list[Sheet]:
-    """Parameters with their intervals; what the log sees; residuals."""
+    """Parameters with their intervals; identifiability; residuals."""
     return [_parameters(estimate), _identifiability(estimate), _residuals(estimate)]
 
 
@@ -21,16 +21,16 @@ def _parameters(estimate: Estimate) -> Sheet:
 
 
 def _identifiability(estimate: Estimate) -> Sheet:
-    title = f"What the log sees; condition number {estimate.condition_number:.3g}"
-    sheet = Sheet(title, ("combination, in shares of scale", "± %"))
+    title = f"Identifiability; condition number {estimate.condition_number:.3g}"
+    sheet = Sheet(title, ("combination, relative to scale", "± %"))
     for k, sigma in enumerate(estimate.singular_values):
-        sheet.add(estimate.combination(k), f"{100 / sigma:.2g}" if k < estimate.rank else "not seen")
+        sheet.add(estimate.combination(k), f"{100 / sigma:.2g}" if k < estimate.rank else "unobservable")
     return sheet
 
 
 def _residuals(estimate: Estimate) -> Sheet:
     found = estimate.residuals
-    heads = (f"residual [{found.unit}]", "fitted", "kept aside", "of signal, %", "p of whiteness")
+    heads = (f"residual [{found.unit}]", "fitted", "validation", "of signal, %", "p of whiteness")
     sheet = Sheet(f"Residuals of the {found.quantity}", heads)
     for k, rms in enumerate(found.rms):
         aside = "–" if found.validation_rms is None else f"{found.validation_rms[k]:.4g}"

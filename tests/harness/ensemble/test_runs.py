@@ -101,7 +101,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(
         return chunks_here(plan, ranges, workers)
 
     monkeypatch.setattr(runner, "chunks_here", counted)
-    with pytest.raises(EnsembleError, match="finished chunks of an ensemble that was not finished"):
+    with pytest.raises(EnsembleError, match="finished chunks of an incomplete ensemble"):
         gs.ensemble(small(), out=tmp_path, workers=1)
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / FOLDER).iterdir()} == kept
     gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
@@ -135,10 +135,10 @@ def test_results_of_another_experiment_are_not_gone_on_with(tmp_path: Path, monk
     plan = json.loads((tmp_path / runner.PLAN).read_text())
     plan["made_with"]["numpy"] = "1.0"
     (tmp_path / runner.PLAN).write_text(json.dumps(plan))
-    with pytest.raises(EnsembleError, match=r"other versions have begun: numpy .* here and 1\.0 there"):
+    with pytest.raises(EnsembleError, match=r"results of other versions: numpy .* here and 1\.0 there"):
         gs.ensemble(small(), out=tmp_path, resume=True)
     (tmp_path / runner.PLAN).write_text("{}")
-    with pytest.raises(EnsembleError, match="is no plan of an ensemble"):
+    with pytest.raises(EnsembleError, match="is not the plan of an ensemble"):
         gs.ensemble(small(), out=tmp_path, resume=True)
     assert files_in(tmp_path / FOLDER) == before
 

@@ -159,7 +159,7 @@ def test_a_tracker_in_its_own_frame_calibrates_all_but_where_base_and_platform_a
             rigid = np.zeros(42)
             rigid[at : at + 18] = np.broadcast_to(motion, (6, 3)).ravel()
             assert np.abs(seen @ rigid).max() < 0.01 * np.linalg.norm(rigid)
-    assert "base and platform are as a whole" in " ".join(found.notes)
+    assert "makes the positions of base and platform unobservable" in " ".join(found.notes)
     frames = found.details["frames"]
     assert np.abs(frames.X - X.as_matrix()).max() < 3e-3
     assert np.abs(frames.y - Y_T).max() < 3e-3
@@ -193,7 +193,7 @@ def test_what_is_not_seen_keeps_its_nominal_value() -> None:
     step = found.values - found.nominal
     assert np.abs(found.directions[found.rank :] @ step).max() < 1e-9
     assert np.abs(found.directions[: found.rank] @ step).max() > 1e-4
-    assert f"{found.rank} of 42 combinations are seen" in " ".join(found.notes)
+    assert f"{found.rank} of 42 combinations are observable" in " ".join(found.notes)
 
 
 def test_some_names_are_found_while_the_others_stay() -> None:
@@ -227,7 +227,7 @@ def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
     log = Machine().log(2)
     assert log.orientation is not None
     assert log.position is not None
-    refused(replace(log, position=None, orientation=None), "any six of them have a pose")
+    refused(replace(log, position=None, orientation=None), "some pose fits any six of them")
     refused(
         replace(log, leg_length=log.leg_length[:, [1, 0, 2, 3, 4, 5]]),
         "contradicts the nominal geometry: platform_points.*legs and joints in the same order",
@@ -261,7 +261,7 @@ def test_the_command_calibrates_from_a_table_of_poses(tmp_path: Path) -> None:
         "identify", str(tmp_path / "poses.csv"), *named, "--pose-frame", "own", "--out", str(tmp_path / "out")
     )
     assert done.exit_code == 0, done.output
-    assert "30 of 42 combinations are seen" in done.output
+    assert "30 of 42 combinations are observable" in done.output
     found = identify_geometry(log, NOMINAL, pose_frame="own")
     made = load_platform(tmp_path / "out" / "platform.toml")
     assert np.abs(made.base_points - found.platform(NOMINAL).base_points).max() < 1e-9
@@ -272,4 +272,4 @@ def test_the_command_calibrates_from_a_table_of_poses(tmp_path: Path) -> None:
         "identify", str(tmp_path / "poses.csv"), *named[:2], "--estimate", "platform_mass", "--pose-frame", "own"
     )
     assert other.exit_code == 1
-    assert "pose_frame is of method geometry alone" in other.output
+    assert "pose_frame is an option of method geometry only" in other.output
