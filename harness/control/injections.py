@@ -76,8 +76,8 @@ class InjectionChoice(Kind):
 
     def samples(self, sample_time: float) -> int:
         """Number of samples per period."""
-        wanted = 1 / float(np.asarray(self.band)[0]) if self.period is None else self.period
-        return max(1, round(wanted / sample_time))
+        period = 1 / float(np.asarray(self.band)[0]) if self.period is None else self.period
+        return max(1, round(period / sample_time))
 
     def lines(self, sample_time: float) -> NDArray[np.intp]:
         """The harmonics of the period in the band, at which the response is evaluated.
@@ -134,8 +134,8 @@ class Multisine(InjectionChoice):
     def lines(self, sample_time: float) -> NDArray[np.intp]:
         """At most so many of those in the band, spaced logarithmically."""
         inside = _in_band(self.band, self.samples(sample_time), sample_time)
-        wanted = np.geomspace(inside[0], inside[-1], self.lines_at_most)
-        return np.unique(np.clip(np.round(wanted), inside[0], inside[-1])).astype(np.intp)
+        spaced = np.geomspace(inside[0], inside[-1], self.lines_at_most)
+        return np.unique(np.clip(np.round(spaced), inside[0], inside[-1])).astype(np.intp)
 
     def signal(self, sample_time: float) -> FloatArray:
         """The flattest of several sums Σ cos(2π k t/n + φ_k) with random phases."""
@@ -174,11 +174,11 @@ class Prbs(InjectionChoice):
     def signal(self, sample_time: float) -> FloatArray:
         """Bits ±1, each held over some samples for a nearly flat spectrum in the band; the period may get longer."""
         hold = max(1, int(_FLAT_PART / (float(np.asarray(self.band)[1]) * sample_time)))
-        wanted = self.samples(sample_time) / hold
-        register = next((r for r in _REGISTERS if 2**r - 1 >= wanted), None)
+        bits = self.samples(sample_time) / hold
+        register = next((r for r in _REGISTERS if 2**r - 1 >= bits), None)
         if register is None:
             raise ControllerError(
-                f"a prbs of {wanted:.3g} bits; expected at most {2 ** _REGISTERS[-1] - 1}: a shorter period"
+                f"a prbs of {bits:.3g} bits; expected at most {2 ** _REGISTERS[-1] - 1}: a shorter period"
             )
         state = np.random.default_rng(self.seed).integers(0, 2, register)
         from scipy.signal import max_len_seq

@@ -130,14 +130,14 @@ class Law(Protocol):
     def limited(self) -> "NDArray[np.bool_] | None":
         """Which forces (6,) it has limited itself; None if the actuators limit them."""
 
-    def force(self, k: int, time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+    def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N].
 
         References are all signals, then the accelerations [m/s², rad/s²]; the excess is what the limits cut off.
         """
 
 
-def controller_of(given: Any) -> Controller:
+def controller_of(controller: Any) -> Controller:
     """A controller from a user's object: a controller, a function, the path of an FMU, or a python-control system.
 
     Such a system acts on leg lengths.
@@ -147,14 +147,14 @@ def controller_of(given: Any) -> Controller:
     ControllerError
         As `LinearController`.
     """
-    if isinstance(given, LinearController | UnitController):
-        return given
-    if isinstance(given, Path | str):
-        return UnitController(Path(given))
+    if isinstance(controller, LinearController | UnitController):
+        return controller
+    if isinstance(controller, Path | str):
+        return UnitController(Path(controller))
     # python-control's systems are callable too, with a frequency
-    if callable(given) and not is_control_system(given):
-        return given  # type: ignore[no-any-return]
-    return LinearController(given)
+    if callable(controller) and not is_control_system(controller):
+        return controller  # type: ignore[no-any-return]
+    return LinearController(controller)
 
 
 def signals_of(controller: Controller) -> tuple[str, ...]:
@@ -163,7 +163,7 @@ def signals_of(controller: Controller) -> tuple[str, ...]:
 
 
 def law_of(
-    controller: Controller, sample_time: float, jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+    controller: Controller, sample_time: float, jacobians: FloatArray, reference: FloatArray, measured: FloatArray
 ) -> Law:
     """The law of a controller, ready for a run; a controller that is an FMU is opened instead.
 
@@ -173,7 +173,7 @@ def law_of(
         Of the run [s].
     jacobians
         Leg Jacobians (n, 6, 6) in the reference poses of all samples.
-    wanted, measured
+    reference, measured
         References and measurements at the first sample (24,): the controller's memory starts in steady state for these
         constant inputs, its integrators at zero, so that a start off the reference gives no derivative kick.
 
@@ -187,7 +187,7 @@ def law_of(
     if not isinstance(controller, LinearController):
         return FunctionLaw(controller)
     controller.check_sample_time(sample_time)
-    return (TaskLaw if controller.space == "task" else LegLaw)(controller, jacobians, wanted, measured)
+    return (TaskLaw if controller.space == "task" else LegLaw)(controller, jacobians, reference, measured)
 
 
 class FunctionLaw:
@@ -204,21 +204,23 @@ class FunctionLaw:
         """Empty: the memory of a function is not visible."""
         return np.zeros(0)
 
-    def force(self, _k: int, time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
+    def force(
+        self, _k: int, time: float, reference: FloatArray, measured: FloatArray, _excess: FloatArray
+    ) -> FloatArray:
         """As `Law`."""
-        reference = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), wanted.copy())
+        by_name = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), reference.copy())
         try:
-            given = self._function(Sample(time, reference, interface.unpack(signals.VARIABLES, measured.copy())))
+            result = self._function(Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy())))
         except (Exception, SystemExit) as error:  # user code may raise anything
             raise ControllerError(
                 f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
             ) from error
         try:
-            force = np.array(given)
+            force = np.array(result)
         except ValueError:  # ragged
             force = np.zeros(0)
         if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
             raise ControllerError(
-                f"the control function returned {given!r} at time {time:g} s; expected {N_LEGS} forces"
+                f"the control function returned {result!r} at time {time:g} s; expected {N_LEGS} forces"
             )
         return force.astype(float)

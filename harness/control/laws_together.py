@@ -29,7 +29,7 @@ class LawOfMany(Law, Protocol):
         self,
         k: int,
         time: float,
-        wanted: FloatArray,
+        reference: FloatArray,
         measured: FloatArray,
         excess: FloatArray,
         due: BoolArray | None = None,
@@ -67,12 +67,12 @@ def laws_together(
     linear = [each for each in controllers if isinstance(each, LinearController)]
     if not linear:
         functions = [each for each in controllers if not isinstance(each, LinearController | UnitController)]
-        return lambda _wanted, _measured: _Functions(functions)
+        return lambda _reference, _measured: _Functions(functions)
     found = {_structure(each) for each in controllers}
     if len(found) > 1:
         raise ControllerError(f"controllers of different structure, {'; '.join(sorted(found))}; expected one for all")
     kind = _TaskLaws if linear[0].space == "task" else _LegLaws
-    return lambda wanted, measured: kind(linear, jacobians, wanted, measured)
+    return lambda reference, measured: kind(linear, jacobians, reference, measured)
 
 
 def _structure(controller: Controller) -> str:
@@ -121,10 +121,10 @@ class _LinearLaws:
         self._at = as_slice(signals.positions(first.signals))
         self._form = first.system.ninputs
 
-    def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
+    def _start(self, reference: FloatArray, measured: FloatArray) -> None:
         """Set the steady state under constant inputs."""
         n = len(self._now.x)
-        self._feed(wanted, measured, np.zeros((N_LEGS, 1)))
+        self._feed(reference, measured, np.zeros((N_LEGS, 1)))
         self._now.next_state()
         forcing = self._next.x.T  # (N, n)
         A = np.broadcast_to(self._matrices[:, :n, :n], (len(forcing), n, n))
@@ -140,12 +140,12 @@ class _LinearLaws:
         """A view of x (N, n), valid until the sample after the next."""
         return self._now.x.T
 
-    def _feed(self, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
+    def _feed(self, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
         u, n = self._now.u, len(measured)
         if self._form == n:
-            np.subtract(wanted, measured, out=u)
+            np.subtract(reference, measured, out=u)
             return
-        u[:n], u[n : 2 * n] = wanted, measured
+        u[:n], u[n : 2 * n] = reference, measured
         if self._form > 2 * n:
             u[2 * n :] = excess
 
@@ -164,29 +164,33 @@ class _LegLaws(_LinearLaws):
         self,
         controllers: Sequence[LinearController],
         _jacobians: FloatArray,
-        wanted: FloatArray,
+        reference: FloatArray,
         measured: FloatArray,
     ) -> None:
         super().__init__(controllers, len(controllers))
-        self._start(_columns(wanted)[self._at], measured.T[self._at])
+        self._start(_columns(reference)[self._at], measured.T[self._at])
 
     def force(
         self,
         _k: int,
         _time: float,
-        wanted: FloatArray,
+        reference: FloatArray,
         measured: FloatArray,
         excess: FloatArray,
         due: BoolArray | None = None,
     ) -> FloatArray:
         """As `LawOfMany`."""
-        self._feed(_columns(wanted)[self._at], measured.T[self._at], excess.T)
+        self._feed(_columns(reference)[self._at], measured.T[self._at], excess.T)
         return self._advance(due).T
 
 
 class _TaskLaws(_LinearLaws):
     def __init__(
-        self, controllers: Sequence[LinearController], jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+        self,
+        controllers: Sequence[LinearController],
+        jacobians: FloatArray,
+        reference: FloatArray,
+        measured: FloatArray,
     ) -> None:
         super().__init__(controllers, len(controllers))
         # (n, 6, 6, N), or (n, 6, 6, 1) if common to all members
@@ -195,13 +199,13 @@ class _TaskLaws(_LinearLaws):
         self._J_inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(each), 1, -1))
         self._lengths = measured.T[self._at].copy()
         self._pose = np.zeros_like(self._lengths)
-        self._start(_times(self._J_inverse[0], _columns(wanted)[self._at] - self._lengths), self._pose)
+        self._start(_times(self._J_inverse[0], _columns(reference)[self._at] - self._lengths), self._pose)
 
     def force(
         self,
         k: int,
         _time: float,
-        wanted: FloatArray,
+        reference: FloatArray,
         measured: FloatArray,
         excess: FloatArray,
         due: BoolArray | None = None,
@@ -209,7 +213,7 @@ class _TaskLaws(_LinearLaws):
         """As `LawOfMany`; see `TaskLaw`."""
         lengths, J, J_inverse = measured.T[self._at], self._J[k], self._J_inverse[k]
         pose = self._pose + _times(J_inverse, lengths - self._lengths)
-        error = _times(J_inverse, _columns(wanted)[self._at] - lengths)
+        error = _times(J_inverse, _columns(reference)[self._at] - lengths)
         hears = self._form > 2 * N_LEGS
         self._feed(pose + error, pose, _times(J.swapaxes(0, 1), excess.T) if hears else pose)
         everyone = True if due is None else due
@@ -236,14 +240,14 @@ class _Functions:
         self,
         k: int,
         time: float,
-        wanted: FloatArray,
+        reference: FloatArray,
         measured: FloatArray,
         excess: FloatArray,
         due: BoolArray | None = None,
     ) -> FloatArray:
         """As `LawOfMany`."""
         self.failures = {}
-        each = np.broadcast_to(wanted, (len(self._laws), wanted.shape[-1]))
+        each = np.broadcast_to(reference, (len(self._laws), reference.shape[-1]))
         for member in range(len(self._laws)) if due is None else np.flatnonzero(due).tolist():
             try:
                 self._forces[member] = self._laws[member].force(k, time, each[member], measured[member], excess)

@@ -32,9 +32,9 @@ class LinearLaw:
         self._at = as_slice(signals.positions(controller.signals))
         self._form = system.ninputs
 
-    def _start(self, wanted: FloatArray, measured: FloatArray) -> None:
+    def _start(self, reference: FloatArray, measured: FloatArray) -> None:
         """Set the steady state under constant inputs."""
-        self._feed(wanted, measured, np.zeros(N_LEGS))
+        self._feed(reference, measured, np.zeros(N_LEGS))
         n = len(self._x)
         A = self._matrix[:n, :n]
         self._x[:] = rest(A, integrating_modes(A), self._matrix[:n, n:] @ self._u)
@@ -44,12 +44,12 @@ class LinearLaw:
         """A copy of x (n,)."""
         return self._x.copy()
 
-    def _feed(self, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
-        n = len(wanted)
+    def _feed(self, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
+        n = len(reference)
         if self._form == n:
-            np.subtract(wanted, measured, out=self._u)
+            np.subtract(reference, measured, out=self._u)
             return
-        self._u[:n], self._u[n : 2 * n] = wanted, measured
+        self._u[:n], self._u[n : 2 * n] = reference, measured
         if self._form > 2 * n:
             self._u[2 * n :] = excess
 
@@ -64,14 +64,16 @@ class LegLaw(LinearLaw):
     """From the signals of the legs, or of the pose, to leg forces."""
 
     def __init__(
-        self, controller: "LinearController", _jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+        self, controller: "LinearController", _jacobians: FloatArray, reference: FloatArray, measured: FloatArray
     ) -> None:
         super().__init__(controller)
-        self._start(wanted[self._at], measured[self._at])
+        self._start(reference[self._at], measured[self._at])
 
-    def force(self, _k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+    def force(
+        self, _k: int, _time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray
+    ) -> FloatArray:
         """As `Law`."""
-        self._feed(wanted[self._at], measured[self._at], excess)
+        self._feed(reference[self._at], measured[self._at], excess)
         return self._advance()
 
 
@@ -79,23 +81,25 @@ class TaskLaw(LinearLaw):
     """From leg lengths to displacements of the platform, and from a wrench to leg forces."""
 
     def __init__(
-        self, controller: "LinearController", jacobians: FloatArray, wanted: FloatArray, measured: FloatArray
+        self, controller: "LinearController", jacobians: FloatArray, reference: FloatArray, measured: FloatArray
     ) -> None:
         super().__init__(controller)
         self._J = jacobians
         self._J_inverse = np.linalg.inv(jacobians)
         self._lengths = measured[self._at].copy()
         self._pose = np.zeros(N_LEGS)
-        self._start(self._J_inverse[0] @ (wanted[self._at] - self._lengths), self._pose)
+        self._start(self._J_inverse[0] @ (reference[self._at] - self._lengths), self._pose)
 
-    def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+    def force(
+        self, k: int, _time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray
+    ) -> FloatArray:
         """As `Law`."""
         lengths = measured[self._at]
         # the sum of J⁻¹ dL: its rate is the twist J⁻¹ L̇; the rate of J⁻¹ (L − L₀) is not, where J changes
         self._pose = self._pose + self._J_inverse[k] @ (lengths - self._lengths)
         self._lengths = lengths.copy()
         # w = Jᵀ F also for the force that the limits cut off
-        self._feed(self._pose + self._J_inverse[k] @ (wanted[self._at] - lengths), self._pose, self._J[k].T @ excess)
+        self._feed(self._pose + self._J_inverse[k] @ (reference[self._at] - lengths), self._pose, self._J[k].T @ excess)
         return np.asarray(self._J_inverse[k].T @ self._advance())
 
 

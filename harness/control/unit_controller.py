@@ -90,9 +90,11 @@ class UnitLaw:
         """Empty: the memory of an FMU is not visible."""
         return np.zeros(0)
 
-    def force(self, k: int, _time: float, wanted: FloatArray, measured: FloatArray, _excess: FloatArray) -> FloatArray:
+    def force(
+        self, k: int, _time: float, reference: FloatArray, measured: FloatArray, _excess: FloatArray
+    ) -> FloatArray:
         """The forces that the FMU outputs at the end of the sample."""
-        outputs = self._step(k * self._sample_time, self._sample_time, np.concatenate([measured, wanted]))
+        outputs = self._step(k * self._sample_time, self._sample_time, np.concatenate([measured, reference]))
         self.limited = outputs[6:] > 0.5
         return outputs[:6]
 

@@ -80,11 +80,11 @@ class _Both(Observer):
 
 def _head(row: Row, n: int) -> Row:
     """The row of the first n members."""
-    wanted = row.wanted
+    reference = row.reference
     return row._replace(
         signals=row.signals[:n],
         inputs=row.inputs[:n],
-        wanted=wanted if wanted is None or wanted.ndim == 1 else wanted[:n],
+        reference=reference if reference is None or reference.ndim == 1 else reference[:n],
         running=row.running[:n],
         sampled=None,
     )
@@ -96,10 +96,10 @@ def _signals(members: Members) -> Sequence[str]:
 
 def limits_of_members(prepared: Sequence[Prepared], size: int) -> dict[str, Any]:
     """Limits of the nominal models, one number if they are all the same."""
-    believed = [each.platform for each in prepared]
+    nominal = [each.platform for each in prepared]
     found = dict[str, Any]()
     for row in LIMITS:
-        values = [getattr(platform, row.name) for platform in believed]
+        values = [getattr(platform, row.name) for platform in nominal]
         if values[0] is None:
             continue
         filled = [*values, *[values[-1]] * (size - len(values))]
@@ -163,7 +163,7 @@ def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamp
     except GoughStewartError:
         loop, platform = (
             members.preparation.prepare(members.nominal).loop,
-            members.preparation.believed(members.nominal),
+            members.preparation.nominal(members.nominal),
         )
     limits = {row.name: value for row in LIMITS if (value := getattr(platform, row.name)) is not None}
     merit = Merit(loop, limits)

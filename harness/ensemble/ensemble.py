@@ -184,15 +184,15 @@ def _planned(experiment: Experiment, folder: Path, files: ChunkFiles, resume: bo
         plan = plan_of(experiment)
         check_names(plan)
         return plan
-    wanted = plan_without_substeps(experiment)
+    requested = plan_without_substeps(experiment)
     if begun is None:
         plan = plan_of(experiment)
         check_names(plan)
         return plan
     plan, versions, is_finished = begun
-    if wanted.hash != plan.hash:
+    if requested.hash != plan.hash:
         raise EnsembleError(
-            f"{folder} has results of another experiment: {_differences(wanted.decisive, plan.decisive)}; choose "
+            f"{folder} has results of another experiment: {_differences(requested.decisive, plan.decisive)}; choose "
             "another --out, or omit --resume"
         )
     if differs := difference(made_with(), versions):

@@ -9,7 +9,7 @@ from typing import Literal
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.planning import Planning, WantedMotion
+from gough_stewart.harness.experiment.planning import Planning, ReferenceMotion
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.fitting import factor_near, shrinking_that_fits, slowing_that_fits
@@ -32,7 +32,7 @@ class MotionCheck:
     """The nominal model, with the force limit of the experiment's actuators."""
     shares: Shares
     """Shares of every limit at every row of the run; see `shares_along`."""
-    _wanted: WantedMotion
+    _requested: ReferenceMotion
 
     @property
     def within(self) -> bool:
@@ -47,7 +47,7 @@ class MotionCheck:
     @cached_property
     def amplitude_factor(self) -> float | None:
         """The amplitude scale at which the motion fits, 1 if it fits already; None if no smaller one fits."""
-        centre = centre_of(self._wanted.reference)
+        centre = centre_of(self._requested.reference)
         return shrinking_that_fits(self.platform, self._motion, centre, self._worst)
 
     def settings_that_fit(self, fit: Fit) -> dict[str, float]:
@@ -101,7 +101,7 @@ class MotionCheck:
 
     @property
     def _motion(self) -> Motion:
-        return self._wanted.motion
+        return self._requested.motion
 
     @property
     def _worst(self) -> float:
@@ -109,8 +109,8 @@ class MotionCheck:
 
     def _slower_clocks(self, factor: float) -> Timing:
         """Clocks of a run that much longer, in whole plant steps within the motion."""
-        clocks = self._wanted.timing
-        end = Scaled(self._wanted.reference, factor).end
+        clocks = self._requested.timing
+        end = Scaled(self._requested.reference, factor).end
         steps = math.ceil(clocks.steps * factor - 1e-9)
         if steps * clocks.plant_step > end:
             steps = math.floor(end / clocks.plant_step)
@@ -118,7 +118,7 @@ class MotionCheck:
 
     def _largest_share_if_slower(self, factor: float) -> float:
         times = self._slower_clocks(factor).times
-        motion = Scaled(self._wanted.reference, factor)(times)
+        motion = Scaled(self._requested.reference, factor)(times)
         return float(shares_along(self.platform, times, motion, self._worst).total.max())
 
 
@@ -155,6 +155,6 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     """
     chosen = experiment_of(experiment, settings)
     planning = Planning()
-    platform, wanted = planning.limited(chosen), planning.wanted(chosen)
-    shares = shares_along(platform, wanted.timing.times, wanted.motion, chosen.limits.condition_number)
-    return MotionCheck(chosen, platform, shares, wanted)
+    platform, requested = planning.limited(chosen), planning.reference_motion(chosen)
+    shares = shares_along(platform, requested.timing.times, requested.motion, chosen.limits.condition_number)
+    return MotionCheck(chosen, platform, shares, requested)

@@ -70,7 +70,7 @@ def _legs(gain: Axes, phase: Axes, L: Any, omega: FloatArray, margins: Margins) 
     gain.axhline(1.0, **_THIN)
     phase.axhline(-180.0, **_THIN)
     label(gain, "gain", "1", "")
-    label(phase, _said(margins), "°", "frequency [Hz]")
+    label(phase, _phase_label(margins), "°", "frequency [Hz]")
     gain.set_ylim(bottom=max(gain.get_ylim()[0], _BELOW))
     gain.legend(ncols=2)
 
@@ -100,7 +100,7 @@ def _degrees(loop: ComplexArray) -> FloatArray:
     return np.asarray(angle - 360 if angle[0] > 90.5 else angle)
 
 
-def _said(margins: Margins) -> str:
+def _phase_label(margins: Margins) -> str:
     phase, up = min(leg.phase for leg in margins.legs), min(leg.gain_up for leg in margins.legs)
     parts = [f"{math.degrees(phase):.0f}°"] if math.isfinite(phase) else []
     parts += [f"× {up:.3g}"] if math.isfinite(up) else []

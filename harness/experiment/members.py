@@ -205,7 +205,7 @@ class Members:
     def _input(self, key: str, spread: Callable[[Target], Spread]) -> Input:
         preparation, experiment = self.preparation, self.nominal
         try:
-            place = place_of(key, experiment, preparation.believed(experiment), preparation.machine(experiment))
+            place = place_of(key, experiment, preparation.nominal(experiment), preparation.machine(experiment))
             return Input(key, place, spread(place.target))
         except ValueError as error:
             raise self._error(key, str(error)) from None

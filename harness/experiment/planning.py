@@ -17,7 +17,7 @@ from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 
 
-class WantedMotion(NamedTuple):
+class ReferenceMotion(NamedTuple):
     """The reference motion of an experiment, whether or not the platform can follow it."""
 
     reference: Reference
@@ -31,7 +31,7 @@ class Planning:
     def __init__(self) -> None:
         self.once = Once()
 
-    def believed(self, experiment: Experiment) -> Platform:
+    def nominal(self, experiment: Experiment) -> Platform:
         """The nominal model."""
         with part_of(experiment.where, "platform"):
             choice, folder = experiment.platform, experiment.folder
@@ -39,13 +39,13 @@ class Planning:
 
     def limited(self, experiment: Experiment) -> Platform:
         """The nominal model with the force limit of the experiment's actuators."""
-        platform = self.believed(experiment)
+        platform = self.nominal(experiment)
         limit = force_limit_of(experiment.actuators, platform)
         if limit == platform.actuator_force_max:
             return platform
         return self.once("limited", (platform, limit), lambda: replace(platform, actuator_force_max=limit))
 
-    def wanted(self, experiment: Experiment) -> WantedMotion:
+    def reference_motion(self, experiment: Experiment) -> ReferenceMotion:
         """The reference motion of an experiment.
 
         Raises
@@ -59,10 +59,10 @@ class Planning:
         # a fastest path may use no more force than the actuators have
         platform, timing = self.limited(experiment), self.timing(experiment)
 
-        def make() -> WantedMotion:
+        def make() -> ReferenceMotion:
             reference = choice.about(platform, folder)
             check_frequency(choice.highest_frequency, timing)
-            return WantedMotion(reference, timing, reference(timing.times))
+            return ReferenceMotion(reference, timing, reference(timing.times))
 
         with part_of(where, "reference"):
             return self.once("reference", (choice, platform, timing, str(folder)), make)
@@ -87,20 +87,20 @@ class Planning:
             made: Timing = self.once("timing of this delay", numbers, make)
             return self.once("timing", (*numbers[:4], seed), lambda: made)
 
-    def warnings(self, experiment: Experiment, wanted: WantedMotion) -> list[str]:
+    def warnings(self, experiment: Experiment, requested: ReferenceMotion) -> list[str]:
         """Refuse a motion that the platform cannot follow; returns warnings for accepted limits."""
-        limits, limit = experiment.limits, force_limit_of(experiment.actuators, self.believed(experiment))
+        limits, limit = experiment.limits, force_limit_of(experiment.actuators, self.nominal(experiment))
         platform = self.limited(experiment)
         with part_of(experiment.where, "reference"):
             return self.once(
                 "reach",
-                (self.believed(experiment), wanted, limit, limits.condition_number, limits.reference),
+                (self.nominal(experiment), requested, limit, limits.condition_number, limits.reference),
                 lambda: check_reach(
                     platform,
-                    wanted.timing.times,
-                    wanted.motion,
+                    requested.timing.times,
+                    requested.motion,
                     limits.condition_number,
-                    centre=centre_of(wanted.reference),
+                    centre=centre_of(requested.reference),
                     dynamic=limits.reference,
                 ),
             )

@@ -55,11 +55,11 @@ class Prepared:
     warnings: tuple[str, ...] = ()  # limits that the reference exceeds with permission
     reference: Reference | None = None  # the motion at any time
 
-    def law(self, wanted: FloatArray, measured: FloatArray) -> Law:
+    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
         """The control law for a run that begins with these references and signals (24,)."""
         if self.controller is None:
             raise ControllerError("an open loop has no control law")
-        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, wanted, measured)
+        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, reference, measured)
 
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
@@ -68,7 +68,7 @@ class Prepared:
             yield None
         elif isinstance(self.controller, UnitController):
             with self.controller.open(self.loop.timing.sample_time) as law:
-                yield lambda _wanted, _measured: law
+                yield lambda _reference, _measured: law
         else:
             yield self.law
 
@@ -101,7 +101,7 @@ class _Planned(NamedTuple):
     reference: Reference
     motion: Motion
     legs: LegMotion
-    wanted: FloatArray
+    signals: FloatArray  # and accelerations, at every row (n, 30)
     jacobians: FloatArray
 
 
@@ -113,9 +113,9 @@ class Preparation(Planning):
 
     def machine(self, experiment: Experiment) -> Platform:
         """The simulated platform."""
-        believed, choice = self.believed(experiment), experiment.plant
+        nominal, choice = self.nominal(experiment), experiment.plant
         with part_of(experiment.where, "plant"):
-            base = believed
+            base = nominal
             if choice.file is not None:
                 file = experiment.folder / choice.file
                 base = self.once("machine's file", (str(file),), lambda: load_platform(file))
@@ -123,10 +123,10 @@ class Preparation(Planning):
 
     def start(self, experiment: Experiment) -> State:
         """The state at time 0."""
-        believed, planned = self.believed(experiment), self._planned(experiment)
-        parts = (experiment.start, believed, planned)
+        nominal, planned = self.nominal(experiment), self._planned(experiment)
+        parts = (experiment.start, nominal, planned)
         motion = None if planned is None else planned.motion
-        return self.once("start", parts, lambda: start_of(experiment.start, believed, motion))
+        return self.once("start", parts, lambda: start_of(experiment.start, nominal, motion))
 
     def prepare(
         self,
@@ -151,7 +151,7 @@ class Preparation(Planning):
         """
         once, section = self.once, partial(part_of, experiment.where)
         chosen, clocks, folder = experiment.controller, experiment.loop, experiment.folder
-        platform, machine = self.believed(experiment), machine or self.machine(experiment)
+        platform, machine = self.nominal(experiment), machine or self.machine(experiment)
         timing = self.timing(experiment)
         planned = self._planned(experiment, controller)
         forces = self._feedforward(experiment, planned)
@@ -194,7 +194,7 @@ class Preparation(Planning):
         own: dict[str, Any] = {"seed": seed}
         loop = Loop(
             timing=timing if seed is None or not timing.jitter else replace(timing, **own),
-            wanted=None if planned is None else planned.wanted,
+            reference=None if planned is None else planned.signals,
             feedforward=forces,
             start_force=np.clip(held, -(force_limit or np.inf), force_limit or np.inf),
             sensors=sensors if seed is None or not any(sensors.noise.values()) else replace(sensors, **own),
@@ -211,7 +211,7 @@ class Preparation(Planning):
         )
         motion, legs = (None, None) if planned is None else (planned.motion, planned.legs)
         jacobians = _NO_JACOBIANS if planned is None else planned.jacobians
-        warnings = [] if planned is None else self.warnings(experiment, self.wanted(experiment))
+        warnings = [] if planned is None else self.warnings(experiment, self.reference_motion(experiment))
         reference = None if planned is None else planned.reference
         return Prepared(platform, machine, start, loop, motion, legs, made, jacobians, tuple(warnings), reference)
 
@@ -223,7 +223,7 @@ class Preparation(Planning):
             return injected(injection, timing.samples)
         if choice is None:
             return None
-        platform = self.believed(experiment)
+        platform = self.nominal(experiment)
 
         def make() -> FloatArray:
             J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
@@ -241,11 +241,11 @@ class Preparation(Planning):
                     where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
                 )
             return None
-        platform, wanted = self.believed(experiment), self.wanted(experiment)
-        self.warnings(experiment, wanted)
+        platform, requested = self.nominal(experiment), self.reference_motion(experiment)
+        self.warnings(experiment, requested)
 
         def make() -> _Planned:
-            reference, timing, motion = wanted
+            reference, timing, motion = requested
             legs = legs_of(platform, motion)
             rows = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
@@ -253,10 +253,10 @@ class Preparation(Planning):
             return _Planned(reference, motion, legs, rows, jacobians)
 
         with part_of(where, "reference"):
-            return self.once("planned", (platform, wanted), make)
+            return self.once("planned", (platform, requested), make)
 
     def _feedforward(self, experiment: Experiment, planned: _Planned | None) -> FloatArray:
-        platform, timing = self.believed(experiment), self.timing(experiment)
+        platform, timing = self.nominal(experiment), self.timing(experiment)
         kind, delay = experiment.controller.feedforward, experiment.loop.delay
 
         def make() -> FloatArray:

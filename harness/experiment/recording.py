@@ -56,12 +56,12 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
 def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str], FloatArray]]:
     """Reference minus actual."""
     actual = interface.unpack(interface.RESULTS, results)
-    wanted, at = {}, 0
+    references, at = {}, 0
     for name, size in _REFERENCE:
-        wanted[name.removeprefix("reference.")] = reference[:, at : at + size]
+        references[name.removeprefix("reference.")] = reference[:, at : at + size]
         at += size
     names = ("position", "orientation", "leg_length")
-    return [(columns(f"error.{name}", wanted[name].shape[1]), wanted[name] - actual[name]) for name in names]
+    return [(columns(f"error.{name}", references[name].shape[1]), references[name] - actual[name]) for name in names]
 
 
 def _changed_parameters(prepared: Prepared, time: FloatArray) -> list[tuple[list[str], FloatArray]]:

@@ -38,7 +38,7 @@ class Place:
     target: Target
 
 
-def place_of(key: str, experiment: Experiment, believed: Platform, machine: Platform) -> Place:
+def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platform) -> Place:
     """The place that a key of `[ensemble]` names.
 
     Raises
@@ -61,7 +61,7 @@ def place_of(key: str, experiment: Experiment, believed: Platform, machine: Plat
         name = rest[-1]
         if len(rest) != 2 or name not in TABLE:
             raise ValueError(f"no such parameter{nearest(name, TABLE)}")
-        value = getattr(machine if section == "plant" else believed, name)
+        value = getattr(machine if section == "plant" else nominal, name)
         bare = name if section == "plant" else f"platform.{name}"
         return Place(path, _of_parameter(bare, name, value))
     return Place(path, _found(".".join(path), getattr(experiment, section), rest, section))

@@ -157,8 +157,8 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
             "with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
         )
     loop = prepared.loop
-    actuators, wanted = loop.actuators, loop.wanted
-    if wanted is None:
+    actuators, reference_rows = loop.actuators, loop.reference
+    if reference_rows is None:
         raise ExportError("a controller without a reference; expected the reference signals for it to follow")
     used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
     return Designed(
@@ -174,8 +174,8 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
         force_limit=math.inf if actuators.force_limit is None else actuators.force_limit,
         rate_limit=math.inf if actuators.rate_limit is None else actuators.rate_limit,
         start_force=loop.start_force.copy(),
-        first_measured=wanted[0, signals.positions(used)] if used else np.zeros(0),
-        first_reference=np.delete(wanted[0], np.s_[12:24]),
+        first_measured=reference_rows[0, signals.positions(used)] if used else np.zeros(0),
+        first_reference=np.delete(reference_rows[0], np.s_[12:24]),
     )
 
 

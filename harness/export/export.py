@@ -81,26 +81,26 @@ def export(
     if isinstance(experiment, casadi.Function):
         controller, experiment = experiment, around(experiment)
     chosen = experiment_of(experiment, settings)
-    wanted, name = chosen_forms(forms), name_of(chosen)
-    if "ssp" in wanted and reference == "inputs":
+    requested, name = chosen_forms(forms), name_of(chosen)
+    if "ssp" in requested and reference == "inputs":
         raise ExportError(
             "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
         )
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     folder = Path(out)
-    check_output_folder(folder, names_of_files(name, wanted, versions))
+    check_output_folder(folder, names_of_files(name, requested, versions))
     report = progress or (lambda _text: None)
     law = designed(chosen, controller, reference)
     files: dict[str, bytes] = {}
-    if "c" in wanted:
+    if "c" in requested:
         report("C")
         files |= c_files(law, f"{name}_controller")
     # the forces of an FMU act at least one sample late; an SSP adds no further delay
     duration = chosen.loop.duration
-    if "fmu" in wanted:
+    if "fmu" in requested:
         late = replace(law, delay=max(1, law.delay))
         files |= unit_archives(component_of(late, f"{name}_controller", duration), versions, systems, report)
-    if "ssp" in wanted:
+    if "ssp" in requested:
         unit = component_of(replace(law, delay=1), f"{name}_controller", duration)
         prepared = prepare(chosen, controller)
         plant = plant_component(
@@ -151,13 +151,13 @@ def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
     """
     if not isinstance(forms, Iterable):
         raise ExportError(f"forms is {forms!r}; expected one or more of {', '.join(FORMS)}")
-    wanted = [forms] if isinstance(forms, str) else list(forms)
-    for form in wanted:
+    requested = [forms] if isinstance(forms, str) else list(forms)
+    for form in requested:
         if form not in FORMS:
             raise ExportError(f"no form '{form}'{nearest(form, FORMS)}")
-    if not wanted:
+    if not requested:
         raise ExportError(f"no form; expected one or more of {', '.join(FORMS)}")
-    return tuple(form for form in FORMS if form in wanted)
+    return tuple(form for form in FORMS if form in requested)
 
 
 def name_of(experiment: Experiment) -> str:

@@ -256,8 +256,8 @@ Law = PidLaw | MatrixLaw | FunctionLaw
 def sizes_of_inputs() -> dict[str, int]:
     """The possible inputs of a CasADi function."""
     sizes = {v.name: v.size for v in signals.VARIABLES}
-    wanted = {f"reference_{name}": size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
-    return {"time": 1, **sizes, **wanted}
+    references = {f"reference_{name}": size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
+    return {"time": 1, **sizes, **references}
 
 
 def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]:

@@ -114,18 +114,18 @@ def _feedforward(designed: Designed) -> casadi.Function | None:
     if designed.feedforward == "none":
         return None
     platform, vector = symbols.platform_symbols(), casadi.SX.sym("motion", N_MOTION)
-    believed, at = symbols.parameters_of(platform), _motion(vector)
+    parameters, at = symbols.parameters_of(platform), _motion(vector)
     if designed.feedforward == "gravity":
-        force = static_leg_forces(believed, at.position, at.orientation, solve=solve_by_orthogonal)
+        force = static_leg_forces(parameters, at.position, at.orientation, solve=solve_by_orthogonal)
     else:
         state, acceleration = State(*at[:4]), Acceleration(*at[4:])
-        force = inverse_dynamics(believed, state, acceleration, solve=solve_by_orthogonal)
+        force = inverse_dynamics(parameters, state, acceleration, solve=solve_by_orthogonal)
     return symbols.function("feedforward", {"motion": vector, **platform}, {"force": symbols.column(force)})
 
 
 def _law(designed: Designed, law: Law) -> tuple[casadi.Function | None, casadi.Function]:
     measured = casadi.SX.sym("measured", interface.size_of(designed.measured))
-    given = {
+    inputs = {
         "time": casadi.SX.sym("time"),
         "motion": casadi.SX.sym("motion", N_MOTION),
         "measured": measured,
@@ -134,53 +134,53 @@ def _law(designed: Designed, law: Law) -> tuple[casadi.Function | None, casadi.F
     }
     by_name = dict(zip((v.name for v in designed.measured), _split(measured, designed.measured), strict=True))
     if isinstance(law, FunctionLaw):
-        given["states"] = casadi.SX.sym("states", law.n_states)
-        wanted = _wanted(given, law.function.name_in())
-        found = law({"time": given["time"], MEMORY: given["states"], **by_name, **wanted})
+        inputs["states"] = casadi.SX.sym("states", law.n_states)
+        references = _references(inputs, law.function.name_in())
+        found = law({"time": inputs["time"], MEMORY: inputs["states"], **by_name, **references})
         outputs = {"force": found[FORCE], **({"next": found[MEMORY_NEXT]} if law.n_states else {})}
-        return None, symbols.function("law", given, outputs)
-    wanted = _wanted(given, [f"reference_{name}" for name in law.signals])
+        return None, symbols.function("law", inputs, outputs)
+    references = _references(inputs, [f"reference_{name}" for name in law.signals])
     r, y = (
         casadi.vertcat(*(values[prefix + name] for name in law.signals))
-        for values, prefix in ((wanted, "reference_"), (by_name, ""))
+        for values, prefix in ((references, "reference_"), (by_name, ""))
     )
-    return (_task if law.space == "task" else _leg)(law, given, r, y)
+    return (_task if law.space == "task" else _leg)(law, inputs, r, y)
 
 
 def _leg(
-    law: Any, given: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX
+    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX
 ) -> tuple[casadi.Function | None, casadi.Function]:
     linear = law.linear
     n = linear.system.nstates
-    given |= {"states": casadi.SX.sym("states", n), "coefficients": linear.symbols}
-    following, force = _advance(linear.system, given["states"], _inputs(linear.system, r, y, given["excess"]))
-    step = symbols.function("law", given, {"force": force, **({"next": following} if n else {})})
+    inputs |= {"states": casadi.SX.sym("states", n), "coefficients": linear.symbols}
+    following, force = _advance(linear.system, inputs["states"], _inputs(linear.system, r, y, inputs["excess"]))
+    step = symbols.function("law", inputs, {"force": force, **({"next": following} if n else {})})
     if not n:
         return None, step
     at_rest = symbols.sparse(linear.start) @ _inputs(linear.system, r, y, casadi.SX.zeros(N_LEGS))
-    return symbols.function("start", given, {"states_at_rest": at_rest}), step
+    return symbols.function("start", inputs, {"states_at_rest": at_rest}), step
 
 
 def _task(
-    law: Any, given: dict[str, casadi.SX], r: casadi.SX, lengths: casadi.SX
+    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, lengths: casadi.SX
 ) -> tuple[casadi.Function | None, casadi.Function]:
     """As in leg space, for displacements Σ J⁻¹ ΔL; these and the previous lengths are states, too."""
     linear = law.linear
     n = linear.system.nstates
     states = casadi.SX.sym("states", n + 2 * N_LEGS)
-    given |= {"states": states, "coefficients": linear.symbols}
+    inputs |= {"states": states, "coefficients": linear.symbols}
     x, before, lengths_before = casadi.vertsplit(states, [0, n, n + N_LEGS, n + 2 * N_LEGS])
-    at = _motion(given["motion"])
-    J = leg_jacobian(symbols.parameters_of(given), at.position, at.orientation)
+    at = _motion(inputs["motion"])
+    J = leg_jacobian(symbols.parameters_of(inputs), at.position, at.orientation)
     solver, zeros = _Orthogonal(J), casadi.SX.zeros(N_LEGS)
     error = symbols.column(solver.solve(symbols.row(r - lengths)))
     pose = before + symbols.column(solver.solve(symbols.row(lengths - lengths_before)))
-    excess = symbols.sparse(J[0]).T @ given["excess"]
+    excess = symbols.sparse(J[0]).T @ inputs["excess"]
     following, wrench = _advance(linear.system, x, _inputs(linear.system, pose + error, pose, excess))
     force = symbols.column(solver.transposed(symbols.row(wrench)))
-    step = symbols.function("law", given, {"force": force, "next": casadi.vertcat(following, pose, lengths)})
+    step = symbols.function("law", inputs, {"force": force, "next": casadi.vertcat(following, pose, lengths)})
     at_rest = symbols.sparse(linear.start) @ _inputs(linear.system, error, zeros, zeros) if n else casadi.SX(0, 1)
-    return symbols.function("start", given, {"states_at_rest": casadi.vertcat(at_rest, zeros, lengths)}), step
+    return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, zeros, lengths)}), step
 
 
 def _inputs(system: Any, r: casadi.SX, y: casadi.SX, excess: casadi.SX) -> casadi.SX:
@@ -195,12 +195,12 @@ def _advance(system: Any, x: casadi.SX, u: casadi.SX) -> tuple[casadi.SX, casadi
     return A @ x + B @ u, C @ x + D @ u
 
 
-def _wanted(given: dict[str, casadi.SX], names: Any) -> dict[str, casadi.SX]:
+def _references(inputs: dict[str, casadi.SX], names: Any) -> dict[str, casadi.SX]:
     """References of some signals and accelerations, by names with the prefix `reference_`."""
-    at = _motion(given["motion"])
+    at = _motion(inputs["motion"])
     values = dict(zip(REFERENCE, at, strict=True))
     if any("_leg_" in name for name in names if name.startswith("reference_")):
-        values |= legs_of(symbols.parameters_of(given), at)._asdict()  # type: ignore[arg-type]
+        values |= legs_of(symbols.parameters_of(inputs), at)._asdict()  # type: ignore[arg-type]
     return {f"reference_{name}": symbols.column(value) for name, value in values.items()}
 
 

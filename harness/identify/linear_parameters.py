@@ -115,7 +115,7 @@ def _wrenches_function() -> casadi.Function:
 
     def wrench(**units: Any) -> Array:
         parameters = replace(_units(None, **units), **places)
-        return np.asarray(inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, wanted: wanted)[0])
+        return np.asarray(inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)[0])
 
     mass, upper = wrench(platform_mass=1), wrench(leg_upper_mass=1)
     columns = [mass]

@@ -57,19 +57,19 @@ class Drives:
         Returns which of them are clipped (*shape, 6), and the excess (*shape, 6) [N]: the force that the force and rate
         limits allow after one sample, minus the command.
         """
-        wanted = force.T
+        command = force.T
         if self._high is None:
-            limited, cut = wanted.copy(), self.none
+            limited, cut = command.copy(), self.none
         else:
-            limited = _between(self._low, wanted, self._high)
-            cut = (limited != wanted).T
+            limited = _between(self._low, command, self._high)
+            cut = (limited != command).T
         self._target = self._delay(j, limited, due)
         if self._follows_at_once:
-            return cut, self._nothing if self._high is None else (limited - wanted).T
+            return cut, self._nothing if self._high is None else (limited - command).T
         change = self._largest_change_of_a_sample
         planned = _between(self._planned - change, limited, self._planned + change)
         self._planned = planned if due is None else np.where(due, planned, self._planned)
-        return cut, (self._planned - wanted).T
+        return cut, (self._planned - command).T
 
     def step(self) -> tuple[FloatArray, BoolArray]:
         """Mean forces (*shape, 6) [N] over the next plant step, and which of them the rate limit affects."""

@@ -69,7 +69,7 @@ class Loop:
     """
 
     timing: Timing
-    wanted: FloatArray | None  # reference signals and accelerations at every row (n, 30); None without a reference
+    reference: FloatArray | None  # reference signals and accelerations at every row (n, 30); None without a reference
     feedforward: FloatArray  # at every sample (m, 6) [N]
     start_force: FloatArray  # actuator forces before the first command (6,) [N]
     sensors: Sensors = field(default_factory=Sensors)
@@ -171,14 +171,14 @@ def _run(
                 np.copyto(forces, drive, where=outcomes.going[..., None])
                 rate_limited = rate_limited & outcomes.going[..., None]
         plant.set_inputs(acting)
-        wanted = None if loop.wanted is None else loop.wanted[k]
+        reference = None if loop.reference is None else loop.reference[k]
         observer.row(
             Row(
                 k,
                 time,
                 now,
                 acting,
-                wanted,
+                reference,
                 sampler.command,
                 sampler.force_limited,
                 rate_limited,
@@ -187,7 +187,7 @@ def _run(
             )
         )
         outcomes.time = time
-        _check(loop.limits, now, wanted, outcomes)
+        _check(loop.limits, now, reference, outcomes)
         ended = outcomes.end_of_row()
         if ended is not None:
             if not outcomes.going.any():
@@ -222,22 +222,22 @@ def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
         np.copyto(acting[..., 6:], change.external_wrench, where=concerned)
 
 
-def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes: Outcomes) -> None:
+def _check(limits: Limits, now: FloatArray, reference: FloatArray | None, outcomes: Outcomes) -> None:
     """End members that have reached a limit."""
     if limits.on_stroke == "stop":
         beyond = limits.beyond_stroke(now[..., LENGTHS])
         if beyond.any():
             outcomes.end(beyond.any(axis=-1), "stopped", lambda k: _beyond_stroke(limits, now[..., LENGTHS], beyond, k))
-    if wanted is None:
+    if reference is None:
         return
     bound = limits.largest_position_error
     if now.ndim == 1:
-        gap = wanted[:3] - now[:3]
+        gap = reference[:3] - now[:3]
         error: PerMember = math.sqrt(gap.dot(gap))  # faster than @
         if error <= bound:
             return
     else:
-        gap = wanted[..., :3] - now[..., :3]
+        gap = reference[..., :3] - now[..., :3]
         if members.all_below(gap, members.smallest(bound)):
             return
         x, y, z = gap.T

@@ -26,7 +26,7 @@ class Row(NamedTuple):
     time: float  # [s]
     signals: FloatArray  # (*shape, 24)
     inputs: FloatArray  # (*shape, 12), acting from now on
-    wanted: FloatArray | None  # (30,) or (*shape, 30)
+    reference: FloatArray | None  # (30,) or (*shape, 30)
     command: FloatArray  # (*shape, 6) of the latest sample, before limits
     force_limited: BoolArray  # (*shape, 6), of the latest sample
     rate_limited: BoolArray  # (*shape, 6)

@@ -40,7 +40,7 @@ class Sampler:
         rows = timing.rows_of_samples
         n = len(rows) if every is None else timing.steps // every + 1
         self._encoders = Encoders(loop.sensors, every, n, shape)
-        if law_from is not None and loop.wanted is None:
+        if law_from is not None and loop.reference is None:
             raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
         self._every, self._plant_step = timing.steps_a_sample, timing.plant_step
@@ -74,19 +74,19 @@ class Sampler:
         if self._loop.injection is not None:
             command = command + self._loop.injection[j]
         state = self._no_state
-        if self._law_from is not None and self._loop.wanted is not None:
+        if self._law_from is not None and self._loop.reference is not None:
             # the controller counts nominal samples, regardless of jitter
-            wanted = self._loop.wanted[j * self._every]
+            reference = self._loop.reference[j * self._every]
             if self._law is None:
-                self._law = self._law_from(wanted, reading)
+                self._law = self._law_from(reference, reading)
                 self._encoders.only(self._law.used)
             state = self._law.state
             at = j * self._every * self._plant_step
             if self._shape:
-                force, due = self._forces(cast("LawOfMany", self._law), j, at, wanted, reading, due)
+                force, due = self._forces(cast("LawOfMany", self._law), j, at, reference, reading, due)
                 command = np.add(command, force, out=self._sum if due is None else None)
             else:
-                command = command + self._law.force(j, at, wanted, reading, self._excess)
+                command = command + self._law.force(j, at, reference, reading, self._excess)
         if self._shape:
             self._command_many(j, time, command, due)
         else:
@@ -119,10 +119,10 @@ class Sampler:
         self.force_limited, self._excess = cut if due is None else cut & going[:, None], excess
 
     def _forces(
-        self, law: "LawOfMany", j: int, at: float, wanted: FloatArray, reading: FloatArray, due: BoolArray | None
+        self, law: "LawOfMany", j: int, at: float, reference: FloatArray, reading: FloatArray, due: BoolArray | None
     ) -> tuple[FloatArray, BoolArray | None]:
         """Forces of many members, and which are due now, without those whose controllers gave none."""
-        force = law.force(j, at, wanted, reading, self._excess, due)
+        force = law.force(j, at, reference, reading, self._excess, due)
         if law.failures:
             failed = np.isin(np.arange(self._shape[0]), list(law.failures))
             self._outcomes.end(failed, "stopped", lambda k: str(law.failures[k]), counts=False)

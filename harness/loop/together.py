@@ -41,7 +41,7 @@ def together(loops: Sequence[Loop]) -> Loop:
             _numbers([loop.timing.jitter for loop in loops]),
             _seeds([loop.timing.seed for loop in loops]),
         ),
-        wanted=_arrays([loop.wanted for loop in loops]),
+        reference=_arrays([loop.reference for loop in loops]),
         feedforward=_arrays([loop.feedforward for loop in loops]),
         start_force=_arrays([loop.start_force for loop in loops]),
         sensors=Sensors(
@@ -77,7 +77,7 @@ _ALIKE: Mapping[str, Callable[[Loop], Any]] = {
     "plant_step": lambda loop: loop.timing.plant_step,
     "the sensors' sample_time": lambda loop: loop.sensors.sample_time,
     "on_stroke": lambda loop: loop.limits.on_stroke,
-    "whether there is a reference": lambda loop: loop.wanted is not None,
+    "whether there is a reference": lambda loop: loop.reference is not None,
     "whether there is an injection": lambda loop: loop.injection is not None,
 }
 

@@ -88,15 +88,15 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
             raise MotionError(f"columns: no quantity '{name}'{nearest(name, _QUANTITIES)}")
     found = {name: _found(name, headings, chosen) for name in _QUANTITIES}
     turning = _TURNING[_kind_of_turning(found, chosen)]
-    wanted = (*(_PLACE if timed else _PLACE[1:]), *turning)
-    missing = [name for name in wanted if found[name] is None]
+    required = (*(_PLACE if timed else _PLACE[1:]), *turning)
+    missing = [name for name in required if found[name] is None]
     if missing:
         raise MotionError(
-            f"has no column {', '.join(missing)}; expected {', '.join(wanted)}, or the usual names of motion logs "
+            f"has no column {', '.join(missing)}; expected {', '.join(required)}, or the usual names of motion logs "
             "('x [mm]', 'roll [deg]', 'qx'), or columns named in the reference: columns = { \"position[1]\" = "
             '"NAME [mm]", … }'
         )
-    return _in_units({name: heading for name in wanted if (heading := found[name]) is not None})
+    return _in_units({name: heading for name in required if (heading := found[name]) is not None})
 
 
 def _heading(text: str) -> _Heading:

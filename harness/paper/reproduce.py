@@ -149,17 +149,17 @@ def reproduce(
         draw()
 
     rows = [*agreement(case, kernel, kane, stepping, leap), *of_fmus(case, kernel, fmu_runs)]
-    said = report.record(case, kernel, rows, others, weight, drift)
+    content = report.record(case, kernel, rows, others, weight, drift)
     files = {
         "open_loop.csv": csv_of(kernel),
         **pictures,
-        "report.md": report.to_markdown(said),
-        "report.json": report.to_json(said),
+        "report.md": report.to_markdown(content),
+        "report.json": report.to_json(content),
         **fmus,
     }
     if page:
-        files[PAGE] = view_page([record_of_case(case, kernel)], [case.title], [report.agreement_sheet(said)])
-    return Reproduction(said, files)
+        files[PAGE] = view_page([record_of_case(case, kernel)], [case.title], [report.agreement_sheet(content)])
+    return Reproduction(content, files)
 
 
 def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:

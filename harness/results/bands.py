@@ -154,7 +154,7 @@ def _values(name: str, row: Row) -> FloatArray:
     if not name.startswith("error."):
         return now[signals.positions([name])]
     part = _ERRORS[name.removeprefix("error.").removesuffix(".norm")]
-    if row.wanted is None:
+    if row.reference is None:
         return np.full((1 if name.endswith(".norm") else part.stop - part.start, now.shape[1]), np.nan)
-    error = np.atleast_2d(row.wanted).T[part] - now[part]
+    error = np.atleast_2d(row.reference).T[part] - now[part]
     return np.sqrt((error * error).sum(axis=0, keepdims=True)) if name.endswith(".norm") else error

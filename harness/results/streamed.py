@@ -54,7 +54,7 @@ class Merit:
     def __init__(self, loop: Loop, platform: Mapping[str, Any], members: int = 1) -> None:
         self._loop = loop
         self._platform = {name: value for name, value in platform.items() if value is not None}
-        self._steps = None if loop.wanted is None else StreamedSteps(loop.wanted, members)
+        self._steps = None if loop.reference is None else StreamedSteps(loop.reference, members)
         self._rows = np.zeros(members, dtype=np.intp)
         self._running, self._n_running = np.ones(members, dtype=bool), members
         self._k = 0
@@ -89,7 +89,7 @@ class Merit:
             self._end(self._running & ~row.running)
             self._n_running = running
         with np.errstate(all="ignore"):
-            self._take(signals, forces, row.wanted)
+            self._take(signals, forces, row.reference)
             # false of NaN, and of what is infinite
             np.less_equal(self._next[_CHECKED], self._bounds[_CHECKED], out=self._within[_CHECKED])
             if np.count_nonzero(self._within[_CHECKED]) != self._n_within:

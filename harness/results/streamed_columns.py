@@ -37,7 +37,7 @@ def columns_of(
     held = np.maximum(rows - 1, 1)
     peak = np.sqrt(state["peak"][: LONG.start])
     found: dict[str, FloatArray] = {"rows": rows.astype(float), "duration": duration}
-    if loop.wanted is not None:
+    if loop.reference is not None:
         rms = np.sqrt((total[:14] + present[:14]) / rows)
         for k, (name, part) in enumerate(_ERRORS.items()):
             found[f"tracking.{name}.rms"] = rms[part].max(axis=0)

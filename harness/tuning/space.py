@@ -87,7 +87,7 @@ def _axis(text: str, members: Members) -> Axis:
     low_text, low_unit, high_text, unit, log = parts.groups()
     experiment, preparation = members.nominal, members.preparation
     try:
-        place = place_of(key, experiment, preparation.believed(experiment), preparation.machine(experiment))
+        place = place_of(key, experiment, preparation.nominal(experiment), preparation.machine(experiment))
     except ValueError as error:
         raise TuningError(f"--vary {text}: {key}: {error}") from None
     target = place.target

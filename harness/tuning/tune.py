@@ -192,9 +192,9 @@ def _judged(
     return found[0], found[1] if own is not None else None
 
 
-def _number(experiment: Experiment, wanted: int | None, most: int) -> int:
+def _number(experiment: Experiment, requested: int | None, most: int) -> int:
     """The default number of members."""
-    if wanted is not None:
-        return wanted
+    if requested is not None:
+        return requested
     has = None if experiment.ensemble is None else experiment.ensemble.members
     return most if has is None else min(has, most)

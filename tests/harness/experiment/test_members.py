@@ -158,7 +158,7 @@ def test_what_members_share_is_made_once() -> None:
     a, b = (members.preparation.prepare(members.experiment(values)) for values in members.draws(0, 2).values)
     assert a.machine.platform_mass != b.machine.platform_mass
     assert a.platform is b.platform
-    assert a.loop.wanted is b.loop.wanted
+    assert a.loop.reference is b.loop.reference
     assert a.loop.feedforward is b.loop.feedforward
     assert a.controller is b.controller
     assert a.jacobians is b.jacobians

@@ -167,8 +167,8 @@ def test_a_platform_that_has_left_its_reference_ends_the_run() -> None:
 def test_a_platform_at_the_very_bound_goes_on() -> None:
     """Expected: √(0.375² + 0.5²) = 0.625, without rounding, is not beyond 0.625."""
     loop = loop_of(0.1, wants=True)
-    assert loop.wanted is not None
-    loop.wanted[:, :3] = [0.375, -0.5, 0.0]
+    assert loop.reference is not None
+    loop.reference[:, :3] = [0.375, -0.5, 0.0]
     for bound, status in ((0.625, "completed"), (0.6249, "diverged")):
         plant = Masses()
         plant.x[:] = 0.0

@@ -146,7 +146,7 @@ def test_a_command_stays_in_the_rows_until_the_next_sample_of_its_member() -> No
 def test_the_first_outcome_of_a_member_is_its_outcome() -> None:
     """Expected: a force that is no number comes before the bound that the same row is beyond."""
     far = replace(member_of(0, law_of_member(0)).loop, limits=Limits(largest_position_error=1e-12))
-    starting = replace(far, wanted=None if far.wanted is None else far.wanted + 0.1)
+    starting = replace(far, reference=None if far.reference is None else far.reference + 0.1)
     nan = np.full(6, np.nan)
     for outcome in side_by_side([Member(starting, constant(nan)), Member(starting, constant(nan))]).outcomes:
         assert outcome.status == "diverged"
@@ -255,7 +255,7 @@ def test_what_is_alike_for_all_stays_as_it_is() -> None:
     """Expected: no leading axis but where members differ."""
     one = loop_of(0.1)
     both = together([one, replace(one, start_force=np.ones(6))])
-    assert both.wanted is one.wanted
+    assert both.reference is one.reference
     assert both.feedforward is one.feedforward
     assert (both.start_force == [[0.0] * 6, [1.0] * 6]).all()
     assert both.limits.stroke == one.limits.stroke

@@ -104,7 +104,7 @@ def runs() -> tuple[list[Member], list[Loop], dict[str, Any]]:
         everything = np.concatenate([record[name] for name in signals.NAMES], axis=1)
         limited, held_back = (record[f"flag.{name}"] for name in ("force_limited", "rate_limited"))
         force = record["actuator_force"]
-        members.append(Member(everything, force, prepared.loop.wanted, limited, held_back, record))
+        members.append(Member(everything, force, prepared.loop.reference, limited, held_back, record))
         loops.append(prepared.loop)
     return members, loops, platform
 
@@ -116,8 +116,8 @@ def test_members_that_end_differently_have_the_figures_of_their_records(
     members, loops, platform = runs
     status = [member.record.metadata["outcome"]["status"] for member in members]
     assert status == ["completed"] * 4 + ["diverged"]
-    wanted = np.stack([loop.wanted for loop in loops if loop.wanted is not None], axis=1)
-    found = seen_again(Merit(replace(loops[0], wanted=wanted), platform, 5), members)
+    wanted = np.stack([loop.reference for loop in loops if loop.reference is not None], axis=1)
+    found = seen_again(Merit(replace(loops[0], reference=wanted), platform, 5), members)
     assert found["saturation.rate_limited.any"][2] > 0
     assert found["saturation.force_limited.any"][2] > 0
     assert np.isnan(found["step_response.z.rise_time"][3])
@@ -179,9 +179,9 @@ def test_numbers_that_are_noise_have_the_figures_of_their_records_limits_and_row
         limits=Limits((0.9, 2.4)),
     )
     wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
-    check(seen_again(Merit(replace(loop, wanted=wanted), LIMITS, 5), members), members)
+    check(seen_again(Merit(replace(loop, reference=wanted), LIMITS, 5), members), members)
     of_each = {**LIMITS, "actuator_force_max": np.array([2.3, 2.0, 1.0, 3.0, 0.5])}
-    found = seen_again(Merit(replace(loop, wanted=wanted), of_each, 5), members)
+    found = seen_again(Merit(replace(loop, reference=wanted), of_each, 5), members)
     for name in ("first_exceeded", "used"):
         assert np.isfinite(found[f"limits.actuator_power_max.{name}"]).sum() >= 4
     assert np.isfinite(found["step_response.x.settling_time"]).sum() >= 2
