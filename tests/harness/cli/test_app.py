@@ -45,7 +45,7 @@ def test_reproduce_prints_the_tables(demo: Demo) -> None:
         "Open-loop case of Liu",
         "Agreement of the formulations",
         "Drift of Kane's DAE",
-        "What the scan left",
+        "What the scan leaves",
     ):
         assert title in text
     assert "MISSED" not in text
@@ -186,7 +186,7 @@ def test_wrong_input_gets_one_clear_line(
         (["reproduce", "--preset", "liu2000", "--platform", "heavy.toml"], "exclude each other"),
         (["reproduce", "--preset", "motion_base", "--order", "plus-first"], "--order is a reading of the paper's own"),
         (["run", "heave_step", "--set", "x"], "--set x: expected key=value"),
-        (["run", "heave_step", "--set", "title.x=1"], "title is no table of the experiment"),
+        (["run", "heave_step", "--set", "title.x=1"], "title is not a table of the experiment"),
         (["view", "record", "--out", "page"], "expected the name of a page"),
         (["workspace", "--at", "z"], "--at z: found no value"),
         (["run", "heave_step", "--out", ""], "Invalid value for '--out': is empty"),

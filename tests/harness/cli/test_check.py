@@ -77,7 +77,7 @@ def test_a_run_beyond_limits_is_refused_with_what_would_fit() -> None:
 
 def test_wrong_input_gets_one_clear_line() -> None:
     for arguments, expected in (
-        (["paper_open_loop"], "is missing; there is no motion"),
+        (["paper_open_loop"], "is missing; add one"),
         (["no.toml"], "no.toml: cannot read this experiment"),
         (["pitch_sine", "--set", "reference.time_scale=0"], "reference.time_scale: is 0; expected > 0"),
         (

@@ -148,7 +148,7 @@ WRONG = {
         "platform: platform_mass: is -1",
     ),
     "a missing FMU": (["run", "heave_step", "--plant", "fmu3", "--fmu", "no.fmu"], "no.fmu: no such file"),
-    "an FMU for the model": (["run", "heave_step", "--fmu", "no.fmu"], "plant 'model' has no use for the file no.fmu"),
+    "an FMU for the model": (["run", "heave_step", "--fmu", "no.fmu"], "plant 'model' does not accept the file no.fmu"),
     "margins of an open loop": (["margins", "paper_open_loop"], "an open loop has no margins"),
     "margins of an unstable loop": (["margins", "too_slow"], "the closed loop is unstable (worst eigenvalue"),
 }

@@ -121,7 +121,7 @@ def test_what_feeds_back_leaves_the_feedforward_alone() -> None:
         (lambda: PD(bandwidth=1, derivative_gain=1), "^expected a bandwidth or gains, not both$"),
         (
             lambda: PD(proportional_gain=1, derivative_gain=1, damping_ratio=1),
-            "^damping_ratio goes with a bandwidth; gains have theirs$",
+            "^damping_ratio needs a bandwidth; remove it, or replace the gains by a bandwidth$",
         ),
         (lambda: PD(bandwidth=-1), "^bandwidth: is -1; expected > 0 Hz$"),
         (lambda: PD(bandwidth=1, dampin=1), "^dampin: unknown key .= 1.; did you mean 'damping_ratio'"),  # type: ignore[call-arg]
@@ -137,7 +137,7 @@ def test_what_feeds_back_leaves_the_feedforward_alone() -> None:
             r"^proportional_gain: .*value 6 of 6: .*found the unit 'N'$",
         ),
         (lambda: PID(bandwidth=1), "^a PID needs an integral_time or an integral_gain; or choose type = 'pd'$"),
-        (lambda: PID(bandwidth=1, integral_gain=1), "^integral_gain goes with gains; with a bandwidth give"),
+        (lambda: PID(bandwidth=1, integral_gain=1), "^integral_gain needs gains; with a bandwidth use"),
         (
             lambda: PID(proportional_gain=1, derivative_gain=1, integral_gain=1, integral_time=1),
             "^expected integral_gain or integral_time, not both$",
@@ -166,7 +166,7 @@ def test_an_anti_windup_faster_than_the_samples_is_refused(platform: Platform) -
     [
         ("other = 1", "mine.py", "mine.py: defines no 'controller'; expected the controller under that name"),
         ("1 / 0", "mine.py", "mine.py: fails with ZeroDivisionError: division by zero"),
-        ("controller = 1", "mine.txt", "mine.txt: is no Python file; expected a name that ends in .py"),
+        ("controller = 1", "mine.txt", "mine.txt: is not a Python file; expected a name that ends in .py"),
         ("controller = 1", "mine.py", "controller is int; expected a control.StateSpace"),
         ("", "other.py", "other.py: no such file; expected a Python file that defines 'controller'"),
     ],

@@ -126,8 +126,8 @@ def refused(match: str, **values: Any) -> None:
 
 
 def test_injections_that_cannot_be_are_refused_with_the_reason() -> None:
-    refused("one of both", leg=None)
-    refused("one of both", mode="heave")
+    refused("only one of them", leg=None)
+    refused("only one of them", mode="heave")
     refused("leg.*7", leg=7)
     refused("band is 10 to 1 Hz.*the lower one first", band=(10, 1))
     refused("band is 1 to 600 Hz at a sample_time of 0.001 s.*500 Hz", band=(1, 600))

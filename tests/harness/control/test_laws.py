@@ -145,9 +145,9 @@ def ends_it(_sample: Sample) -> None:
 @pytest.mark.parametrize(
     ("function", "message"),
     [
-        (lambda _sample: None, "gave None at time 0.06 s; expected 6 forces"),
-        (lambda _sample: 3.0, "gave 3.0"),
-        (lambda _sample: [1, 2, 3], r"gave \[1, 2, 3\]"),
+        (lambda _sample: None, "returned None at time 0.06 s; expected 6 forces"),
+        (lambda _sample: 3.0, "returned 3.0"),
+        (lambda _sample: [1, 2, 3], r"returned \[1, 2, 3\]"),
         (lambda _sample: ["1"] * 6, "expected 6 forces"),
         (lambda _sample: np.zeros(6) + 1j, "expected 6 forces"),
         (lambda _sample: [True] * 6, "expected 6 forces"),

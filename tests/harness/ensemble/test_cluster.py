@@ -133,11 +133,11 @@ def test_a_worker_with_other_versions_is_refused(
 ) -> None:
     """Expected: before anything runs, and by the worker itself where it joins later."""
     ours = {**made_with(), "numpy": "1.0"}
-    with pytest.raises(EnsembleError, match=r"a worker differs from this side: numpy 1\.0 here and"):
+    with pytest.raises(EnsembleError, match=r"a worker differs from this machine: numpy 1\.0 here and"):
         chunk_there(plan_of(small()).text, ours, 0, 1)
     monkeypatch.setattr("gough_stewart.harness.ensemble.cluster.made_with", lambda: ours)
     with pytest.raises(
-        EnsembleError, match=r"tcp://.* differs from this side: numpy 1\.0 here and .* there; install the same"
+        EnsembleError, match=r"tcp://.* differs from this machine: numpy 1\.0 here and .* there; install the same"
     ):
         gs.ensemble(small(), out=tmp_path, scheduler=cluster.address)
 

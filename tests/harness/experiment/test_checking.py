@@ -129,7 +129,7 @@ def test_a_static_force_beyond_its_limit_is_helped_by_nothing() -> None:
 
 
 def test_no_motion_cannot_be_checked() -> None:
-    with pytest.raises(ExperimentError, match=r"reference: is missing; there is no motion"):
+    with pytest.raises(ExperimentError, match=r"reference: is missing; add one"):
         check("paper_open_loop")
 
 

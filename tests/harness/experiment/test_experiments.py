@@ -126,16 +126,16 @@ BROKEN = {
         "leg_length is 1e-320; expected 0, or at least 1e-15",
     ),
     "a number for a table": ("title = ", "limits = 3\ntitle = ", "limits: is 3; expected a table of keys"),
-    "a change of nothing": ("[loop]", "[[change]]\nat = 1\n[loop]", "change.1: changes nothing"),
+    "a change of nothing": ("[loop]", "[[change]]\nat = 1\n[loop]", "change.1: has no effect"),
     "a model of the controller's own": (
         'feedforward = "gravity"',
         "model = {platform_mass = 3}",
-        r"controller: the key model is no more.*\[plant.parameters\]",
+        r"controller: the key model was removed.*\[plant.parameters\]",
     ),
     "a damping ratio beside gains": (
         'bandwidth = "2 Hz"',
         "proportional_gain = 1\nderivative_gain = 1",
-        "controller: damping_ratio goes with a bandwidth",
+        "controller: damping_ratio needs a bandwidth",
     ),
     "a missing key": ('duration = "2 s"', "", "loop.duration: is missing"),
     "no TOML": ("[loop]", "[loop", "is not TOML"),
@@ -298,7 +298,7 @@ def test_units_need_no_space(tmp_path: Path) -> None:
 
 
 def test_a_platform_file_is_no_experiment(tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match=r"mine.toml: is a platform file; expected an experiment, which names it"):
+    with pytest.raises(ExperimentError, match=r"mine.toml: is a platform file; expected an experiment that names it"):
         load_experiment(written(tmp_path, preset_text("liu2000")))
 
 

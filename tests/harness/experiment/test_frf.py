@@ -138,7 +138,7 @@ def test_what_is_in_the_way_is_noted() -> None:
     record = uneven_run(injection, loop=loop)
     odd = frf(record, controller=lambda _sample: np.zeros(6))
     assert odd.predicted is None
-    assert "no linear model beside it: the controller is not linear" in " ".join(odd.notes)
+    assert "no linear model to compare with: the controller is not linear" in " ".join(odd.notes)
     assert "predicted.L.gain" not in odd.table().columns
 
 
@@ -148,7 +148,7 @@ def test_runs_without_a_response_are_refused_with_the_reason(shipped: Record) ->
         frf(plain)
     with pytest.raises(RecordError, match="contain no experiment"):
         frf(Record(shipped.table, {**shipped.metadata, "experiment": {"title": 3}}))
-    with pytest.raises(ExperimentError, match=r"injection: a period of 1 s in a run of 1 s.*loop.duration of 3 s"):
+    with pytest.raises(ExperimentError, match=r"injection: a run of 1 s has 1 periods of 1 s.*loop.duration of 3 s"):
         run("frequency_response", {"loop.duration": 1})
     with pytest.raises(
         ExperimentError, match=r"injection: type is 'noise'; expected one of 'multisine', 'chirp', 'prbs'"

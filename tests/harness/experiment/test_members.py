@@ -34,7 +34,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a clock": ({"loop": {"sample_time": {"uniform": [1e-3, 2e-3]}}}, "loop.sample_time: is one for all members"),
     "a whole number": (
         {"loop": {"delay": {"uniform": [0, 2]}}},
-        "loop.delay: uniform is of numbers; expected choice or grid",
+        "loop.delay: uniform applies to numbers only; expected choice or grid",
     ),
     "twice": ({"plant": {"platform_mass": {"uniform": [1, 2]}}}, "varies twice"),
     "no disturbance": ({"disturbance": {"3": {"force": {"normal": "2 N"}}}}, "expected disturbance.1 to disturbance.1"),
@@ -49,7 +49,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "not correlated with what varies": (
         {"correlation": [{"of": ["platform_mass", "gravity"], "matrix": [[1, 0], [0, 1]]}]},
-        "gravity: is correlated, and does not vary",
+        "gravity: is correlated but does not vary",
     ),
     "too few rows": (
         {"correlation": [{"of": ["platform_mass", "base_points"], "matrix": [[1, 0], [0, 1]]}]},

@@ -157,4 +157,4 @@ def test_feedforward_beyond_the_force_limit_is_said_with_leg_and_time() -> None:
     weak = {"actuators.force_limit": 0.75 * forces.max(), "limits.reference": "warn"}
     limited = gs.run("circle_computed_torque", {**settings, **weak}, plant="model")
     (warning,) = warnings_of(limited)
-    assert f"leg {leg + 1} for {forces.max():.4g} N at {free['time'][row]:.6g} s; its force limit is" in warning
+    assert f"{forces.max():.4g} N of leg {leg + 1} at {free['time'][row]:.6g} s; its force limit is" in warning

@@ -197,9 +197,9 @@ def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Functio
         (lambda _sample: np.zeros(6), "Python function.*trace it with CasADi.*actuator_force"),
         (
             control.ss(np.diag([0.5, -1.01]), np.ones((2, 6)), np.ones((6, 2)), np.zeros((6, 6)), 0.0015),
-            r"unstable on its own: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",
+            r"unstable by itself: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",
         ),
-        (_function({"leg_lenght": 6}, {"actuator_force": 6}), "has the input 'leg_lenght'; expected some of time, pos"),
+        (_function({"leg_lenght": 6}, {"actuator_force": 6}), "has the input 'leg_lenght'; expected one of time, pos"),
         (_function({"leg_length": 5}, {"actuator_force": 6}), "input 'leg_length' has 5 elements; expected 6"),
         (_function({"leg_length": 6}, {"force": 6}), "has the outputs {'force': 6}; expected {'actuator_force': 6}"),
         (_function({"memory": 2}, {"actuator_force": 6}), "expected {'actuator_force': 6, 'memory_next': 2}"),

@@ -50,7 +50,7 @@ def test_in_the_middle_it_is_the_series() -> None:
 
 
 def test_coefficients_that_do_not_belong_together_are_refused() -> None:
-    with pytest.raises(MotionError, match="as many coefficients of each kind; found position_sine 2"):
+    with pytest.raises(MotionError, match="the same number of coefficients of each kind; found position_sine 2"):
         Excitation(
             frequency=1,
             duration=4,

@@ -235,7 +235,7 @@ def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
     shifted = log.position + np.array([0.3, 0.0, 0.0])
     refused(replace(log, position=shifted), "contradicts any geometry.*times their standard", ["leg_length_offset"])
     refused(replace(log, leg_length=1e-3 * log.leg_length, position=None), "row 1: the nominal platform has no pose")
-    refused(log, "platform_mass beside method geometry", ["platform_mass", "base_points"])
+    refused(log, "platform_mass with the method geometry", ["platform_mass", "base_points"])
     gap = log.leg_length.copy()
     gap[7, 3] = np.nan
     refused(replace(log, leg_length=gap), "row 8 lacks a leg length")

@@ -51,7 +51,7 @@ def test_currents_become_forces_by_their_factor(tmp_path: Path) -> None:
     force = read_log(path, force_per_current=250.0).actuator_force
     assert force is not None
     np.testing.assert_allclose(force, 0.25 * FORCES, rtol=1e-14)
-    with pytest.raises(LogError, match=r"motor currents, and force_per_current is None; expected their factor \[N/A\]"):
+    with pytest.raises(LogError, match=r"motor currents, but force_per_current is None; expected the factor \[N/A\]"):
         read_log(path)
 
 

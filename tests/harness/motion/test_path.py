@@ -71,7 +71,7 @@ def test_two_poses_are_joined_by_a_straight_line_and_one_axis() -> None:
         (
             POSITION,
             np.array([[0, 0, 0.0], [0, 0, 1], [0, 0, 3.2], [0, 0, 0]]),
-            "pose 3 of the path is turned by half a turn",
+            "pose 3 of the path is rotated by half a turn",
         ),
     ],
 )

@@ -291,7 +291,7 @@ def test_an_actuator_that_would_need_too_much_force_is_refused_with_what_would_f
 def test_a_weight_that_the_legs_cannot_hold_is_helped_by_no_scale() -> None:
     """Expected: a sixth of the weight along the leg against a limit of 10 N."""
     static = 10 * 9.81 / 6 * Heave.length[0] / Heave.z[0]
-    text = rf"neither slower nor smaller helps: .* actuator force max is at {100 * static / 10:.4g} % already"
+    text = rf"neither slower nor smaller helps: .* actuator force max is already at {100 * static / 10:.4g} %"
     with pytest.raises(ReachError, match=text):
         check_reach(limited(LIGHT, actuator_force_max=10.0), TIMES, Heave.motion)
 

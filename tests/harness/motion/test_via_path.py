@@ -126,9 +126,9 @@ def test_a_fastest_path_is_planned_for_the_forces_that_the_actuators_have() -> N
         ({"timing": 1, "poses": 7}, "expected a list of poses"),
         ({"timing": "slowest", "poses": POSES}, "or 'fastest'"),
         ({"timing": "0 s", "poses": POSES}, "expected > 0 s, or 'fastest'"),
-        ({"timing": 1, "poses": POSES, "margin": 0.1}, "margin and ramp go with timing = 'fastest'"),
+        ({"timing": 1, "poses": POSES, "margin": 0.1}, "margin and ramp need timing = 'fastest'"),
         ({"timing": "fastest", "poses": POSES, "margin": "100 %"}, "from '0 %' to below '100 %'"),
-        ({"timing": "fastest", "poses": POSES, "margin": "ten"}, "a text such as '10 %'"),
+        ({"timing": "fastest", "poses": POSES, "margin": "ten"}, "a string such as '10 %'"),
     ],
 )
 def test_what_makes_no_path_is_refused_with_its_reason(values: dict[str, Any], complaint: str) -> None:

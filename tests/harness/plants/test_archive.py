@@ -62,5 +62,5 @@ def test_an_archive_of_too_many_files_is_refused(tmp_path: Path) -> None:
     check_archive(tmp_path / "unit.fmu")
     with zipfile.ZipFile(tmp_path / "unit.fmu", "a") as archive:
         archive.writestr("resources/one_more", b"")
-    with pytest.raises(PlantError, match="holds 10,001 files; expected an FMU of at most 10,000"):
+    with pytest.raises(PlantError, match="contains 10,001 files; expected an FMU of at most 10,000"):
         FmuPlant(tmp_path / "unit.fmu", UNEVEN)

@@ -299,7 +299,7 @@ def test_a_damaged_fmu_is_refused_and_leaves_nothing(
     path.write_bytes(content)
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
-    with pytest.raises(PlantError, match=r"damaged.fmu: cannot be unpacked .*; make one by `gough-stewart build`"):
+    with pytest.raises(PlantError, match=r"damaged.fmu: cannot be unpacked .*; make one with `gough-stewart build`"):
         FmuPlant(path, paper)
     assert list((tmp_path / "temporary").iterdir()) == []
 

@@ -31,7 +31,9 @@ def test_they_are_the_head_of_what_a_plant_gives() -> None:
 
 
 def test_what_is_no_signal_is_refused() -> None:
-    with pytest.raises(ControllerError, match=r"^no signals; expected some of position, orientation, velocity, "):
+    with pytest.raises(
+        ControllerError, match=r"^no signals; expected one or more of position, orientation, velocity, "
+    ):
         signals.positions([])
     with pytest.raises(ControllerError, match=r"^no signal 'velocty'.*did you mean 'velocity'"):
         signals.positions(["position", "velocty"])

@@ -85,7 +85,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unit": ({"normal": ["120 kg", "10 mm"]}, "found the unit 'mm'"),
     "three": ({"normal": [1, 2, 3]}, "expected [mean, standard deviation], or"),
     "nested": ({"factor": {"factor": {"uniform": [1, 2]}}}, "factor of a factor"),
-    "median": ({"lognormal": [-3, 1]}, "has the median -3.0; expected > 0"),
+    "median": ({"lognormal": [-3, 1]}, "has the median -3.0; expected a median > 0"),
 }
 
 

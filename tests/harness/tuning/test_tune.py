@@ -164,7 +164,7 @@ def test_ctrl_c_ends_the_search_with_the_best_so_far() -> None:
             [f"{DAMPING}=0.3..1"],
             RMS,
             ["force.peak < 10 N"],
-            r"no candidate keeps.*'force.peak < 10 N' was not kept by 5 of 5",
+            r"no candidate meets.*'force.peak < 10 N' was not met by 5 of 5",
         ),
     ],
 )
