@@ -59,8 +59,8 @@ def laws_together(
     for controller in controllers:
         if isinstance(controller, UnitController):
             raise ControllerError(
-                f"{controller.path} is an FMU, which allows one instance per process; expected for many members a "
-                "controller that is linear or a function"
+                f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
+                "controller or a function for many members"
             )
         if isinstance(controller, LinearController):
             controller.check_sample_time(sample_time)

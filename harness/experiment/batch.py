@@ -43,7 +43,7 @@ class Batch:
 
 
 def prepared_members(members: Members, first: int, last: int) -> PreparedMembers:
-    """Members first to last − 1; an impossible member is a reason, not an error."""
+    """Members first to last − 1; for an impossible member, the reason is returned, not raised."""
     draws = members.draws(first, last)
     experiments, machines = {}, {}
     impossible = dict[int, str]()

@@ -47,8 +47,8 @@ def sample_time_of(log: Log) -> float:
         )
     if h > _SLOWEST_SAMPLES:
         raise LogError(
-            f"{log.where}: rows are {h:g} s apart; expected at most {_SLOWEST_SAMPLES:g} s for a motion. Is time "
-            "in ms? Then the column's name is 'time [ms]'"
+            f"{log.where}: rows are {h:g} s apart; expected at most {_SLOWEST_SAMPLES:g} s for a motion. If time is "
+            "in ms, name the column 'time [ms]'"
         )
     return float(log.time[-1] - log.time[0]) / (len(log) - 1)
 

@@ -36,7 +36,7 @@ sample_time = "1 ms"
 [sensors]
 quantisation = {{ leg_length = "1 um" }}
 """
-# Bandwidth of the loop that follows it: a few times the motion's own frequencies.
+# Bandwidth of the tracking loop: a few times the highest frequency of the motion.
 _ABOVE = 6.0
 
 

@@ -121,7 +121,7 @@ def _has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
 
 
 def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:
-    """Refuse combinations that have no effect on forces in this motion, or any: rank-revealing QR with pivots."""
+    """Refuse combinations that have no effect on forces in this or any motion: rank-revealing QR with pivots."""
     D = (W @ (gradient(elements, names) * scale)).reshape(-1, len(names))
     size = np.linalg.norm(D, axis=0)
     if not size.all():

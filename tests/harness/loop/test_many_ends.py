@@ -269,7 +269,7 @@ def test_controllers_that_cannot_be_together_are_refused() -> None:
         laws_together([pid_too, pd_only], T, np.zeros((0, 6, 6)))
     with pytest.raises(ControllerError, match="different structure, a function; linear"):
         laws_together([pid_too, constant()], T, np.zeros((0, 6, 6)))
-    with pytest.raises(ControllerError, match=r"mine.fmu is an FMU.*linear or a function"):
+    with pytest.raises(ControllerError, match=r"mine.fmu is an FMU.*linear controller or a function"):
         laws_together([UnitController("mine.fmu")], T, np.zeros((0, 6, 6)))  # type: ignore[arg-type]
     with pytest.raises(ControllerError, match="the controller's sample time is 0\\.01 s, the loop's 0\\.02 s"):
         laws_together([pd_only, pd_only], 0.02, np.zeros((0, 6, 6)))
