@@ -214,7 +214,7 @@ def _rows(outputs: Iterable[str]) -> tuple[list[str], NDArray[np.intp]]:
         raise InterfaceError("outputs", "is empty; expected at least one name, such as 'leg_length'")
     for name in chosen:
         if name not in everything:
-            raise InterfaceError(str(name), f"is no result of the plant{interface.nearest(str(name), everything)}")
+            raise InterfaceError(str(name), f"is not a result of the plant{interface.nearest(str(name), everything)}")
         if chosen.count(name) > 1:
             raise InterfaceError(name, "is named twice; expected every output once")
     names = [scalar for name in chosen for scalar in interface.BY_NAME[name].scalar_names]

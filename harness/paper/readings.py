@@ -139,7 +139,7 @@ def _compare(
         try:
             platform = make(paper_case().platform)
         except PlatformError as error:
-            return Reading(point, decided, other, None, None, f"cannot be: {error}")
+            return Reading(point, decided, other, None, None, f"impossible: {error}")
         platform = with_pairs_swapped(platform) if minus_first else platform
         changed = replace(paper_case(minus_first), platform=platform)
     difference = np.abs(run_kernel(changed, _RTOL).states[-1] - final)
