@@ -122,7 +122,7 @@ def test_signals_have_the_interfaces_names(paper: Platform) -> None:
     assert plant.input_labels[6] == "external_force[1]"
     assert plant.output_labels[-2:] == ["leg_length[6]", "kinetic_energy"]
     assert linear.output_labels == [f"leg_length[{k}]" for k in range(1, 7)]
-    with pytest.raises(InterfaceError, match=r"leg_lenght: is no result.*did you mean 'leg_length'"):
+    with pytest.raises(InterfaceError, match=r"leg_lenght: is not a result.*did you mean 'leg_length'"):
         plant_system(paper, ("leg_lenght",))
     with pytest.raises(InterfaceError, match="outputs: is empty"):
         plant_system(paper, ())
