@@ -24,7 +24,7 @@ class Sensitivity:
     """The shares of the inputs in a metric's variance.
 
     - `sobol`: the share `main` of each input alone (first order), and `total`, with all its interactions; each with
-      half the width of its confidence interval. Requires independent inputs only.
+      half the width of its confidence interval. Requires only independent inputs.
     - `regression`: `main` is the standardised regression coefficient β, of y on all inputs, each divided by its
       standard deviation; its square is the share, as far as y is linear in the inputs, which `r2` measures.
     """
