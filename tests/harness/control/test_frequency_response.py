@@ -132,7 +132,7 @@ def test_injections_that_cannot_be_are_refused_with_the_reason() -> None:
     refused("band is 10 to 1 Hz.*the lower one first", band=(10, 1))
     refused("band is 1 to 600 Hz at a sample_time of 0.001 s.*500 Hz", band=(1, 600))
     refused("without a harmonic of the period of 0.05 s", band=(1, 10), period=0.05)
-    refused("a period of 2 s in a run of 3 s, 1.5 times.*loop.duration of 6 s", period=2.0)
+    refused("a run of 3 s has 1.5 periods of 2 s.*loop.duration of 6 s", period=2.0)
     refused("amplitude", amplitude=0.0)
     refused("amplitude", amplitude="5 Nm")
     with pytest.raises(ControllerError, match="bits; expected at most 1048575"):

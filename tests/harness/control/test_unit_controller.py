@@ -139,7 +139,7 @@ def test_an_array_of_the_right_size_is_a_signal_and_another_is_none(fmus: dict[s
     path = fmus["3.0"].path
     with pytest.raises(ControllerError, match="position is of causality output; expected input for position"):
         UnitController(path, is_foreign=False).open(1e-3)
-    with pytest.raises(ControllerError, match=r"no variable joint_force\[1\], for position"):
+    with pytest.raises(ControllerError, match=r"no variable joint_force\[1\] for position"):
         UnitController(path, {"position": "joint_force"}, is_foreign=False).open(1e-3)
 
 
