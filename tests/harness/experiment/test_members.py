@@ -31,7 +31,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "wrong unit": ({"controller": {"bandwidth": {"uniform": ["2 m", "3 Hz"]}}}, "found the unit 'm'"),
     "empty grid": ({"platform_mass": {"grid": []}}, "platform_mass: grid has no values"),
-    "a clock": ({"loop": {"sample_time": {"uniform": [1e-3, 2e-3]}}}, "loop.sample_time: is one for all members"),
+    "a clock": ({"loop": {"sample_time": {"uniform": [1e-3, 2e-3]}}}, "loop.sample_time: is common to all members"),
     "a whole number": (
         {"loop": {"delay": {"uniform": [0, 2]}}},
         "loop.delay: uniform applies to numbers only; expected choice or grid",

@@ -301,7 +301,7 @@ def test_limits_of_motion_may_be_passed_with_a_warning_and_those_of_poses_not() 
     platform = limited(LIGHT, leg_velocity_max=0.1, actuator_force_max=15.0)
     found = check_reach(platform, TIMES, Heave.motion, dynamic="warn")
     assert len(found) == 2
-    assert all(text.startswith("the reference passes a limit: at time 0 s the ") for text in found)
+    assert all(text.startswith("the reference exceeds a limit: at time 0 s the ") for text in found)
     with pytest.raises(ReachError, match="the velocity of leg"):
         check_reach(platform, TIMES, Heave.motion)
     short = replace(platform, leg_length_max=float(Heave.length.max()) * 0.999)

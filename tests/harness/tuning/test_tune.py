@@ -71,7 +71,7 @@ def test_the_files_run_and_keep_the_comments(found: Tuning, tmp_path: Path) -> N
     path.write_bytes(files["tuned.toml"])
     assert load_experiment(path).model_dump()["controller"]["damping_ratio"] == found.values[DAMPING]
     assert flattened(metrics(run(path)))[RMS] == pytest.approx(found.seen.value, rel=1e-6)
-    assert b"# samples from measuring to acting" in files["tuned.toml"]
+    assert b"# samples from measurement to force" in files["tuned.toml"]
     assert files["search.png"].startswith(b"\x89PNG")
     assert len(files["candidates.csv"].splitlines()) == 1 + found.candidates.height
     assert "nothing is random" in statement(found)
