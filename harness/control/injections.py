@@ -132,7 +132,7 @@ class Multisine(InjectionChoice):
     lines_at_most: Annotated[int, Field(ge=1)] = _LINES
 
     def lines(self, sample_time: float) -> NDArray[np.intp]:
-        """At most so many of those in the band, spaced logarithmically."""
+        """At most `lines_at_most` harmonics in the band, spaced logarithmically."""
         inside = _in_band(self.band, self.samples(sample_time), sample_time)
         spaced = np.geomspace(inside[0], inside[-1], self.lines_at_most)
         return np.unique(np.clip(np.round(spaced), inside[0], inside[-1])).astype(np.intp)

@@ -14,7 +14,7 @@ from gough_stewart.model.vectors import FloatArray
 Method = Literal["sobol", "regression"]
 _CONFIDENCE = 0.95
 _RESAMPLES = 100
-# Regression and resampling use at most so many members; more would give the same, slower.
+# Largest number of members for regression and resampling; more would give the same, slower.
 _MOST = 20_000
 _SMALLEST_R2 = 0.7
 

@@ -15,7 +15,7 @@ from gough_stewart.model.files import Content, FileSet, check_output_folder, fil
 # Functions that make figures of a record, by file name.
 Draw = Callable[[Record], dict[str, bytes]]
 _FIGURE_FILES = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
-# The record comes first, and of its forms the smallest complete one.
+# The record is written first, beginning with its smallest complete form.
 _FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json", *_FIGURE_FILES]
 
 

@@ -10,7 +10,7 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
 
-# For many members, noise is drawn in blocks of so many readings.
+# Number of readings per block in which noise is drawn for many members.
 _BLOCK = 64
 
 
@@ -92,7 +92,7 @@ class _Steps:
 
 
 class Encoders:
-    """Readings at the controller's samples, or every so many plant steps; the controller uses the latest.
+    """Readings at the controller's samples, or every n-th plant step; the controller uses the latest.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def _rate_of(table: FromTable) -> float:
 
 
 def _low_passed(table: FromTable, corner: float, order: int, padding: int) -> FromTable:
-    """Forward and backward through a Butterworth filter, mirrored over so many rows at both ends."""
+    """Forward and backward through a Butterworth filter, with the rows mirrored at both ends."""
     from scipy.signal import butter, sosfiltfilt  # takes a second to import, and is rarely needed
 
     time: FloatArray = np.linspace(table.time[0], table.time[-1], len(table.time))

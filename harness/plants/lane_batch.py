@@ -34,7 +34,7 @@ class Batch:
 
     @classmethod
     def of(cls, members: int) -> "Batch":
-        """All zeros, for at least so many members."""
+        """All zeros, for at least this number of members."""
         blocks = -(-members // WIDTH)
         flat = (np.zeros(blocks * WIDTH, np.int64) for _ in range(3))
         running, failure, failed_at = flat

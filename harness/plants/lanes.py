@@ -31,7 +31,7 @@ from gough_stewart.model.vectors import FloatArray
 
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.
 MOST_SUBSTEPS = 1024
-# The integration error is estimated in one plant step of so many, at the cost of two more steps.
+# Interval of plant steps at which the integration error is estimated; each estimate costs two more steps.
 ESTIMATE_EVERY = 64
 
 
@@ -48,7 +48,7 @@ class LanesPlant(Plant):
         The largest estimate so far (N,): the plant step with `substeps` against one with twice as many,
         max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and absolute in SI units.
     estimate_every
-        The error is estimated in one plant step of so many, starting with the first.
+        Interval of plant steps at which the error is estimated, starting with the first.
     """
 
     def __init__(

@@ -196,7 +196,7 @@ class Candidates:
 
 
 def members_for(experiment: Experiment, members: int, seed: int | None) -> Members:
-    """So many members of an experiment; without `[ensemble]` they differ only in noise and jitter."""
+    """A number of members of an experiment; without `[ensemble]` they differ only in noise and jitter."""
     choice = experiment.ensemble
     if choice is None:
         choice = EnsembleChoice.model_validate({})
