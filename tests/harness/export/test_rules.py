@@ -203,7 +203,7 @@ def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Functio
         (_function({"leg_length": 5}, {"actuator_force": 6}), "input 'leg_length' has 5 elements; expected 6"),
         (_function({"leg_length": 6}, {"force": 6}), "has the outputs {'force': 6}; expected {'actuator_force': 6}"),
         (_function({"memory": 2}, {"actuator_force": 6}), "expected {'actuator_force': 6, 'memory_next': 2}"),
-        (_function({"time": 1}, {"actuator_force": 6, "memory_next": 2}), "memory_next goes with an input memory"),
+        (_function({"time": 1}, {"actuator_force": 6, "memory_next": 2}), "memory_next needs an input memory"),
     ],
 )
 def test_a_controller_that_cannot_leave_is_refused(controller: Any, message: str) -> None:

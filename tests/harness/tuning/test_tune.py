@@ -149,7 +149,7 @@ def test_ctrl_c_ends_the_search_with_the_best_so_far() -> None:
         (["controller.bandwidth=1..6kg"], RMS, [], r"found the unit 'kg'"),
         (["controller.bandwidth=0..6Hz,log"], RMS, [], r"expected > 0 for a logarithmic scale"),
         (["loop.delay=0.5..3"], RMS, [], r"whole number"),
-        ([f"{DAMPING}=0.3..1", f"{DAMPING}=0.4..1"], RMS, [], r"is there twice"),
+        ([f"{DAMPING}=0.3..1", f"{DAMPING}=0.4..1"], RMS, [], r"is repeated"),
         ([], RMS, [], r"nothing to vary"),
         ([f"{DAMPING}=0.3..1"], "tracking.position.norm_rsm", [], r"no metric .*norm_rms"),
         ([f"{DAMPING}=0.3..1"], RMS, ["disk_margin ~ 2"], r"cannot be read; expected METRIC < NUMBER"),
