@@ -50,7 +50,7 @@ def test_a_unit_without_delay_is_refused(tmp_path: Path) -> None:
         (["heave_step", "--as", "fmi"], "no form 'fmi'; did you mean 'fmu'?"),
         (["heave_step", "--as", "ssp", "--reference", "inputs"], "leaves an SSP without a reference"),
         (["heave_step", "--set", "reference.position_change=[0, 0, 3]"], "leg"),
-        (["paper_open_loop"], "constant forces"),
+        (["paper_open_loop"], "its forces are constant"),
         (["nowhere.toml"], "nowhere.toml"),
         (["heave_step", "--target", "toaster"], "no target 'toaster'"),
     ],

@@ -214,7 +214,7 @@ def test_a_pose_that_is_not_like_the_others_is_named() -> None:
     position = log.position.copy()
     position[16, 1] += 2e-3
     notes = " ".join(identify_geometry(replace(log, position=position), NOMINAL).notes)
-    assert "row 17 is" in notes
+    assert "of row 17 are" in notes
     assert notes.count("row ") == 1
 
 
