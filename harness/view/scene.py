@@ -21,8 +21,8 @@ FLAGS = ("force_limited", "rate_limited", "stroke_exceeded")
 # Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and of what is beyond it. Lightness and the
 # contrast of blue and yellow tell them apart without red and green (simulated as by Machado et al., IEEE Trans. Vis.
 # Comput. Graph. 15 (2009), 1291-1298).
-NEARNESS = {
-    "stops": [[0.0, "#6baed6"], [0.5, "#b8d0dc"], [0.8, "#f5b722"], [1.0, "#a50f15"]],
+NEARNESS: dict[str, Any] = {
+    "stops": [(0.0, "#6baed6"), (0.5, "#b8d0dc"), (0.8, "#f5b722"), (1.0, "#a50f15")],
     "beyond": "#5c1a7e",
 }
 # By how much the two parts of a leg overlap when it is longest, and reach beyond each other's joint, as shares.

@@ -104,7 +104,8 @@
     const geometry = plate(record.platform, 1.8 * unit, above, 3.2 * unit);
     // plates of several runs all but coincide: they are blended in their order, not by a depth that changes with the frame
     const blended = several ? { transparent: true, opacity: 0.6, depthWrite: false } : {};
-    const body = casts(new THREE.Mesh(geometry, material(colour, blended)));
+    // lighter than the path, which runs inside it
+    const body = casts(new THREE.Mesh(geometry, material(colour.clone().lerp(new THREE.Color(0xffffff), 0.35), blended)));
     body.renderOrder = 1 + index;
     platform.add(body);
     const parts = legs(record), frames = frame(0.32 * SIZE, ["x", "y", "z"], unit);

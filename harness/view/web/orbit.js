@@ -41,21 +41,33 @@
     const fingers = new Map();
     const middle = () => [0, 1].map((k) => [...fingers.values()].reduce((sum, at) => sum + at[k], 0) / fingers.size);
     const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
+    const before = { position: new THREE.Vector3(), target: new THREE.Vector3() };
     element.addEventListener("pointerdown", (event) => {
+      if (!fingers.size) {
+        before.position.copy(camera.position);
+        before.target.copy(target);
+      }
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
       element.setPointerCapture(event.pointerId);
     });
     element.addEventListener("pointermove", (event) => {
       if (!fingers.has(event.pointerId)) return;
-      const before = middle(), gap = fingers.size === 2 ? apart() : 0;
+      const from = middle(), gap = fingers.size === 2 ? apart() : 0;
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      const after = middle(), dx = after[0] - before[0], dy = after[1] - before[1];
+      const to = middle(), dx = to[0] - from[0], dy = to[1] - from[1];
       const moves = fingers.size > 1 || event.buttons & 2 || event.ctrlKey || event.metaKey || event.shiftKey;
       if (moves) move(dx, dy);
       else turn(2 * Math.PI * dx / element.clientHeight, 2 * Math.PI * dy / element.clientHeight);
       if (gap > 0 && apart() > 0) zoom(gap / apart());
     });
-    for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, (event) => fingers.delete(event.pointerId));
+    element.addEventListener("pointerup", (event) => fingers.delete(event.pointerId));
+    // the browser takes the finger, to scroll the page: what it turned meanwhile is turned back
+    element.addEventListener("pointercancel", () => {
+      fingers.clear();
+      camera.position.copy(before.position);
+      target.copy(before.target);
+      update();
+    });
     element.addEventListener("contextmenu", (event) => event.preventDefault());
     element.addEventListener("wheel", (event) => {
       event.preventDefault();

@@ -20,12 +20,13 @@ from gough_stewart.harness.output.three import three
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import MOST_RECORDS, names_of, view_page
-from gough_stewart.harness.view.scene import FRAMES, frame_rows, leg_parts, nearness_to_limits, scene_of
+from gough_stewart.harness.view.scene import FRAMES, NEARNESS, frame_rows, leg_parts, nearness_to_limits, scene_of
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion
 from gough_stewart.model.vectors import FloatArray
+from tests.support.colour_vision import BLIND, delta_e_76, delta_e_2000, lab, rgb_of
 from tests.support.records import waving_record
 
 
@@ -249,3 +250,32 @@ def test_the_head_tells_records_apart_by_colour(record: Record) -> None:
     swatches = elements(page, "//header//*[@class='swatch']/@style")
     assert swatches == [f"background:{colour}" for colour in data_of(page)["colours"][:2]]
     assert len(set(swatches)) == 2
+
+
+def test_poses_are_drawn_from_home(record: Record, base: Platform) -> None:
+    """Expected: the position of home as it is, and a quaternion whose matrix is R = Rz Ry Rx of its orientation."""
+    tilted = replace(base, home_orientation=np.array([0.1, -0.2, 0.3]))
+    home = np.array(scene_of(record, tilted, "waves", frames=3)["home"])
+    assert home[:3] == pytest.approx(base.home_position)
+    assert matrix_from_quaternion(home[3:]) == pytest.approx(matrix_from_orientation(tilted.home_orientation))
+
+
+def test_the_distance_of_colours_is_that_of_its_publication() -> None:
+    """Expected: pairs 1, 7, 16 and 25 of Sharma et al. (2005), table 1."""
+    for one, other, distance in (
+        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
+        ((50, 0, 0), (50, -1, 2), 2.3669),
+        ((50, 2.5, 0), (50, 0, -2.5), 4.3065),
+        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+    ):
+        assert delta_e_2000(np.array(one), np.array(other)) == pytest.approx(distance, abs=1e-4)
+
+
+@pytest.mark.parametrize("blind", BLIND)
+def test_red_green_blind_readers_tell_the_middle_from_the_limit(blind: str) -> None:
+    """Expected: ΔE ≥ 40 by either formula, simulated as by Machado et al. (2009); beyond the limit so by CIE76."""
+    (_, middle), *_, (_, limit) = NEARNESS["stops"]
+    seen_middle, seen_limit, beyond = (lab(rgb_of(each), BLIND[blind]) for each in (middle, limit, NEARNESS["beyond"]))
+    assert delta_e_76(seen_middle, seen_limit) >= 40
+    assert delta_e_2000(seen_middle, seen_limit) >= 40
+    assert min(delta_e_76(beyond, seen_middle), delta_e_76(beyond, seen_limit)) >= 40
