@@ -15,7 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 import gough_stewart as gs
-from tests.support.snippets import BLOCKS, ROOT
+from tests.support.snippets import BLOCKS
+from tools.pages.blocks import ROOT
 
 # The promise to users. A name that goes, or comes, is a line in the changelog.
 # fmt: off

@@ -17,7 +17,8 @@ from gough_stewart.harness.section import Section
 from tests.support.demo import Demo
 from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
-from tests.support.snippets import PAGES, ROOT, commands_of, folder_with_fmus
+from tests.support.snippets import PAGES, commands_of, folder_with_fmus
+from tools.pages.blocks import ROOT
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from lxml.html import HtmlElement
 
 import gough_stewart as gs
 from tests.support.browser import CHROMIUM, chromium, watched
-from tests.support.snippets import ROOT
+from tools.pages.blocks import ROOT
 
 PAGES_OF_NAV = re.findall(r"^\s+- [^#\n]+: ([\w/.-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE)
 # A formula of a page in Markdown: $$…$$, or $…$ within a line.

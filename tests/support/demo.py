@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.support.interpreter import Interpreter
-from tests.support.snippets import ROOT, SET_UP_BY_MAKE, run, run_commands
+from tests.support.snippets import SET_UP_BY_MAKE, run_commands
+from tools.pages.blocks import ROOT
+from tools.pages.story import run_in_shell
 
 _PRINTED = "printed.txt"
 
@@ -35,11 +37,11 @@ def run_demo(folder: Path, interpreter: Interpreter) -> None:
     """By make, or its commands one by one where the environment was not set up by make."""
     places = f"OUT={folder / 'paper'} HEAVE={folder / 'heave'}"
     if SET_UP_BY_MAKE:
-        done = run(f"make -C {ROOT} demo {places}", ROOT)
+        done = run_in_shell(f"make -C {ROOT} demo {places}", ROOT)
         assert done.returncode == 0, done.stderr
         printed = done.stdout
     else:
-        recipe = run(f"make -n demo {places}", ROOT).stdout
+        recipe = run_in_shell(f"make -n demo {places}", ROOT).stdout
         commands = re.findall(r"^\S*(gough-stewart .*)$", recipe, re.MULTILINE)
         printed = run_commands(commands, interpreter, folder)
     (folder / _PRINTED).write_text(printed)

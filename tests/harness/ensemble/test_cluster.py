@@ -20,7 +20,7 @@ from gough_stewart.harness.ensemble.made_with import made_with
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import plan_of
 from tests.support.small_ensemble import SMALL, small
-from tests.support.snippets import ROOT
+from tools.pages.blocks import ROOT
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")  # those of another project

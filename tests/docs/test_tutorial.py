@@ -1,0 +1,78 @@
+"""The tutorial: runs as it stands, and what it shows below its commands is what they print."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import polars
+import pytest
+
+import gough_stewart as gs
+from tests.support.interpreter import Interpreter
+from tests.support.snippets import runner
+from tools.pages.blocks import Block, blocks_of, text_of
+from tools.pages.outputs import comparable, excerpt, shown_below
+from tools.pages.pictures import pictures_of
+from tools.pages.story import run_page
+
+PAGE = "docs/tutorial.md"
+SHOWN = shown_below(blocks_of(PAGE), text_of(PAGE))
+
+
+class PageRun(NamedTuple):
+    """The folder of a page that has run, and what each of its blocks printed."""
+
+    folder: Path
+    printed: Mapping[Block, str]
+
+
+@pytest.fixture(scope="module")
+def tutorial(interpreter: Interpreter, tmp_path_factory: pytest.TempPathFactory) -> PageRun:
+    folder = tmp_path_factory.mktemp("tutorial")
+    return PageRun(folder, run_page(PAGE, folder, runner(interpreter)))
+
+
+def test_every_output_is_below_what_prints_it() -> None:
+    """Expected: no block of output stands anywhere else, where nothing would check it."""
+    outputs = [block for block in blocks_of(PAGE) if block.language == "text"]
+    assert len(outputs) >= 10
+    assert list(SHOWN.values()) == outputs
+
+
+@pytest.mark.parametrize("block", SHOWN, ids=lambda block: block.place)
+def test_an_output_is_what_the_command_prints(block: Block, tutorial: PageRun) -> None:
+    """Expected: the text of the page, which `python -m tools.pages` writes anew."""
+    shown = SHOWN[block].text
+    assert comparable(excerpt(shown, tutorial.printed[block])) == comparable(shown)
+
+
+def test_its_pictures_are_those_of_the_run(tutorial: PageRun) -> None:
+    """Expected: as many lines and marks as committed, but for what versions of matplotlib change."""
+    pictures = pictures_of(PAGE)
+    assert {Path(picture.source).suffix for picture in pictures} == {".svg", ".html"}
+    for picture in pictures:
+        drawn = (tutorial.folder / picture.source).read_text("utf-8")
+        if picture.target.suffix == ".svg":
+            assert drawn.count("<path") == pytest.approx(picture.target.read_text("utf-8").count("<path"), rel=0.2)
+        assert picture.target.stat().st_size > 10_000
+
+
+def test_what_the_text_says_of_the_results_is_so(tutorial: PageRun) -> None:
+    """Expected: the sentences of the page, from the files of the run."""
+    results = tutorial.folder / "results"
+    # "reaches more than 12° in every direction"
+    poses = polars.read_csv(results / "workspace/workspace.csv")
+    tilt = np.rad2deg(np.hypot(poses["roll"], poses["pitch"]))
+    assert poses["reachable"].to_numpy()[tilt < 12].all()
+    # "the errors are micrometres"
+    nominal = gs.metrics(gs.read_record(results / "walk"))["tracking"]["position"]["norm_peak"]
+    assert 1e-7 < nominal < 5e-6
+    # "95 % of the stands stay within 0.5 mm", and Coulomb friction decides
+    stands = gs.read_ensemble(results / "walk_ensemble")
+    assert stands.members["outcome"].to_list() == ["completed"] * 1000
+    assert np.quantile(stands.values("tracking.position.norm_peak"), 0.95) < 0.5e-3
+    # "3 Hz is the end for this motion"
+    factor = gs.check(str(tutorial.folder / "walk.toml"), {"reference.frequency": 4}).time_factor
+    assert factor is not None
+    assert 4 / factor == pytest.approx(3, abs=0.15)
