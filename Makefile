@@ -24,7 +24,7 @@ help:
 	@echo "make mutants   run the tests on copies of the sources with small bugs and count those they detect"
 	@echo "make format    format the code"
 	@echo "make docs      build the documentation site, which needs no network, in $(SITE)"
-	@echo "make figures   redraw the pictures of README and docs"
+	@echo "make figures   redraw the pictures of README and docs, rewrite the outputs in the tutorial"
 	@echo "make dist      build sdist and wheel in dist/, after a test that installs them"
 	@echo "make lower-bounds  run the tests with the oldest versions that pyproject.toml allows"
 
@@ -92,6 +92,7 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_fastest.py
 	$(BIN)/python docs/figures/draw_shares.py
 	$(BIN)/python docs/figures/draw_ensemble.py
+	$(BIN)/python -m tools.pages
 
 dist: $(VENV)/dev
 	$(BIN)/python -m pytest -q tests/test_install.py

@@ -3,6 +3,7 @@
 The run is that of the page's own commands, `tools/pages/pictures.py` says which picture comes from it.
 """
 
+import re
 import tempfile
 from pathlib import Path
 
@@ -32,7 +33,7 @@ def _address(picture: Picture) -> str:
 
 def _is_not_needed(command: str) -> bool:
     """All but the programs that write files, and the runs that leave a page."""
-    return not (command.startswith("python ") or (command.startswith("gough-stewart run ") and "--report" in command))
+    return not re.match(r"python \w+\.py$|gough-stewart run .*--report$", command)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -41,10 +41,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, HtmlElement]:
-    """All pages but the one for addresses that are not there, which a server shows at any depth."""
-    return {
-        path: html.document_fromstring(path.read_bytes()) for path in site.rglob("*.html") if path.name != "404.html"
-    }
+    """All pages but those of runs, and the one for addresses that are not there, which a server shows at any depth."""
+    paths = (path for path in site.rglob("*.html") if path.name != "404.html" and "results" not in path.parts)
+    return {path: html.document_fromstring(path.read_bytes()) for path in paths}
 
 
 def article(page: HtmlElement) -> HtmlElement:
@@ -56,6 +55,16 @@ def test_every_page_of_the_navigation_is_there_and_no_other(pages: dict[Path, Ht
     expected = {page.replace(".md", ".html") for page in PAGES_OF_NAV}
     assert expected >= {"index.html", "workspace.html", "view.html", "contributing.html", "api.html"}
     assert {path.relative_to(site).as_posix() for path in pages} == expected
+
+
+def test_the_tutorial_shows_the_page_of_its_run(pages: dict[Path, HtmlElement], site: Path) -> None:
+    """Expected: the page itself, beside the tutorial, and a photograph of it for phones that leads to it."""
+    body = article(pages[site / "tutorial.html"])
+    (address,) = body.xpath(".//iframe/@src")
+    assert body.xpath(f".//a[@href='{address}' and img]")
+    shown = (site / address).read_text(encoding="utf-8")
+    assert "<title>walking with a camera" in shown
+    assert "Content-Security-Policy" in shown
 
 
 def test_nothing_comes_from_a_network(pages: dict[Path, HtmlElement], site: Path) -> None:
