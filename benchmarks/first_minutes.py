@@ -2,9 +2,9 @@
 
     python benchmarks/first_minutes.py [PAGE …]
 
-Commands run one after the other in a new folder, each in a terminal of 80 columns. The table has the time of each and
-its longest silence: the longest time without new output on the terminal, from the start of the process, imports
-included. `make …`, `pip …` and `pytest …` are left out, and no browser is opened.
+Commands and programs of a page run one after the other in a new folder, each in a terminal of 80 columns. The table
+has the time of each and its longest silence: the longest time without new output on the terminal, from the start of
+the process, imports included. `make …`, `pip …` and `pytest …` are left out, and no browser is opened.
 """
 
 import os
@@ -21,10 +21,10 @@ from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.support.snippets import ROOT, commands_of
+from tools.pages.blocks import ROOT
+from tools.pages.story import run_page
 
 PAGES = ("README.md", "docs/tutorial.md")
-LEFT_OUT = ("make ", "pip ", "pytest ", "python -m venv", ". ")
 MOST_SILENCE = 1.0  # s
 
 
@@ -79,19 +79,22 @@ def main() -> int:
     pages = [page for page in sys.argv[1:] or PAGES if (ROOT / page).is_file()]
     table = Table("command", "s", "longest silence s", "after", title="a new user's first minutes")
     total, missed = 0.0, 0
+
+    def run(command: str, folder: Path) -> str:
+        nonlocal total, missed
+        found = timed(command, folder)
+        total += found.seconds
+        is_missed = found.silence > MOST_SILENCE or found.code != 0
+        missed += is_missed
+        mark = " [bold red]missed[/bold red]" if is_missed else ""
+        ended = f" (exit code {found.code})" if found.code else ""
+        table.add_row(command + ended, f"{found.seconds:.1f}", f"{found.silence:.2f}{mark}", found.after)
+        print(f"{found.seconds:6.1f} {found.silence:5.2f}  {command}{ended}", flush=True)
+        return ""
+
     with tempfile.TemporaryDirectory() as name:
         for page in pages:
-            for command in commands_of(page):
-                if command.startswith(LEFT_OUT):
-                    continue
-                found = timed(command, Path(name))
-                total += found.seconds
-                is_missed = found.silence > MOST_SILENCE or found.code != 0
-                missed += is_missed
-                mark = " [bold red]missed[/bold red]" if is_missed else ""
-                ended = f" (exit code {found.code})" if found.code else ""
-                table.add_row(command + ended, f"{found.seconds:.1f}", f"{found.silence:.2f}{mark}", found.after)
-                print(f"{found.seconds:6.1f} {found.silence:5.2f}  {command}{ended}", flush=True)
+            run_page(page, Path(name), run)
         table.add_section()
         table.add_row(f"all of {' and '.join(pages)}", f"{total:.1f}", "", "")
     Console().print(table)

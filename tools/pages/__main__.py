@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 from tools.pages.blocks import ROOT, blocks_of, text_of
-from tools.pages.outputs import excerpt, shown_below, with_outputs
+from tools.pages.outputs import shown_below, up_to_date, with_outputs
 from tools.pages.pictures import draw, pictures_of
 from tools.pages.story import printed_in_shell, run_page
 
@@ -26,7 +26,7 @@ def rewrite(page: str, folder: Path) -> None:
     printed = run_page(page, folder, printed_in_shell)
     text = text_of(page)
     shown = shown_below(blocks_of(page), text)
-    outputs = {below: excerpt(below.text, printed[block]) for block, below in shown.items()}
+    outputs = {below: up_to_date(below.text, printed[block]) for block, below in shown.items()}
     (ROOT / page).write_text(with_outputs(text, outputs), encoding="utf-8")
     print(f"{page}: {len(outputs)} outputs")
     for picture in pictures_of(page):

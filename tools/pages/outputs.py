@@ -10,8 +10,8 @@ from itertools import pairwise
 from tools.pages.blocks import Block
 
 LEFT_OUT = "…"
-# what differs from run to run or from machine to machine, and is compared as the unit only
-_VOLATILE = re.compile(r"(?<=in )[\d.]+(?= s\b)|[\d.]+(?= [kKM]i?B\b)|\d+(?= members/s)")
+# durations, sizes, speeds
+_VOLATILE = re.compile(r"(?<=in )(\d+ min )?[\d.]+(?= s\b)|[\d.]+ [kKM]?i?B\b|\d+(?= members/s)")
 
 
 def shown_below(blocks: list[Block], page_text: str) -> dict[Block, Block]:
@@ -39,6 +39,12 @@ def excerpt(shown: str, printed: str) -> str:
         last = len(kept) - first - 1
         lines = [*lines[:first], LEFT_OUT, *lines[len(lines) - last :]]
     return "\n".join(lines) + "\n"
+
+
+def up_to_date(shown: str, printed: str) -> str:
+    """What the page is to show: what it shows already, unless it differs in more than durations and sizes."""
+    new = excerpt(shown, printed)
+    return shown if comparable(shown) == comparable(new) else new
 
 
 def comparable(text: str) -> str:
