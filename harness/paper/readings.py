@@ -48,7 +48,7 @@ def weight_of_the_published_forces() -> dict[str, float]:
     """The published forces compared with the weight: static forces at zero yaw, and the weight of all bodies.
 
     The even legs' 49.5 N is the axial share of the whole mechanism's weight, m_total g L / (6 z), although the
-    base joints carry most of the lower parts. So the platform is not near balance: it rises.
+    base joints carry most of the lower parts. So the platform is far from equilibrium and rises.
     """
     case = paper_case()
     platform, t = case.platform, case.start.position
