@@ -80,7 +80,7 @@ def test_report_data_and_page_say_the_same(demo: Demo) -> None:
         assert f"{row['measured']:.2e}" in page
     for reading in report["readings"]:
         assert reading["other"] in page
-    assert "not near balance" in page
+    assert "far from equilibrium" in page
 
 
 def test_two_runs_write_the_same_bytes(demo: Demo, interpreter: Interpreter, tmp_path: Path) -> None:
