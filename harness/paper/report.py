@@ -175,10 +175,10 @@ def _markdown_readings(report: dict[str, Any]) -> list[str]:
 def weight_sentence(weight: dict[str, float]) -> str:
     """Why the platform rises under the published forces."""
     return (
-        f"The published forces are far from equilibrium. At zero yaw each actuator holds "
-        f"{weight['static_leg_force']:.2f} N (the base joints carry most of the lower parts), while the even legs' 49.5 N "
-        f"is the axial share of the weight of all bodies, {weight['share_of_total_weight']:.2f} N. So the platform rises "
-        "throughout the second, under every reading above."
+        "The published forces are far from equilibrium. At zero yaw each actuator holds "
+        f"{weight['static_leg_force']:.2f} N (the base joints carry most of the lower parts), while the even legs' "
+        f"49.5 N is the axial share of the weight of all bodies, {weight['share_of_total_weight']:.2f} N. So the "
+        "platform rises throughout the second, under every reading above."
     )
 
 
