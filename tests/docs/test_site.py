@@ -12,6 +12,7 @@ from lxml import html
 from lxml.html import HtmlElement
 
 import gough_stewart as gs
+from tests.support.axe import violations
 from tests.support.browser import CHROMIUM, chromium, watched
 from tools.pages.blocks import ROOT
 
@@ -161,4 +162,17 @@ def test_a_browser_shows_the_site_from_the_disk(site: Path, tmp_path: Path) -> N
             assert seen.errors == []
             assert seen.requests
             assert {urlsplit(url).scheme for url in seen.requests} <= {"file", "data", "blob"}
+            seen.page.close()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
+def test_axe_finds_nothing_on_the_main_pages(site: Path) -> None:
+    """Expected: no rule of axe is broken, in the light and in the dark."""
+    with chromium() as browser:
+        for scheme in ("light", "dark"):
+            seen = watched(browser, 1280, 900)
+            seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+            for name in ("index", "getting-started", "control", "workspace", "fmu"):
+                seen.page.goto((site / f"{name}.html").as_uri())
+                assert violations(seen.page) == [], (name, scheme)
             seen.page.close()

@@ -8,7 +8,7 @@
     const table = document.createElement("table");
     const heads = ["", ...[1, 2, 3, 4, 5, 6].map((k) => `leg ${k}`)];
     const rows = ["force N", "length m", ...(record.nearness ? ["of limit %"] : [])];
-    table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => `<th>${h}</th>`).join("")}</tr></thead><tbody>${
+    table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => (h ? `<th scope="col">${h}</th>` : "<td></td>")).join("")}</tr></thead><tbody>${
       rows.map((r, k) => `<tr><th scope="row">${r}</th>${`<td>${k ? "" : "<i></i>"}<span></span></td>`.repeat(6)}</tr>`).join("")}</tbody>`;
     host.append(table);
     return {
