@@ -171,7 +171,7 @@ def test_axe_finds_nothing_on_the_main_pages(site: Path) -> None:
     with chromium() as browser:
         for scheme in ("light", "dark"):
             seen = watched(browser, 1280, 900)
-            seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+            seen.page.emulate_media(color_scheme=scheme)
             for name in ("index", "getting-started", "control", "workspace", "fmu"):
                 seen.page.goto((site / f"{name}.html").as_uri())
                 assert violations(seen.page) == [], (name, scheme)
