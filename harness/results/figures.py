@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.plotting import Draw, entitle, pictures, png
+from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.results.drawing import FIGURES, Drawable
 from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.model.vectors import FloatArray
@@ -27,7 +28,7 @@ WIDTH = 8.0  # [inch]
 _POINTS, _SPANS = 800, 200
 # Beyond this, the arithmetic of axes overflows.
 _LARGEST = 1e100
-# Less than this share of the whole, or of a unit (a micrometre, a millionth of a degree), is no motion to look at.
+# Less than this share of the values is no motion to look at, however large they are.
 _LEAST = 1e-6
 # Layout engines, and what moves titles, measure everything anew for every file: half of the time.
 _PLACED_BY_HAND: dict[Any, Any] = {"figure.constrained_layout.use": False, "axes.titley": 1.0}
@@ -96,8 +97,9 @@ def _pose(figure: Figure, record: Drawable) -> None:
         curves = [_shown(record[column], scale) for column in (name, f"reference.{name}") if column in record]
         each = [np.stack([curve[:, k] for curve in curves]) for k in range(3)]
         # an axis that hardly moves beside the others is drawn as such
-        views = [_view(values, _LEAST) for values in each]
-        least = max(_LEAST, *((view.high - view.low) / 50 for view in views))
+        smallest = least_span(unit)
+        views = [_view(values, smallest) for values in each]
+        least = max(smallest, *((view.high - view.low) / 50 for view in views))
         lines += each
         panels += [(f"{names[k]} [{unit}]", _view(each[k], least)) for k in range(3)]
     for axes, both in zip(_panels(figure, record, "pose", panels, columns=3), lines, strict=True):
@@ -113,13 +115,20 @@ def _errors(figure: Figure, record: Drawable) -> None:
     ]
     parts = [part for part in parts if f"error.{part[0]}" in record]
     values = [_shown(record[f"error.{name}"], 1e3) for name, _, _ in parts]
-    panels = [(title, _view(each, _LEAST)) for (_, title, _), each in zip(parts, values, strict=True)]
+    least = [least_span("mrad" if name == "orientation" else "mm") for name, _, _ in parts]
+    panels = [(title, _view(each, span)) for (_, title, _), each, span in zip(parts, values, least, strict=True)]
     all_axes = _panels(figure, record, "errors, reference − actual", panels, columns=1, right=1.0, foot=0.5)
-    for axes, each, (_, _, names) in zip(all_axes, values, parts, strict=True):
-        for k, name in enumerate(names):
+    for axes, each, span, (_, _, names) in zip(all_axes, values, least, parts, strict=True):
+        for k, name in enumerate(_told_apart(each, span, names)):
             style = {"color": COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.3, "label": name}
             _line(axes, record, each[:, k], **style)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0, handlelength=3.2)
+
+
+def _told_apart(values: FloatArray, span: float, names: Sequence[str]) -> Sequence[str]:
+    """Names of the lines (n, k) to draw: six legs within a span of each other at all times are one line."""
+    spread = values.max(axis=1) - values.min(axis=1)
+    return ("legs 1–6",) if names == _LEGS and bool((spread < span).all()) else names
 
 
 def _forces(figure: Figure, record: Drawable) -> None:
@@ -128,7 +137,7 @@ def _forces(figure: Figure, record: Drawable) -> None:
     flags = {name: record[f"flag.{name}"].astype(bool) for name in _STRIPS if f"flag.{name}" in record}
     flags = {name: each for name, each in flags.items() if each.any()}
     force = _shown(record["actuator_force"])
-    view = _view(force, _LEAST, bounds, top=0.16 if flags else 0.06)
+    view = _view(force, least_span("N"), bounds, top=0.16 if flags else 0.06)
     title = "actuator forces" + _unseen(bounds, view, f"limit ±{limit:g} N" if bounds else "")
     for k, axes in enumerate(_panels(figure, record, title, [(f"{leg} [N]", view) for leg in _LEGS], columns=3)):
         # held from row to row
@@ -145,7 +154,7 @@ def _legs(figure: Figure, record: Drawable) -> None:
     limits = [platform.get(f"leg_length_{end}") for end in ("min", "max")]
     bounds = [float(limit) for limit in limits if limit is not None]
     curves = [_shown(record[name]) for name in ("leg_length", "reference.leg_length") if name in record]
-    view = _view(np.stack(curves), _LEAST, bounds)
+    view = _view(np.stack(curves), least_span("m"), bounds)
     stroke = " to ".join("…" if limit is None else f"{limit:g}" for limit in limits)
     title = "leg lengths" + _unseen(bounds, view, f"stroke {stroke} m")
     for k, axes in enumerate(_panels(figure, record, title, [(f"{leg} [m]", view) for leg in _LEGS], columns=3)):

@@ -20,10 +20,11 @@ from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.reach import check_reach
 from gough_stewart.harness.workspace.display import clearance
+from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.figures import workspace_figures
 from gough_stewart.harness.workspace.isosurface import Surface, isosurface
 from gough_stewart.harness.workspace.page import workspace_page
-from gough_stewart.harness.workspace.tables import size_text, workspace_csv
+from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.workspace import Limit, evaluate_poses
@@ -184,6 +185,30 @@ def test_an_area_is_that_of_the_cells_that_can_be_reached() -> None:
     assert size_text(plane) == "49 of 49 poses can be reached (100 %), an area of 0.5 m²"
     box = sweep(PAPER, {"x": (-0.5, 0.5), "y": (0.0, 0.5), "z": (3.0, 3.2)}, points=4)
     assert size_text(box).endswith("a volume of 0.1 m³")
+
+
+def test_a_size_is_in_a_unit_that_leaves_it_a_number_to_read() -> None:
+    """Expected: 1 m = 100 cm = 1000 mm, squared and cubed."""
+    assert extent_text(1.87e-4, 3) == "187 cm³"
+    assert extent_text(2e-9, 3) == "2 mm³"
+    assert extent_text(0.05, 2) == "500 cm²"
+    assert extent_text(12.3, 3) == "12.3 m³"
+
+
+def test_an_empty_region_names_the_limit_at_the_nearest_pose_and_what_leads_back() -> None:
+    """Expected: by inverse kinematics, leg for leg, |t + R p − b| at the pose named, which lies 3 m above home."""
+    workspace = sweep(MOTION_BASE, {"x": (-0.3, 0.5), "roll": (-0.2, 0.3)}, {"z": 5.0, "y": 0.1}, points=3)
+    (text,) = notices(workspace)
+    found = re.search(r"is x (\S+) m, roll (\S+)°: leg (\d) is (\S+) m long; leg_length_max is 4 m", text)
+    assert found
+    x, roll = float(found[1]), np.radians(float(found[2]))
+    R = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+    vectors = np.array([x, 0.1, 5.0]) + MOTION_BASE.platform_points @ R.T - MOTION_BASE.base_points
+    lengths = np.linalg.norm(vectors, axis=1)
+    assert int(found[3]) == lengths.argmax() + 1
+    assert float(found[4]) == pytest.approx(lengths.max(), abs=2e-3)
+    assert "y at 0 m, z at 2 m" in text
+    assert "leg_length_min, leg_length_max or joint_angle_max" in notices(sweep(PAPER, points=3))[0]
 
 
 def test_clearance_is_positive_exactly_where_poses_can_be_reached() -> None:
