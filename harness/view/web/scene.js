@@ -34,7 +34,7 @@
     sun.position.copy(vector(MIDDLE)).addScaledVector(vector(SUN), -SIZE);
     sun.target.position.copy(vector(MIDDLE));
     sun.castShadow = true;
-    sun.shadow.mapSize.set(1024, 1024);
+    sun.shadow.mapSize.setScalar(viewer.soft ? 768 : 1024);
     // in the units of the root's parent
     const wide = scale * shade;
     Object.assign(sun.shadow.camera, { left: -wide, right: wide, top: wide, bottom: -wide, near: 0.1, far: 14 });

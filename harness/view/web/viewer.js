@@ -14,10 +14,10 @@
 
   GS.viewer = (element) => {
     const soft = software();
-    // without a graphics card, smooth edges cost as much as all else: they wait until nothing moves
+    // Without a graphics card, smooth edges cost as much as all else. Those of bodies wait until nothing moves.
     const renderer = new THREE.WebGLRenderer({ antialias: !soft, alpha: true });
     renderer.shadowMap.enabled = true;
-    renderer.shadowMap.type = THREE.PCFShadowMap;
+    renderer.shadowMap.type = soft ? THREE.BasicShadowMap : THREE.PCFShadowMap;
     // shadows are drawn anew where something has moved, not where the camera has
     renderer.shadowMap.autoUpdate = false;
     const canvas = renderer.domElement;
@@ -66,6 +66,6 @@
     };
     new ResizeObserver(resize).observe(element);
     resize();
-    return { renderer, canvas, room, camera, changed, moved, draw, render, coarser, controls: GS.orbit(canvas, camera, changed) };
+    return { soft, renderer, canvas, room, camera, changed, moved, draw, render, coarser, controls: GS.orbit(canvas, camera, changed) };
   };
 })();
