@@ -3,7 +3,7 @@
 (() => {
   const GS = GoughStewart;
   const { chart } = GS.page, { signals } = chart, $ = (id) => document.getElementById(id);
-  const HEIGHT = 226, PAPER_WIDTH = 680, MARGIN = { l: 62, r: 14, t: 8, b: 26 };
+  const HEIGHT = 226, PAPER_WIDTH = 660, MARGIN = { l: 62, r: 14, t: 8, b: 26 };
   const coarse = matchMedia("(pointer: coarse)"), printing = () => document.documentElement.classList.contains("printing");
   const panels = new Map();  // by the signal's name, in the order of the page
   let range = [...chart.range];
@@ -206,7 +206,10 @@
     });
     // a button does by itself what the space bar asks of it
     document.querySelector(".curves").addEventListener("keydown", (event) => { if (event.target.closest("button")) event.stopPropagation(); });
-    GS.onTheme(redrawAll);
+    // paper has a width of its own; afterwards panels are as wide as the screen allows
+    GS.onTheme(() => redrawAll().then(() => {
+      if (!printing()) for (const { plot } of panels.values()) Plotly.Plots.resize(plot);
+    }));
     coarse.addEventListener("change", redrawAll);
     Promise.all(chart.shown.map(add)).then(() => {
       offer();

@@ -19,6 +19,9 @@ from tests.support.records import waving_record
 CURVES = """name => [...document.querySelector(`[data-signal="${name}"] .plot`).data].map(
   ({ name, line, x, y }) => ({ name, ...line, x: [...x], y: [...y] }))"""
 PANELS = "() => [...document.querySelectorAll('.panel')].map(panel => panel.dataset.signal)"
+# Whether pictures are as wide as their places.
+FITS = """[...document.querySelectorAll('.plot')].every(plot => Math.abs(
+  plot.getBoundingClientRect().width - plot.querySelector('.main-svg').getBoundingClientRect().width) < 1)"""
 DRAWN = "path => path.getAttribute('d').split('L').length"
 
 
@@ -235,3 +238,97 @@ def test_runs_are_compared_by_their_difference(three: Watched, record: Record, o
     assert x["y"] == pytest.approx([-1.0] * len(x["y"]), abs=1e-6)
     page.select_option("#difference", "")
     until(page, "!document.querySelector('h3').textContent.includes('difference')")
+
+
+@pytest.mark.parametrize("width", [390, 768, 1400])
+def test_titles_keys_and_plots_stand_clear_of_each_other(one: Watched, width: int) -> None:
+    """Expected: no two of their boxes share a point, nor does anything make the page wider than the screen."""
+    page = one.page
+    page.set_viewport_size({"width": width, "height": 640})
+    until(page, FITS)
+    page.evaluate("document.querySelectorAll('details').forEach(each => { each.open = true; })")
+    # the words of a title and the samples of a key, not the lines that they stand in
+    found = page.evaluate("""() => [...document.querySelectorAll('.panel')].map(panel => {
+      const words = document.createRange();
+      words.selectNodeContents(panel.querySelector('h3'));
+      const parts = [words, ...panel.querySelectorAll('.key li, .remove, .plot')];
+      return parts.map(part => part.getBoundingClientRect()).map(box => [box.left, box.right, box.top, box.bottom]);
+    })""")
+    wide = page.evaluate("document.documentElement.scrollWidth")
+    page.evaluate("document.querySelectorAll('details').forEach(each => { each.open = false; })")
+    page.set_viewport_size({"width": 1000, "height": 640})
+    assert wide == width
+    assert len(found) == 9
+    for parts in found:
+        assert len(parts) > 2
+        for k, (left, right, top, bottom) in enumerate(parts):
+            assert right > left
+            assert bottom > top
+            for other_left, other_right, other_top, other_bottom in parts[:k]:
+                apart = right <= other_left or other_right <= left or bottom <= other_top or other_bottom <= top
+                assert apart, parts
+
+
+def test_fingers_scroll_the_page_over_a_chart_and_a_tap_goes_to_its_time(browser: Browser, one_path: Path) -> None:
+    """Expected: a swipe up by 150 pixels scrolls down, time and range stay; a tap at 60 % of 0.5 s is 0.3 s."""
+    context = browser.new_context(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
+    page = context.new_page()
+    page.goto(one_path.as_uri() + "#t=0.0")
+    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
+    chart = page.locator('[data-signal="error.position"] .plot')
+    chart.scroll_into_view_if_needed()
+    box, before = chart.bounding_box(), page.evaluate("scrollY")
+    assert box is not None
+    session = context.new_cdp_session(page)
+    point = {"x": box["x"] + 150, "y": box["y"] + 120}
+    session.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
+    for k in range(1, 11):
+        moved = {**point, "y": point["y"] - 15 * k}
+        session.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [moved]})
+        page.wait_for_timeout(16)
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    until(page, f"scrollY > {before + 80}")
+    page.wait_for_timeout(200)
+    assert page.evaluate("GoughStewart.player.time") == 0
+    assert page.evaluate("document.querySelector('.plot').layout.xaxis.range") == [0, 0.5]
+    left, width = page.evaluate("(({ l, w }) => [l, w])(document.querySelector('.plot')._fullLayout._size)")
+    box = chart.bounding_box()
+    assert box is not None
+    page.touchscreen.tap(box["x"] + left + 0.6 * width, box["y"] + 90)
+    until(page, "Math.abs(GoughStewart.player.time - 0.3) < 0.005")
+    context.close()
+
+
+def test_charts_follow_the_colour_scheme_and_are_light_on_paper(one: Watched) -> None:
+    """Expected: the panels' letters are light in the dark and dark on paper, where no control is left and all fits."""
+    page = one.page
+    red = "Number(/[0-9]+/.exec(getComputedStyle(document.querySelector('.xtick text')).fill)[0])"
+    assert page.evaluate(red) < 80
+    page.emulate_media(color_scheme="dark")
+    until(page, f"{red} > 180")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print", color_scheme="dark")
+    until(page, f"{red} < 80")
+    until(page, "document.querySelector('.plot .main-svg').clientWidth <= 680")
+    assert page.locator(".panel:visible").count() == 9
+    assert page.locator(".choices:visible, .remove:visible, .cursor:visible, .modebar-container:visible").count() == 0
+    breaks = page.eval_on_selector_all(
+        ".panel, .sheets tr", "all => all.map(each => getComputedStyle(each).breakInside)"
+    )
+    assert set(breaks) == {"avoid"}
+    page.emulate_media(media="screen", color_scheme="light")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    until(page, FITS)
+    assert page.evaluate(red) < 80
+
+
+def test_each_chart_has_a_name_that_says_what_it_shows(one: Watched, record: Record) -> None:
+    """Expected: title, lines, and the smallest and largest value of the record's columns, to 0.001 N."""
+    names = one.page.eval_on_selector_all(
+        ".panel [role=img]", "all => all.map(each => each.getAttribute('aria-label'))"
+    )
+    assert len(names) == 9
+    (force,) = [name for name in names if "actuator force" in name]
+    low, high = (f"{pick(record['actuator_force']):.3f}".replace("-", "−") for pick in (np.min, np.max))
+    legs = "; ".join(f"leg {k}" for k in range(1, 7))
+    assert force == f"Chart of actuator force over time from 0 to 0.5 s: {legs}; values from {low} to {high} N."
