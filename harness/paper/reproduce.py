@@ -147,18 +147,18 @@ def reproduce(
         draw()
         pictures["drift.png"] = figures.drift_figure(drift)
         draw()
-
-    rows = [*agreement(case, kernel, kane, stepping, leap), *of_fmus(case, kernel, fmu_runs)]
-    content = report.record(case, kernel, rows, others, weight, drift)
-    files = {
-        "open_loop.csv": csv_of(kernel),
-        **pictures,
-        "report.md": report.to_markdown(content),
-        "report.json": report.to_json(content),
-        **fmus,
-    }
-    if page:
-        files[PAGE] = view_page([record_of_case(case, kernel)], [case.title], [report.agreement_sheet(content)])
+        progress.add_task("comparisons and report", total=None)
+        rows = [*agreement(case, kernel, kane, stepping, leap), *of_fmus(case, kernel, fmu_runs)]
+        content = report.record(case, kernel, rows, others, weight, drift)
+        files = {
+            "open_loop.csv": csv_of(kernel),
+            **pictures,
+            "report.md": report.to_markdown(content),
+            "report.json": report.to_json(content),
+            **fmus,
+        }
+        if page:
+            files[PAGE] = view_page([record_of_case(case, kernel)], [case.title], [report.agreement_sheet(content)])
     return Reproduction(content, files)
 
 
