@@ -181,4 +181,7 @@ def test_a_reference_that_runs_share_is_kept_once(record: Record, base: Platform
     signals = chart_of([record, other], [base, base])["signals"]
     assert signals["reference.position from home"]["curves"]["lines"][1] == 0
     assert len(signals["position from home"]["curves"]["lines"][1]) == 3
-    assert signals["position from home"]["differences"]["groups"] == [[0], [1, 2]]
+    changes = signals["position from home"]["differences"]
+    assert changes["groups"] == [[0], [1, 2]]
+    # the second, moved by 1 mm, minus the first
+    assert numbers(changes["lines"]["0,1"][0]["y"]) == pytest.approx(1.0)
