@@ -151,8 +151,10 @@
   };
   const side = (axis) => ({ title: { text: `${axis.name} [${axis.unit}]` } });
   const drawVolume = () => {
+    // from farther where the picture is narrow
+    const far = Math.max(1, Math.min(2.2, 700 / volume.clientWidth));
     const scene = {
-      xaxis: side(first), yaxis: side(second), zaxis: side(third), camera: { eye: { x: 1.5, y: -1.7, z: 0.8 }, center: { x: 0, y: 0, z: -0.1 } },
+      xaxis: side(first), yaxis: side(second), zaxis: side(third), camera: { eye: { x: 1.5 * far, y: -1.7 * far, z: 0.8 * far }, center: { x: 0, y: 0, z: -0.1 } },
       aspectmode: page.swept.every((a) => a.unit === first.unit) ? "data" : "cube",
     };
     const layout = { scene, uirevision: "camera", margin: { l: 0, r: 0, t: 0, b: 0 } };
