@@ -2,7 +2,7 @@
 // A video of the animation, from start to end once, by the browser's own recorder.
 (() => {
   const GS = GoughStewart;
-  const KINDS = ["video/webm;codecs=vp8", "video/webm", "video/mp4"], WIDEST = 1280, RATE = 30;
+  const KINDS = ["video/webm;codecs=vp8", "video/webm", "video/mp4"], WIDEST = 1280, RATE = 30, HOLD = 500;
 
   // The kind of video that this browser records; none if it records none.
   GS.videoKind = () => {
@@ -25,13 +25,15 @@
     });
     recorder.start();
     player.play();
-    let last = false;
+    let endedAt = 0, stopped = false;
     return () => {
-      if (last) return;
+      if (stopped) return;
       GS.compose(view, canvas, wide, false);
-      last = !player.playing;
-      // the last picture is shown for a moment
-      if (last) setTimeout(() => recorder.stop(), 250);
+      if (player.playing) return;
+      // the last picture stays for a while, in which a slow encoder catches up
+      endedAt ||= performance.now();
+      stopped = performance.now() - endedAt > HOLD;
+      if (stopped) recorder.stop();
     };
   };
 })();
