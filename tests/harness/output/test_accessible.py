@@ -58,3 +58,31 @@ def test_axe_sees_what_is_wrong(browser: Browser) -> None:
     assert "image-alt" in found
     assert "color-contrast" in found
     seen.page.close()
+
+
+@pytest.mark.parametrize("kind", ["ensemble", "identification", "workspace"])
+def test_a_swipe_over_a_chart_scrolls_the_page_of_a_phone(browser: Browser, opened: Open, kind: str) -> None:
+    """Expected: 200 pixels up are some scrolling, nothing lies beyond 390 pixels, and paper is white in the dark."""
+    address = opened(kind).page.url
+    context = browser.new_context(
+        viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True, color_scheme="dark"
+    )
+    page = context.new_page()
+    page.goto(address)
+    until(page, DRAWN[kind])
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.locator(".nsewdrag").first.scroll_into_view_if_needed()
+    before = page.evaluate("scrollY")
+    box = page.locator(".nsewdrag").first.bounding_box()
+    assert box is not None
+    session, x, y = context.new_cdp_session(page), box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    for k in range(11):
+        points = [{"x": x, "y": y - 20 * k}]
+        session.send("Input.dispatchTouchEvent", {"type": "touchMove" if k else "touchStart", "touchPoints": points})
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    until(page, f"scrollY > {before + 50}", 5)
+    assert page.evaluate("GoughStewart.theme().dark")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate("GoughStewart.theme().card") == "#fff"
+    assert "rgb(255, 255, 255)" in page.locator(".main-svg").first.evaluate("svg => svg.style.background")
+    context.close()
