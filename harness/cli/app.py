@@ -36,8 +36,8 @@ app = typer.Typer(
 )
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         typer.echo(f"gough-stewart {version('gough-stewart')}")
@@ -78,10 +78,10 @@ for _panel, _commands in _COMMANDS.items():
 
 
 def main() -> None:
-    """The command line in a process of its own; the console script comes here through `entry`."""
-    # imports and figures make objects by the hundred thousand, none of them garbage to look for
+    """Run the command line in a process of its own; the console script calls it through `entry`."""
+    # imports and figures create many objects that live to the end; without this, collection would scan them often
     gc.set_threshold(200_000, 30, 30)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without Greek gets question marks, not a traceback
+            stream.reconfigure(errors="replace")  # a terminal without Greek shows question marks instead of a traceback
     app()

@@ -1,4 +1,4 @@
-"""The command `build`: the platform as FMU."""
+"""The command `build`: compiles the platform as an FMU."""
 
 from pathlib import Path
 
@@ -21,13 +21,13 @@ def build_command(
     platform: PlatformOption = None,
     out: FolderOption = Path(),
 ) -> None:
-    """Build the platform as FMU: self-contained, compiled, Co-Simulation and Model Exchange.
+    """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
-    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. The compiler is a Python package,
-    which `pip install 'gough-stewart[fmu]'` brings; it makes binaries for every target on every machine. A first
-    build takes ten seconds a target (Windows: two minutes), the next ones two.
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. `pip install 'gough-stewart[fmu]'`
+    installs the compiler, which builds for all targets on any machine. The first build takes ten seconds per target
+    (Windows: two minutes), later ones two.
 
-    The platform chosen gives the start values; another one can be set through the parameters, without a build.
+    The chosen platform sets the start values; parameters can change them to another platform without a new build.
 
     Examples
     --------

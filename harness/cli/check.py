@@ -1,4 +1,4 @@
-"""The command `check`: whether a platform can follow the motion of an experiment."""
+"""The command `check`: checks whether a platform can follow the motion of an experiment."""
 
 import shlex
 from enum import StrEnum
@@ -20,12 +20,12 @@ from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.checking import MotionCheck
 
-# Beside 0 and 1 (an error): the check is done, and the motion is beyond a limit.
+# Besides 0 and 1 (an error): the check is complete, and the motion exceeds a limit.
 EXIT_BEYOND = 3
 
 
 class Fit(StrEnum):
-    """What makes a motion fit."""
+    """How a motion is made to fit the limits."""
 
     time = "time"
     amplitude = "amplitude"
@@ -38,19 +38,19 @@ def check_command(
     fit: Annotated[
         Fit | None,
         typer.Option(
-            help="Write NAME-fitted.toml beside the experiment, with the motion as slow (time) or as small (amplitude) "
-            "as it has to be, and check it.",
+            help="Also slow the motion down (time) or reduce it (amplitude) until it is within all limits, write it to "
+            "NAME-fitted.toml beside the experiment, and check it.",
             metavar=choices(Fit),
         ),
     ] = None,
 ) -> None:
     """Check whether the platform can follow the motion of an experiment, without running it.
 
-    Along the whole motion: stroke, joint angles, nearness to singular poses, leg velocity, leg acceleration, and force
-    and power by inverse dynamics without load. Prints leg by leg the largest share of every limit and when; beyond
-    its limits, how much slower or smaller the motion would have to be.
+    Along the whole motion it checks stroke, joint angles, distance from singular poses, leg velocity, leg acceleration,
+    and force and power by inverse dynamics without load. It prints the largest share of each limit by leg, and when; if
+    a limit is exceeded, also how much slower or smaller the motion would have to be.
 
-    Writes **check.json**, and **shares**, the shares over time with the active limit named, as PNG and SVG.
+    Writes **check.json**, and **shares**, the shares over time with the nearest limit, as PNG and SVG.
 
     Exit code 0 if the motion, or the fitted one, is within all limits, 3 if it is not.
 
@@ -96,9 +96,9 @@ def _show(found: "MotionCheck") -> None:
 
 
 def _write_fitted(experiment: str, settings: list[str], found: "MotionCheck", fit: str) -> Path:
-    """The experiment's file with the settings, and those that make it fit, beside it: files it names are found there.
+    """Write the experiment with its settings and those that make it fit beside its file, where the files it names are.
 
-    That of a shipped experiment goes to the folder one is in.
+    A shipped experiment is written to the current folder.
     """
     from gough_stewart.harness.experiment.setting_file import text_with_settings
     from gough_stewart.model.files import write_whole

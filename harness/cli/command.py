@@ -1,4 +1,4 @@
-"""A command from its start to its closing lines, or to the one line that says what went wrong."""
+"""Runs a command to its closing lines, or to one line that states the error."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -14,7 +14,7 @@ from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import GoughStewartError
 
-# Beside 0, and 3 of `run` and `check`; they are listed in docs/control.md.
+# Besides 0, and 3 of `run` and `check`; docs/control.md lists them.
 EXIT_ERROR = 1
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
@@ -22,7 +22,7 @@ EXIT_INTERRUPTED = 130
 
 @dataclass
 class Command:
-    """A command that runs: since when, and the folders that it has written to; an interrupt after that names them."""
+    """A running command: its start time, and the folders it has written to, which an interrupt then names."""
 
     started: float = field(default_factory=time.perf_counter)
     written: list[Path] = field(default_factory=list)
@@ -35,7 +35,7 @@ class Command:
         then: str | None = None,
         is_open: bool = False,
     ) -> None:
-        """The closing lines: what is done and how long it took, the files and their size, the page, what comes next."""
+        """Print the closing lines: what is done, how long it took, the files and their size, the next step."""
         names = [str(file) for file in files]
         took = f"{done} in {duration_text(time.perf_counter() - self.started)}. " if done else ""
         size = size_text(sum(_size(folder / name) for name in names))
@@ -53,7 +53,7 @@ class Command:
 
 
 def duration_text(seconds: float) -> str:
-    """As 0.8 s or 2 min 5 s."""
+    """A duration as text, such as 0.8 s or 2 min 5 s."""
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
@@ -61,19 +61,19 @@ def duration_text(seconds: float) -> str:
 
 
 def size_text(size: int) -> str:
-    """In kB, or from one on in MB."""
+    """A size in kB, or in MB from 1 MB."""
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.3g} kB"
 
 
 def _size(path: Path) -> int:
-    """Of a file, or of all files in a folder."""
+    """Size of a file, or of all files in a folder."""
     files = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
 @contextmanager
 def clear_errors() -> Iterator[Command]:
-    """One clear line and an exit code instead of a traceback."""
+    """Turn an error into one clear line and an exit code instead of a traceback."""
     command = Command()
     try:
         yield command
@@ -96,7 +96,7 @@ def _say_error(message: str, error: BaseException) -> None:
 
 
 def _notes(error: BaseException) -> str:
-    """What those have added who know more, such as which files are there all the same."""
+    """Notes that were added to the error, such as which files were written anyway."""
     return "; ".join(getattr(error, "__notes__", ()))
 
 

@@ -1,4 +1,4 @@
-"""The command `ensemble`: a thousand members of an experiment, to tables and bands."""
+"""The command `ensemble`: runs the members of an experiment, and writes tables and bands."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 def ensemble_command(
     experiment: ExperimentArgument,
     members: Annotated[
-        int | None, typer.Option(help="Number of members. Default: that of the experiment.", metavar="N", min=1)
+        int | None, typer.Option(help="Number of members. Default: from the experiment.", metavar="N", min=1)
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of draws and noise. Default: that of the experiment.", metavar="N", min=0)
+        int | None, typer.Option(help="Seed of samples and noise. Default: from the experiment.", metavar="N", min=0)
     ] = None,
     out: OutOption = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted run in the folder, from its finished chunks.")
+        bool, typer.Option("--resume", help="Continue an interrupted run in the folder from its finished chunks.")
     ] = False,
     workers: Annotated[
-        int | None, typer.Option(help="Processes on this machine. Default: one for each core.", metavar="N", min=1)
+        int | None, typer.Option(help="Number of processes on this machine. Default: one per core.", metavar="N", min=1)
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -46,21 +46,21 @@ def ensemble_command(
     compare: Annotated[
         str | None,
         typer.Option(
-            help="Also run this experiment over the same members, and show the differences: this one minus the first. "
-            "--set changes the first only.",
+            help="Also run this experiment with the same members, and show the differences: this one minus the first. "
+            "--set changes only the first.",
             metavar="FILE.toml|NAME",
         ),
     ] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
 ) -> None:
-    """Run the members of an experiment's [ensemble]: machines that differ, with the same controller.
+    """Run the members of an experiment's [ensemble]: machines that differ, all with the same controller.
 
-    Writes **members.parquet** (a row for each member: what varied, figures of merit, outcome), **bands.parquet**
-    (signals over time, as quantiles), **ensemble.json**, pictures, **report.html**, and in **worst** the records of the
-    worst members. `gough-stewart run FILE --member 17` repeats any of them exactly.
+    Writes **members.parquet** (one row per member: varied quantities, metrics, outcome), **bands.parquet** (quantiles
+    of signals over time), **ensemble.json**, figures, **report.html**, and the records of the worst members in
+    **worst**. `gough-stewart run FILE --member 17` repeats a member exactly.
 
-    Ctrl-C keeps the finished chunks; the same command with `--resume` goes on, to the same bytes.
+    Ctrl-C keeps the finished chunks; the same command with `--resume` continues, and gives the same bytes.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def ensemble_command(
     """
     with clear_errors() as command:
         if workers is not None and scheduler is not None:
-            raise UsageError("--workers and --scheduler exclude each other: a scheduler has workers of its own")
+            raise UsageError("--workers and --scheduler exclude each other: a scheduler has its own workers; give one")
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "_ensemble")
         if compare is not None:
@@ -101,7 +101,7 @@ def ensemble_command(
                 status=lambda what: progress.update(task, description=what),
             )
             command.written.append(folder)
-            progress.update(task, total=None, description="pictures and page")
+            progress.update(task, total=None, description="figures and page")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
             from gough_stewart.harness.ensemble.files import write_report
 

@@ -1,17 +1,17 @@
-"""Entry point of the console script: light, so that an interrupt finds a guard from the first moment on."""
+"""Entry point of the console script; it imports little, so that interrupts are handled from the start."""
 
-# nothing but what Python has loaded anyway
+# only modules that Python has loaded already
 import io
 import os
 import sys
 
 _INTERRUPTED = "interrupted; nothing written"
 _EXIT_ERROR = 1
-_EXIT_INTERRUPTED = 130  # 128 and the number of SIGINT, as shells have it
+_EXIT_INTERRUPTED = 130  # 128 + SIGINT, the shells' convention
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C, a wish to end (SIGTERM, SIGHUP) and a stream that is full get one line each."""
+    """Run the command line; Ctrl-C, SIGTERM, SIGHUP and a full output stream give one line each."""
     code: str | int | None = 0
     try:
         if isinstance(sys.stderr, io.TextIOWrapper):
@@ -22,20 +22,20 @@ def main() -> None:
         app.main()
     except SystemExit as ended:
         code = ended.code
-        # Typer ends without a word if it is itself interrupted
+        # Typer exits silently if it is itself interrupted
         if isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt):
             _say(_INTERRUPTED)
     except KeyboardInterrupt:
         _say(_INTERRUPTED)
         code = _EXIT_INTERRUPTED
-    except OSError as error:  # help that cannot be printed
+    except OSError as error:  # the help cannot be printed
         _say(f"error: {error.strerror or error}")
         code = _EXIT_ERROR
     sys.exit(_flushed(code))
 
 
 def _end_as_by_ctrl_c() -> None:
-    """What asks the process to end is handled as Ctrl-C: rows are kept, temporary files and compilers go."""
+    """Handle signals that end the process like Ctrl-C: keep rows, remove temporary files, end compilers."""
     import signal
 
     def interrupt(_number: int, _frame: object) -> None:
@@ -43,24 +43,26 @@ def _end_as_by_ctrl_c() -> None:
 
     for name in ("SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # nohup has reasons of its own
+        if (
+            number is not None and signal.getsignal(number) is signal.SIG_DFL
+        ):  # keep handlers of others, such as nohup's
             signal.signal(number, interrupt)
 
 
 def _flushed(code: str | int | None) -> str | int | None:
-    """The exit code, or another one if the results could not be printed; Python would end with a traceback."""
+    """The exit code, or 1 if the results could not be printed, where Python would end with a traceback."""
     import gc
     import signal
 
-    # to look for garbage once more would keep the prompt away for up to half a second
+    # a last garbage collection would take up to half a second
     gc.freeze()
-    # what is done is done: an interrupt has nothing left to stop
+    # nothing is left to interrupt
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         sys.stdout.flush()
     except OSError as error:
         _say(f"error: standard output: {error.strerror or error}")
-        # what is left in the buffer has nowhere to go
+        # discard what is left in the buffer
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return code or _EXIT_ERROR
     return code
@@ -71,7 +73,7 @@ def _say(line: str) -> None:
 
 
 class _ErrorStream(io.TextIOWrapper):
-    """Standard error that never fails: a full disk behind it costs what would have been said, not the run."""
+    """Standard error that never fails: if its disk is full, messages are lost, but the run goes on."""
 
     def __init__(self, stream: io.TextIOWrapper) -> None:
         encoding = stream.encoding
@@ -91,5 +93,5 @@ class _ErrorStream(io.TextIOWrapper):
             self._close_the_ear()
 
     def _close_the_ear(self) -> None:
-        """What is left in the buffers goes nowhere, and what follows, too."""
+        """Discard what is left in the buffers, and all later output."""
         os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())

@@ -1,4 +1,4 @@
-"""The command `excite`: a motion from which parameters can be identified."""
+"""The command `excite`: designs a motion for identification."""
 
 import shlex
 from enum import StrEnum
@@ -51,14 +51,14 @@ def excite_command(
             metavar=choices(Criterion),
         ),
     ] = Criterion.condition,
-    trials: Annotated[int, typer.Option(help="Number of motions to try.", metavar="N", min=1)] = 150,
+    trials: Annotated[int, typer.Option(help="Number of motions to evaluate.", metavar="N", min=1)] = 150,
     seed: SeedOption = 0,
     out: FolderOption = Path("results/excite"),
 ) -> None:
-    """Design a motion from which parameters can be identified: a finite Fourier series within all limits.
+    """Design a motion for the identification of parameters: a finite Fourier series within all limits.
 
-    Writes **excitation.toml**, an experiment that `run` takes, and **platform.toml** beside it, if the platform is a
-    file of your own.
+    Writes **excitation.toml**, an experiment for `run`, and, if the platform is your own file, **platform.toml** beside
+    it.
 
     Examples
     --------

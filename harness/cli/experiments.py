@@ -1,4 +1,4 @@
-"""The command `experiments`: those that ship with the package."""
+"""The command `experiments`: lists the shipped experiments."""
 
 from typing import Annotated
 

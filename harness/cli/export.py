@@ -1,4 +1,4 @@
-"""The command `export`: a designed controller as C, FMU and SSP."""
+"""The command `export`: writes a designed controller as C, FMU and SSP."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -38,7 +38,7 @@ def export_command(
     reference: Annotated[
         ReferenceSource,
         typer.Option(
-            help="The reference of the experiment inside the controller, or references as inputs.",
+            help="Put the experiment's reference inside the controller, or make references its inputs.",
             metavar=choices(ReferenceSource),
         ),
     ] = ReferenceSource.inside,
@@ -46,7 +46,7 @@ def export_command(
     out: FolderOption = Path(),
     no_python: NoPythonOption = False,
 ) -> None:
-    """Export the controller of an experiment: it runs elsewhere without Python.
+    """Export the controller of an experiment, to run without Python.
 
     `--as fmu` writes **NAME_controller_fmi2.fmu** and **NAME_controller_fmi3.fmu**, Co-Simulation; `--as c`
     **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C11 for any processor; `--as ssp` **NAME.ssp**,

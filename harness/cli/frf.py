@@ -1,4 +1,4 @@
-"""The command `frf`: the frequency response that a run with an injection has shown."""
+"""The command `frf`: estimates frequency responses from a run with an injection."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,18 +11,18 @@ from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
 
 
 def frf_command(
-    record: Annotated[Path, typer.Argument(help="A record of `run`, or its folder.", metavar="RECORD", parser=path)],
+    record: Annotated[Path, typer.Argument(help="A record from `run`, or its folder.", metavar="RECORD", parser=path)],
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for the files; created if needed. Default: that of the record.", metavar="DIR", parser=path
+            help="Folder for the files; created if needed. Default: the record's folder.", metavar="DIR", parser=path
         ),
     ] = None,
 ) -> None:
-    """Frequency responses S, T and L of the leg or mode that a run has excited, beside the linear model.
+    """Estimate the frequency responses S, T and L of the leg or mode excited in a run, beside the linear model.
 
-    The experiment of the run has an `[injection]`. Writes **frf.csv** and **frf.parquet**, with confidence and
-    coherence, and a Bode picture **frf** as PNG and SVG.
+    The run's experiment needs an `[injection]`. Writes **frf.csv** and **frf.parquet** with confidence and coherence,
+    and a Bode plot **frf** as PNG and SVG.
 
     Examples
     --------

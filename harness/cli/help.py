@@ -1,11 +1,11 @@
-"""Help in which a flag is only a flag, and a value is named without types of Python; wrong values in plain words."""
+"""Help without the names of Python types, and plain messages for wrong values."""
 
 from typing import Any
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-# What Typer says of a wrong value, and what it is to say.
+# Parts of Typer's messages on wrong values, and their plain replacements.
 _PLAIN = {
     "Value error, ": "",
     "Input should be a valid integer, unable to parse string as an integer": "expected a whole number",
@@ -15,14 +15,14 @@ _PLAIN = {
 
 
 class PlainCommand(TyperCommand):
-    """A command whose options and arguments read well in its help."""
+    """A command whose help names no Python types."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """As Typer has them, made plain."""
+        """Parameters as in Typer, without the names of types."""
         return _made_plain(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """As Typer does; what is wrong with a value is said in plain words."""
+        """As in Typer, with plain messages for wrong values."""
         try:
             return super().parse_args(ctx, args)
         except typer.BadParameter as error:
@@ -32,15 +32,15 @@ class PlainCommand(TyperCommand):
 
 
 class PlainGroup(TyperGroup):
-    """The same of the whole program."""
+    """The same for the group of all commands."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """As Typer has them, made plain."""
+        """Parameters as in Typer, without the names of types."""
         return _made_plain(super().get_params(ctx))
 
 
 def _made_plain(parameters: list[Any]) -> list[Any]:
-    """Without <bool> beside flags, and without <str> beside arguments, whose names say what they are."""
+    """Remove <bool> from flags and <str> from arguments, whose names are clear."""
     for each in parameters:
         if isinstance(each, TyperArgument):
             each.display_type_rich = _no_type  # type: ignore[method-assign]
@@ -50,4 +50,4 @@ def _made_plain(parameters: list[Any]) -> list[Any]:
 
 
 def _no_type(ctx: Any) -> None:
-    """Nothing stands beside the name."""
+    """Return no text to print beside the name."""

@@ -1,4 +1,4 @@
-"""The command `identify`: parameters of a platform from a log."""
+"""The command `identify`: identifies parameters of a platform from a log."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -23,7 +23,7 @@ from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar
 
 
 class Method(StrEnum):
-    """How parameters are found."""
+    """How parameters are estimated."""
 
     linear = "linear"
     output_error = "output_error"
@@ -31,7 +31,7 @@ class Method(StrEnum):
 
 
 class PoseFrame(StrEnum):
-    """Where measured poses are taken."""
+    """The frame in which poses are measured."""
 
     world = "world"
     own = "own"
@@ -44,13 +44,13 @@ def identify_command(
     estimate: Annotated[
         str,
         typer.Option(
-            help="Parameters to estimate, with commas between them; NAME[1..6] for each leg.",
+            help="Parameters to estimate, separated by commas; NAME[1..6] for each leg.",
             metavar="NAME,…",
         ),
     ],
     preset: PresetOption = None,
     platform: PlatformOption = None,
-    method: Annotated[Method, typer.Option(help="How to estimate them.", metavar=choices(Method))] = Method.linear,
+    method: Annotated[Method, typer.Option(help="Method of estimation.", metavar=choices(Method))] = Method.linear,
     force_per_current: Annotated[
         float | None,
         typer.Option(
@@ -60,7 +60,8 @@ def identify_command(
     pose_frame: Annotated[
         PoseFrame | None,
         typer.Option(
-            help="Frame of measured poses: world, or the tracker's own, wherever it stands.", metavar=choices(PoseFrame)
+            help="Frame of measured poses: world, or the tracker's own, at any unknown pose.",
+            metavar=choices(PoseFrame),
         ),
     ] = None,
     experiment: Annotated[
@@ -81,8 +82,8 @@ def identify_command(
     The log is a record of `run`, or has the columns `time`, `leg_length[1..6]`, `actuator_force[1..6]` or
     `motor_current[1..6]`, with units in their names where they are not SI: `time [ms]`.
 
-    Writes **platform.toml**, which `run` takes; **estimate.json**: values, intervals, correlation, what the log could
-    see, residuals; **fit** and **parameters** as PNG and SVG; and **identify.html**, a page that needs no network.
+    Writes **platform.toml** for `run`; **estimate.json** with values, intervals, correlation, observability and
+    residuals; **fit** and **parameters** as PNG and SVG; and **identify.html**, a page that works offline.
 
     Examples
     --------

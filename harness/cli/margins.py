@@ -1,4 +1,4 @@
-"""The command `margins`: the linear side of an experiment."""
+"""The command `margins`: linear analysis of an experiment."""
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
@@ -20,8 +20,8 @@ def margins_command(
 ) -> None:
     """Compute gains, closed-loop modes and stability margins of an experiment, on the linear model.
 
-    Linear at the first pose of the reference, sampled and delayed as in the experiment. Writes **margins.json**, and
-    **bode** and **step** as PNG and SVG.
+    The model is linearised at the first pose of the reference, and sampled and delayed as in the experiment. Writes
+    **margins.json**, and **bode** and **step** as PNG and SVG.
 
     Examples
     --------

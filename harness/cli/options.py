@@ -1,6 +1,6 @@
-"""Options that several commands have, and what they choose.
+"""Options shared by several commands, and the objects they choose.
 
-Commands import what they work with inside of their functions: --help and a mistyped command need not wait for NumPy.
+Commands import what they need inside their functions, so that --help and mistyped commands do not wait for NumPy.
 """
 
 from enum import StrEnum
@@ -18,25 +18,25 @@ if TYPE_CHECKING:
 
 
 class FmiVersion(StrEnum):
-    """Versions of the standard."""
+    """Versions of the FMI standard."""
 
     fmi2 = "2.0"
     fmi3 = "3.0"
 
 
 def choices(kind: type[StrEnum]) -> str:
-    """The values of an option, as its help names them."""
+    """The values of an option, as shown in its help."""
     return "|".join(kind)
 
 
 def path(text: str) -> Path:
-    """A path; nothing is none, though pathlib takes it for the folder one is in."""
+    """A path; refuses an empty text, which pathlib reads as the current folder."""
     if not text:
-        raise typer.BadParameter("is empty; expected a path, or . for the folder you are in")
+        raise typer.BadParameter("is empty; expected a path, or . for the current folder")
     return Path(text)
 
 
-# What the shell completes; where none fits, it looks for files.
+# Shell completions; where none fits, the shell completes file names.
 
 
 def presets(begun: str) -> list[str]:
@@ -54,7 +54,7 @@ def experiments(begun: str) -> list[str]:
 
 
 def targets(begun: str) -> list[str]:
-    """Systems that FMUs are built for."""
+    """Systems for which FMUs can be built."""
     from gough_stewart.fmu_build.targets import BY_NAME
 
     return [name for name in ("native", "all", *BY_NAME) if name.startswith(begun)]
@@ -63,26 +63,24 @@ def targets(begun: str) -> list[str]:
 PresetOption = Annotated[
     str | None,
     typer.Option(
-        help="A platform that ships with the package; see `gough-stewart presets`.",
+        help="A platform that ships with the package; `gough-stewart presets` lists them.",
         metavar="NAME",
         autocompletion=presets,
     ),
 ]
-PlatformOption = Annotated[
-    Path | None, typer.Option(help="A platform file of your own, TOML.", metavar="FILE", parser=path)
-]
+PlatformOption = Annotated[Path | None, typer.Option(help="Your own platform file, TOML.", metavar="FILE", parser=path)]
 ExperimentArgument = Annotated[
     str,
     typer.Argument(
         help="A TOML file, or the name of a shipped experiment. A file may name a Python controller or an FMU, whose "
-        "code is executed: run only files that you trust, or use --no-python.",
+        "code is executed: run only files you trust, or use --no-python.",
         metavar="FILE.toml|NAME",
         autocompletion=experiments,
     ),
 ]
 NoPythonOption = Annotated[
     bool,
-    typer.Option("--no-python", help="Refuse an experiment that executes its own code: a Python file or an FMU."),
+    typer.Option("--no-python", help="Refuse experiments that execute code of their own: a Python file or an FMU."),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -93,20 +91,20 @@ SetOption = Annotated[
 _FOLDER = "Folder for the files; created if needed."
 OutOption = Annotated[
     Path | None,
-    typer.Option(help=f"{_FOLDER} Default: one in results, named after the experiment.", metavar="DIR", parser=path),
+    typer.Option(help=f"{_FOLDER} Default: results/NAME, after the experiment.", metavar="DIR", parser=path),
 ]
 FolderOption = Annotated[Path, typer.Option("--out", help=_FOLDER, metavar="DIR", parser=path)]
 SeedOption = Annotated[
-    int, typer.Option(help="Seed of the random numbers: the same seed, the same result.", metavar="N", min=0)
+    int, typer.Option(help="Seed of the random numbers; the same seed gives the same result.", metavar="N", min=0)
 ]
 FmiOption = Annotated[
     list[FmiVersion] | None,
-    typer.Option(help="Version of the standard; may be repeated. Default: both.", metavar=choices(FmiVersion)),
+    typer.Option(help="Version of FMI; may be repeated. Default: both.", metavar=choices(FmiVersion)),
 ]
 TargetOption = Annotated[
     list[str] | None,
     typer.Option(
-        help="System to run on: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
+        help="Target system: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
         "x86_64-darwin, aarch64-darwin; may be repeated.",
         metavar="NAME",
         autocompletion=targets,
@@ -114,19 +112,17 @@ TargetOption = Annotated[
 ]
 ReportOption = Annotated[
     bool,
-    typer.Option(
-        "--report", help="Also write report.html, a page for the browser: the motion in 3-D beside its curves."
-    ),
+    typer.Option("--report", help="Also write report.html, a page for the browser with the motion in 3-D and charts."),
 ]
 
 
 def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
-    """The platform of a preset or a file; the paper's if there is neither.
+    """The platform of a preset or a file; the paper's by default.
 
     Raises
     ------
     UsageError
-        Both are given.
+        Both options are used.
     """
     if preset is not None and platform is not None:
         raise UsageError("--preset and --platform exclude each other; give one")
@@ -139,34 +135,34 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
         return load_preset(cases.PAPER_PRESET if preset is None else preset)
 
 
-def chosen_experiment(given: str, settings: list[str] | None, no_python: bool) -> "Experiment":
-    """The experiment of a file, or a shipped one by its name; a file of that name goes first.
+def chosen_experiment(experiment: str, settings: list[str] | None, no_python: bool) -> "Experiment":
+    """The experiment from a file, or a shipped one by name; a file of that name takes precedence.
 
     Raises
     ------
     ExperimentError
-        It cannot be had, or it executes code of its own and that is not wanted.
+        It cannot be loaded, or it executes code of its own despite --no-python.
     """
     with preparing():
         from gough_stewart.harness.experiment.file import load_experiment
 
-        chosen = load_experiment(given, settings or [])
+        chosen = load_experiment(experiment, settings or [])
     if no_python and chosen.code:
         raise ExperimentError(
-            chosen.where, "", f"executes {', '.join(chosen.code)}; leave out --no-python if you trust these files"
+            chosen.where, "", f"executes {', '.join(chosen.code)}; omit --no-python if you trust these files"
         )
     for file in chosen.code:
-        errors.say((f"executes {file}, which {given} names", "dim"))
+        errors.say((f"executes {file}, named by {experiment}", "dim"))
     return chosen
 
 
 def results_folder(experiment: str, suffix: str = "") -> Path:
-    """Where the files of an experiment go by default: results/NAME, without the end of a file's name.
+    """Default folder for the files of an experiment: results/NAME, without the suffix of a file.
 
-    A file with the name of a shipped experiment keeps its end, so that the two stay apart.
+    A file with the name of a shipped experiment keeps its suffix, so that their folders differ.
     """
     from gough_stewart.harness.experiment.file import experiment_names
 
-    given = Path(experiment)
-    name = given.name if given.stem in experiment_names() and experiment != given.stem else given.stem
+    file = Path(experiment)
+    name = file.name if file.stem in experiment_names() and experiment != file.stem else file.stem
     return Path("results", name + suffix)

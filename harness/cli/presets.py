@@ -1,4 +1,4 @@
-"""The command `presets`: the platforms that ship with the package."""
+"""The command `presets`: lists the shipped platforms."""
 
 from typing import Annotated
 

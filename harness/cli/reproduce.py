@@ -1,4 +1,4 @@
-"""The command `reproduce`: the paper's case, computed, compared and reported."""
+"""The command `reproduce`: computes the paper's case, compares and reports."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -35,7 +35,7 @@ def reproduce_command(
     order: Annotated[
         Order | None,
         typer.Option(
-            help="How to read the ± of the paper's appendix: legs 1, 3, 5 are the + joints (the default), or the − "
+            help="Reading of the ± in the paper's appendix: legs 1, 3, 5 have the + joints (default) or the − "
             "joints. Only with the preset liu2000.",
             metavar=choices(Order),
         ),
@@ -46,16 +46,16 @@ def reproduce_command(
 ) -> None:
     """Reproduce the paper's open-loop simulation, and prove it by independent formulations.
 
-    Runs the published 1.0 s under constant actuator forces by Kane's equations as in the paper, by the task-space
-    kernel, by the stepping model and by both FMUs, which it builds; compares them with each other, with Newton–Euler
-    and with the energy balance.
+    Simulates the published 1.0 s under constant actuator forces with Kane's equations as in the paper, the task-space
+    kernel, the stepping model, and both FMUs, which it builds. Compares them with each other, with Newton–Euler and
+    with the energy balance.
 
     Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
     **drift.png**, **report.md**, **report.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; with
-    `--report` also **report.html**. Exit code 1 if a comparison misses its bound.
+    `--report` also **report.html**. Exit code 1 if a comparison exceeds its bound.
 
-    On another platform the case is scaled to its size: time and velocities by Froude's rule, forces about its own
-    static ones.
+    For another platform the case is scaled to its size: time and velocities by Froude scaling, forces about the
+    platform's own static forces.
 
     Examples
     --------
@@ -92,5 +92,5 @@ def _chosen_case(order: Order | None, preset: str | None, platform: Path | None)
     if order is None:
         return cases.case_of(chosen)
     if platform is not None or preset not in (None, cases.PAPER_PRESET):
-        raise UsageError(f"--order is a reading of the paper's own platform; leave it out, or use {cases.PAPER_PRESET}")
+        raise UsageError(f"--order applies only to the paper's own platform; omit it, or use {cases.PAPER_PRESET}")
     return cases.paper_case(minus_first=order is Order.minus_first)

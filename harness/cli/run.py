@@ -1,4 +1,4 @@
-"""The command `run`: an experiment, to its record and figures."""
+"""The command `run`: runs an experiment and writes its record and figures."""
 
 import shlex
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from gough_stewart.harness.results.drawing import Drawing
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
 
-# Beside 0 and 1 (an error): the run is there, but it did not come to its end.
+# Besides 0 and 1 (an error): the run is written, but did not complete.
 EXIT_NOT_COMPLETED = 3
 
 
@@ -35,14 +35,13 @@ def run_command(
     plant: Annotated[
         PlantKind | None,
         typer.Option(
-            help="What simulates the platform. Default: that of the experiment.", metavar="|".join(get_args(PlantKind))
+            help="Simulator of the platform. Default: from the experiment.", metavar="|".join(get_args(PlantKind))
         ),
     ] = None,
     fmu: Annotated[
         Path | None,
         typer.Option(
-            help="The FMU for the plant fmu2 or fmu3; built if there is none. Its code is executed, in a process of "
-            "its own.",
+            help="The FMU for the plant fmu2 or fmu3; built if omitted. Its code is executed in a process of its own.",
             metavar="FILE",
             parser=path,
         ),
@@ -50,7 +49,7 @@ def run_command(
     controller: Annotated[
         str | None,
         typer.Option(
-            help="The controller as FMU: fmu2 or fmu3 exports the experiment's own; a file is executed, in a process "
+            help="The controller as FMU: fmu2 or fmu3 exports the experiment's own; a file is executed in a process "
             "of its own. Needs a loop.delay of at least 1.",
             metavar="fmu2|fmu3|FILE.fmu",
         ),
@@ -58,7 +57,7 @@ def run_command(
     member: Annotated[
         int | None,
         typer.Option(
-            help="Run this member of the experiment's ensemble, with the same numbers as there; with --plant, in that "
+            help="Run this member of the experiment's ensemble, with the same results as there; with --plant, in that "
             "plant.",
             metavar="K",
         ),
@@ -68,14 +67,14 @@ def run_command(
     report: ReportOption = False,
     no_python: NoPythonOption = False,
 ) -> None:
-    """Run an experiment: a controller around the stepping model or the FMU, sampled as on the machine.
+    """Run an experiment: a controller in a loop with the stepping model or the FMU, sampled as on the machine.
 
     Writes **record.csv**, **record.parquet** and **metadata.json** (all variables, references, errors, controller
     states, flags), **metrics.json**, and **pose**, **errors**, **forces** and **legs** as PNG and SVG; with `--report`
     also **report.html**.
 
-    Exit code 3 if the loop diverged, or was stopped by a limit, by its controller or by the FMU; 130 after Ctrl-C. What
-    ran so far is written all the same.
+    Exit code 3 if the loop diverged, or was stopped by a limit, by its controller or by the FMU; 130 after Ctrl-C. The
+    rows up to that time are still written.
 
     Examples
     --------
@@ -92,7 +91,7 @@ def run_command(
     with clear_errors() as command:
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "" if member is None else f"_member_{member}")
-        # every refresh costs the run as much as a hundred of its steps
+        # each refresh takes as long as a hundred steps of the run
         with progress_bar(refresh_per_second=4) as progress, Drawing() as draw:
             task = progress.add_task("preparing", total=chosen.loop.duration)
             from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
@@ -139,7 +138,7 @@ def run_command(
 def _unit_of(
     controller: str | None, experiment: "Experiment", status: Callable[[str], None]
 ) -> AbstractContextManager[Any]:
-    """The controller that takes the place of the experiment's; None for none."""
+    """The controller that replaces the experiment's; None for its own."""
     if controller not in FMI_VERSIONS:
         return nullcontext(None if controller is None else path(controller))
     from gough_stewart.harness.export.own_unit import exported_controller

@@ -1,4 +1,4 @@
-"""What all commands share of the terminal: texts that are only texts, progress, warnings."""
+"""Terminal output of all commands: plain texts, progress, warnings."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -22,28 +22,28 @@ from rich.text import Text
 if TYPE_CHECKING:
     from gough_stewart.harness.output.tables import Sheet
 
-# Control characters but the end of a line and the tabulator, and what turns the direction of writing.
+# Control characters except newline and tab, and marks that change the writing direction.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 def visible(text: str) -> str:
-    """A text that does nothing to a terminal but stand there."""
+    """A text without effects on the terminal."""
     return _UNSAFE.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 class Terminal(Console):
-    """A console to which every text is only a text: neither rich's markup nor a control character does anything."""
+    """A console that prints all texts as they are: neither rich's markup nor control characters have an effect."""
 
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """As rich renders it, made visible."""
+        """As in rich, with control characters made visible."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(visible(segment.text), segment.style)
 
     def say(self, *parts: str | tuple[str, str]) -> None:
-        """One line, however long; a part may be a pair of text and style."""
+        """Print one line of any length; a part may be a pair of text and style."""
         self.print(Text.assemble(*parts), soft_wrap=True)
 
 
@@ -51,7 +51,7 @@ errors = Terminal(stderr=True)
 
 
 def progress_bar(refresh_per_second: float = 10) -> Progress:
-    """What is being done, how far, for how long; on the error stream if that is a terminal, and gone in the end."""
+    """Shows the task, its progress and its duration on the error stream, if it is a terminal; removed at the end."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     return Progress(
         *columns, console=errors, transient=True, refresh_per_second=refresh_per_second, disable=not errors.is_terminal
@@ -59,7 +59,7 @@ def progress_bar(refresh_per_second: float = 10) -> Progress:
 
 
 def members_bar() -> Progress:
-    """The same for many members: how many, how many a second, how long the rest will take."""
+    """The same for many members: their number, members per second, and the remaining time."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -69,7 +69,7 @@ def members_bar() -> Progress:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    # a chunk is done every few seconds only: the speed is that of a minute
+    # chunks end only every few seconds, so the speed is averaged over a minute
     return Progress(*columns, console=errors, transient=True, speed_estimate_period=60, disable=not errors.is_terminal)
 
 
@@ -80,14 +80,14 @@ class _Rate(ProgressColumn):
 
 @contextmanager
 def preparing() -> Iterator[None]:
-    """Say so while what a command works with is imported, which may take seconds."""
+    """Show a message during slow imports, which may take seconds."""
     with progress_bar() as bar:
         bar.add_task("preparing", total=None)
         yield
 
 
 def show(*sheets: "Sheet") -> None:
-    """Tables, in the width that there is."""
+    """Print tables that fit the width."""
     from gough_stewart.harness.output.tables import to_terminal
 
     for sheet in sheets:
@@ -95,5 +95,5 @@ def show(*sheets: "Sheet") -> None:
 
 
 def warn(message: str) -> None:
-    """What went well, and yet is not as it should be."""
+    """Print a warning: the command succeeded, but something needs attention."""
     errors.say(("warning: ", "bold yellow"), message)

@@ -1,4 +1,4 @@
-"""The command `tune`: numbers of an experiment, searched for the best value of a figure of merit."""
+"""The command `tune`: searches numbers of an experiment for the best value of a metric."""
 
 import shlex
 from typing import TYPE_CHECKING, Annotated
@@ -45,30 +45,31 @@ def tune_command(
     over_ensemble: Annotated[
         str | None,
         typer.Option(
-            help="Minimise this quantile over the members of [ensemble], such as quantile=0.95.", metavar="quantile=Q"
+            help="Minimise this quantile over the members of the [ensemble], such as quantile=0.95.",
+            metavar="quantile=Q",
         ),
     ] = None,
     members: Annotated[
         int | None,
-        typer.Option(help="Number of members that judge a candidate. Default: at most 64.", metavar="N", min=1),
+        typer.Option(help="Number of members that evaluate a candidate. Default: at most 64.", metavar="N", min=1),
     ] = None,
     fresh: Annotated[
         int | None,
-        typer.Option(help="Number of members, unseen by the search, that judge the result.", metavar="N", min=1),
+        typer.Option(help="Number of members, not used in the search, that evaluate the result.", metavar="N", min=1),
     ] = None,
     generations: Annotated[int, typer.Option(help="Number of generations.", metavar="N", min=1)] = 25,
     population: Annotated[
-        int | None, typer.Option(help="Candidates in a generation. Default: 16 for each key.", metavar="N", min=5)
+        int | None, typer.Option(help="Candidates per generation. Default: 16 per key.", metavar="N", min=5)
     ] = None,
     seed: SeedOption = 0,
     out: OutOption = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
 ) -> None:
-    """Search numbers of an experiment that minimise a metric, over many machines if it has an [ensemble].
+    """Find the numbers of an experiment that minimise a metric, over many machines if it has an [ensemble].
 
-    Writes **tuned.toml**, an experiment that `gough-stewart run` takes, **tuning.json**, **candidates.csv**, and
-    **search** as PNG and SVG. Ctrl-C ends the search and writes the best so far.
+    Writes **tuned.toml**, an experiment for `gough-stewart run`, **tuning.json**, **candidates.csv**, and **search** as
+    PNG and SVG. Ctrl-C ends the search and writes the best so far.
 
     Examples
     --------
@@ -121,10 +122,10 @@ def tune_command(
         show(*tuning_sheets(found))
         Terminal().say(statement(found))
         if found.left_out:
-            warn(f"{found.left_out} members cannot be, and are left out")
+            warn(f"{found.left_out} members have impossible parameters and are left out")
         command.close(files, folder, then=f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}")
         if found.is_interrupted:
-            errors.say(("interrupted", "bold red"), "; the best so far is written")
+            errors.say(("interrupted", "bold red"), "; the best candidate so far is written")
             raise typer.Exit(EXIT_INTERRUPTED)
 
 

@@ -1,4 +1,4 @@
-"""The command that shows records in a browser: `view`."""
+"""The command `view`: shows records in a browser."""
 
 import webbrowser
 from pathlib import Path
@@ -16,7 +16,7 @@ def view_command(
     records: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders of `gough-stewart run`, or their record.parquet or record.csv.",
+            help="Folders written by `gough-stewart run`, or their record.parquet or record.csv.",
             metavar="RECORD",
             parser=path,
         ),
@@ -26,10 +26,9 @@ def view_command(
     ),
     open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
-    """Show runs in a browser: the platform moving in 3-D beside its curves, metrics and parameters.
+    """Show runs in a browser: the platform in 3-D motion, with charts, metrics and parameters.
 
-    Writes one page that needs nothing else: no network, no server, no other file. Several records are laid over each
-    other.
+    Writes one self-contained page: it needs no network, server or other file. Several records are overlaid.
 
     Examples
     --------

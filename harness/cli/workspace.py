@@ -1,4 +1,4 @@
-"""The command `workspace`: where a platform can go, how well, and how strongly."""
+"""The command `workspace`: maps the reachable poses, conditioning and strength of a platform."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,8 +20,8 @@ def workspace_command(
     over: Annotated[
         str | None,
         typer.Option(
-            help="Two coordinates to sweep, or three for a volume: x, y, z, roll, pitch, yaw; with a range as in "
-            "x=-1:1, or without one, and it is found. Default: x,y, or roll,pitch where no leg_length_max is stated.",
+            help="Two coordinates to sweep, or three for a volume: x, y, z, roll, pitch, yaw; with a range, as in "
+            "x=-1:1, or without, to find it automatically. Default: x,y; roll,pitch if no leg_length_max is stated.",
             metavar="NAME[=LOW:HIGH],…",
         ),
     ] = None,
@@ -33,20 +33,20 @@ def workspace_command(
         ),
     ] = None,
     points: Annotated[
-        int | None, typer.Option(help="Points per swept coordinate. Default: 101, for a volume 31.", metavar="N")
+        int | None, typer.Option(help="Points per swept coordinate. Default: 101; 31 for a volume.", metavar="N")
     ] = None,
     out: FolderOption = Path("results/workspace"),
 ) -> None:
-    """Map where the platform can go, how well, and how strongly.
+    """Map the reachable poses of the platform, its conditioning and its strength.
 
-    On a grid of poses: whether legs and joints reach them, and what keeps them from it; the condition number of the
-    leg Jacobian; the largest payload, and the largest force in any direction, that the actuators hold at rest.
+    For each pose of a grid: whether it can be reached, and if not, which limit is exceeded; the condition number of the
+    leg Jacobian; the largest payload, and the largest force in any direction, that the actuators can hold at rest.
 
-    Numbers are in m and rad unless they carry a unit: `20mm`, `5deg`. A limit that the platform does not state is not
+    Numbers are in m and rad unless they have a unit: `20mm`, `5deg`. Limits that the platform does not state are not
     checked.
 
-    Writes **workspace.csv** (one row per pose), **workspace.png**, **workspace.svg**, and **workspace.html**, a page
-    to explore that needs no network.
+    Writes **workspace.csv** (one row per pose), **workspace.png**, **workspace.svg**, and **workspace.html**, an
+    interactive page that works offline.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def workspace_command(
             task = progress.add_task("poses", total=count**dimensions)
             try:
                 workspace = sweep(chosen, ranges, fixed, points, lambda done: progress.update(task, completed=done))
-            except WorkspaceError as error:  # all of it comes from the options
+            except WorkspaceError as error:  # all inputs come from the options
                 raise UsageError(str(error)) from error
             progress.update(task, description="files")
             files = {
@@ -91,29 +91,31 @@ def workspace_command(
         command.close(files, out)
 
 
-def _swept(given: str) -> dict[str, tuple[float, float] | None]:
+def _swept(coordinates: str) -> dict[str, tuple[float, float] | None]:
     """Coordinates and their ranges in SI units, from `x,y=-1:1`."""
     ranges: dict[str, tuple[float, float] | None] = {}
-    for part in given.split(","):
+    for part in coordinates.split(","):
         name, equals, text = (piece.strip() for piece in part.partition("="))
         if name in ranges:
-            raise UsageError(f"--over {given}: {name} is there twice; expected every coordinate once")
-        _check_name("--over", given, name)
+            raise UsageError(f"--over {coordinates}: {name} appears twice; expected each coordinate once")
+        _check_name("--over", coordinates, name)
         if not equals:
             ranges[name] = None
             continue
         ends = text.split(":")
         if len(ends) != 2:
-            raise UsageError(f"--over {given}: found the range '{text}' for {name}; expected LOW:HIGH, such as -1:1")
-        low, high = (_quantity("--over", given, name, end) for end in ends)
+            raise UsageError(
+                f"--over {coordinates}: found the range '{text}' for {name}; expected LOW:HIGH, such as -1:1"
+            )
+        low, high = (_quantity("--over", coordinates, name, end) for end in ends)
         ranges[name] = (low, high)
     return ranges
 
 
-def _fixed(given: list[str]) -> dict[str, float]:
+def _fixed(assignments: list[str]) -> dict[str, float]:
     """Coordinates and their values in SI units, from `z=2.9`, `pitch=5deg`."""
     values: dict[str, float] = {}
-    for each in given:
+    for each in assignments:
         name, equals, text = (piece.strip() for piece in each.partition("="))
         _check_name("--at", each, name)
         if not equals:
@@ -124,21 +126,21 @@ def _fixed(given: list[str]) -> dict[str, float]:
     return values
 
 
-def _check_name(option: str, given: str, name: str) -> None:
+def _check_name(option: str, value: str, name: str) -> None:
     from gough_stewart.model.workspace_grid import COORDINATES
 
     if name not in COORDINATES:
-        raise UsageError(f"{option} {given}: unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
+        raise UsageError(f"{option} {value}: unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
 
 
-def _quantity(option: str, given: str, name: str, text: str) -> float:
+def _quantity(option: str, value: str, name: str, text: str) -> float:
     from gough_stewart.harness.quantities import number
     from gough_stewart.model.workspace_grid import COORDINATES
 
     unit = COORDINATES[name]
-    # numbers without a unit are in SI units here, too
+    # numbers without a unit are in SI units here as well
     has_unit = text[-1:].isalpha()
     try:
         return number(text if has_unit else text + unit, unit)
     except ValueError as error:
-        raise UsageError(f"{option} {given}: {name} is '{text}'; {error}, such as 20mm or 5deg") from None
+        raise UsageError(f"{option} {value}: {name} is '{text}'; {error}, such as 20mm or 5deg") from None

@@ -1,1 +1,1 @@
-"""Records of runs, and what is computed from them: metrics, tables, figures."""
+"""Records of runs, and metrics, tables and figures computed from them."""

@@ -1,4 +1,4 @@
-"""Signals of many runs over time, as quantiles: sampled while the runs go on, and no record of any run."""
+"""Signals of many runs over time, as quantiles, sampled during the runs without keeping records."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
 
-# Quantiles are of the first so many members, and exact; of all of them up to here.
+# Quantiles are exact, over at most this many members: the first ones.
 MOST_MEMBERS = 10_000
 MOST_TIMES = 200
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -31,34 +31,34 @@ NAMES = (
 
 
 class BandSamples(NamedTuple):
-    """What bands are made of, of some members."""
+    """The samples from which the bands of some members are computed."""
 
     time: FloatArray  # (T,) [s]
     columns: tuple[str, ...]  # C names of scalars
-    values: FloatArray  # (T, C, n) of the members that are among the first; NaN where one has ended
-    lowest: FloatArray  # (T, C) of all members; NaN where all have ended
+    values: FloatArray  # (T, C, n) of the members counted in quantiles; NaN after a member has ended
+    lowest: FloatArray  # (T, C) of all members; NaN after all have ended
     highest: FloatArray  # (T, C)
-    running: NDArray[np.intp]  # (T,), how many of all members were still running
+    running: NDArray[np.intp]  # (T,), number of members still running
 
 
 class Bands:
-    """An observer of a loop that keeps signals at some times, of every member.
+    """A loop observer that samples signals of all members at some times.
 
     Parameters
     ----------
     names
-        Of `NAMES`: signals, forces, and errors, reference minus actual; `.norm` is the Euclidean one.
+        Names out of `NAMES`: signals, forces, and errors (reference − actual); `.norm` is the Euclidean norm.
     members
-        How many there are; 1 for a loop without leading axes.
+        Number of members; 1 for a loop without leading axes.
     first
-        The number of the first of them; quantiles are of those below `MOST_MEMBERS`.
+        Number of the first member; quantiles use only members below `MOST_MEMBERS`.
     times
-        At most so many, from the first row to the last.
+        Largest number of sample times, from the first row to the last.
 
     Raises
     ------
     RecordError
-        A name that is no such signal.
+        A name is not in `NAMES`.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Bands:
         self._running = np.zeros(len(rows), dtype=np.intp)
 
     def row(self, row: Row) -> None:
-        """Keep what is asked for, if it is time."""
+        """Sample the signals if this row is a sample time."""
         k = self._at.get(row.k)
         if k is None:
             return
@@ -90,12 +90,12 @@ class Bands:
         self._running[k] = np.count_nonzero(running)
 
     def samples(self) -> BandSamples:
-        """What has been kept."""
+        """The samples so far."""
         return BandSamples(self._time, self.columns, self._values, self._lowest, self._highest, self._running)
 
 
 def together(parts: Iterable[BandSamples]) -> BandSamples:
-    """Those of all members, from those of chunks of them in their order."""
+    """Join the samples of chunks, in order, to those of all members."""
     parts = list(parts)
     first = parts[0]
     return BandSamples(
@@ -109,9 +109,9 @@ def together(parts: Iterable[BandSamples]) -> BandSamples:
 
 
 def bands_frame(samples: BandSamples) -> polars.DataFrame:
-    """A row for each time and signal: `time`, `signal`, `running` members, `lowest`, the quantiles, `highest`.
+    """One row per time and signal: `time`, `signal`, `running` members, `lowest`, the quantiles, `highest`.
 
-    Quantiles are of the members that are still running, as NumPy has them by default, linear between two members.
+    Quantiles are over the members still running, interpolated linearly between members (NumPy's default).
     """
     t, c = samples.lowest.shape
     quantiles = _quantiles(samples.values)
@@ -127,10 +127,10 @@ def bands_frame(samples: BandSamples) -> polars.DataFrame:
 
 
 def _quantiles(values: FloatArray) -> FloatArray:
-    """(levels, T, C) of values (T, C, n), those that are NaN left out; a time after another, to need no second copy."""
+    """Quantiles (levels, T, C) of values (T, C, n) without NaN; one time after another, to avoid a second copy."""
     found = np.full((len(LEVELS), *values.shape[:2]), np.nan)
     for k, at in enumerate(values):
-        # those that have ended are the last
+        # NaN, of members that have ended, sorts last
         order = np.sort(at, axis=1)
         counts = np.count_nonzero(np.isfinite(order), axis=1)
         for column, count in enumerate(counts.tolist()):
@@ -147,7 +147,7 @@ def _columns(name: str) -> list[str]:
 
 
 def _values(name: str, row: Row) -> FloatArray:
-    """(size, N) of a name at a row."""
+    """The signal (size, N) of a name at a row."""
     if name == "actuator_force":
         return np.atleast_2d(row.inputs)[:, :6].T
     now = np.atleast_2d(row.signals).T

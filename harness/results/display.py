@@ -1,4 +1,4 @@
-"""A record in a few lines for a terminal, and as a piece of a page for a notebook."""
+"""A record as a few lines for a terminal, and as HTML for a notebook."""
 
 import base64
 import html
@@ -17,14 +17,14 @@ _MEASURED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_
 
 
 def record_text(record: Record) -> str:
-    """Title, circumstances, size and peak errors, a line each."""
+    """Title, run settings, size and peak errors, one per line."""
     sheet = _circumstances(record)
     width = max(len(_head(row[0])) for row in sheet.rows)
     return "\n".join([sheet.title, *(f"  {_head(row[0]):{width}}  {row[1]}" for row in sheet.rows)])
 
 
 def record_html(record: Record) -> str:
-    """The same as a table, with figures of merit and the picture of the pose where the record has what they need."""
+    """The same as a table, with metrics and the pose figure if the record has the columns they need."""
     parts = [to_html(_circumstances(record))]
     is_whole = {"outcome", "platform"} <= record.metadata.keys() and all(name in record for name in _MEASURED)
     if is_whole and record.table.height:
@@ -36,7 +36,7 @@ def record_html(record: Record) -> str:
 
 
 def _circumstances(record: Record) -> Sheet:
-    """What is known of the run, and how far it was off."""
+    """How the run was made, and its peak errors."""
     known, sheet = record.metadata, Sheet(f"Record: {record.metadata.get('title', 'untitled')}", ("", ""))
     if "platform" in known:
         sheet.add("platform", str(known["platform"].get("name", "unnamed")))

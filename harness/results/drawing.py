@@ -1,7 +1,7 @@
-"""The figures of a run, drawn by a process of their own that gets ready while the run goes on.
+"""Draws the figures of a run in a separate process, which starts up during the run.
 
-Importing matplotlib and drawing take half as long as a run of ten seconds, and Python's lock lets no thread do it
-beside the loop.
+Importing matplotlib and drawing take half as long as a run of ten seconds, and Python's global lock keeps a thread
+from doing it in parallel with the loop.
 """
 
 import gc
@@ -27,7 +27,7 @@ _DRAWN = (
 
 
 class Drawable(Protocol):
-    """What figures are drawn of: a record, or the part of one."""
+    """What figures are drawn from: a record, or a part of one."""
 
     @property
     def metadata(self) -> dict[str, Any]:
@@ -37,41 +37,41 @@ class Drawable(Protocol):
         """A column (n,), or all columns of a variable (n, size)."""
 
     def __contains__(self, name: str) -> bool:
-        """Whether there is such a column or variable."""
+        """Whether a column or variable of this name exists."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """The part of a record that figures show, without polars, whose import would take longer than to send this."""
+    """The part of a record that figures show, without polars, which takes longer to import than this takes to send."""
 
     columns: "dict[str, NDArray[Any]]"
     metadata: dict[str, Any]
 
     def __getitem__(self, name: str) -> "NDArray[Any]":
-        """As of a record."""
+        """As in `Record`."""
         return self.columns[name]
 
     def __contains__(self, name: str) -> bool:
-        """As of a record."""
+        """As in `Record`."""
         return name in self.columns
 
 
 def draw_here(record: "Record") -> dict[str, bytes]:
-    """As `run_figures`, imported when it is called."""
+    """Call `run_figures` in this process; imports it only now."""
     from gough_stewart.harness.results.figures import run_figures
 
     return run_figures(record)
 
 
 class Drawing:
-    """Draws like `run_figures` in another process, which is there from the beginning of a `with` to its end."""
+    """Runs `run_figures` in another process, which lives as long as the `with` block."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
-        """Start the process: it imports what it needs, and waits."""
-        # -P: what lies in the user's folder is no module of ours
+        """Start the process; it does its imports and waits."""
+        # -P: never import modules from the user's folder
         command = [sys.executable, "-P", "-m", __name__]
         try:
             self._process = subprocess.Popen(
@@ -79,14 +79,14 @@ class Drawing:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C ends the loop, and what ran so far is drawn
+                start_new_session=True,  # Ctrl-C ends only the loop; the rows so far are still drawn
             )
-        except OSError:  # no more processes: there is one here
+        except OSError:  # no process can be started: draw in this one
             self._process = None
         return self
 
     def __call__(self, record: "Record") -> dict[str, bytes]:
-        """Figures by file name; drawn here if the process cannot, where whatever is wrong shows."""
+        """Figures by file name; if the process fails, they are drawn here, so that the error is raised here."""
         process, self._process = self._process, None
         if process is None:
             return draw_here(record)
@@ -105,28 +105,28 @@ class Drawing:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the process, if it still waits for a record."""
+        """End the process if it is still waiting for a record."""
         if self._process is not None:
             with self._process as process:
                 process.kill()
 
 
 def _draw_what_is_sent() -> None:
-    gc.disable()  # it will not live long enough to have garbage
+    gc.disable()  # the process is too short-lived to need it
     from gough_stewart.harness.results.figures import run_figures
 
     drawn = pickle.load(sys.stdin.buffer)
-    if sys.platform == "linux":  # elsewhere libraries may not survive a fork
+    if sys.platform == "linux":  # on other systems a fork may break libraries
         figures = _drawn_by_two(drawn)
     else:
         figures = run_figures(drawn)
     sys.stdout.buffer.write(pickle.dumps(figures))
     sys.stdout.flush()
-    os._exit(0)  # to clean up behind all imports would take a tenth of a second
+    os._exit(0)  # cleaning up after all imports would take 0.1 s
 
 
 def _drawn_by_two(drawn: Drawn) -> dict[str, bytes]:
-    """Half of the figures by a copy of this process, which has everything imported."""
+    """Draw half of the figures in a fork of this process, which has everything imported."""
     from gough_stewart.harness.results.figures import run_figures
 
     reader, writer = os.pipe()

@@ -1,4 +1,4 @@
-"""Pictures of a run for screen and print: pose, errors, forces, leg lengths."""
+"""Figures of a run for screen and print: pose, errors, forces, leg lengths."""
 
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
@@ -24,17 +24,17 @@ from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.model.vectors import FloatArray
 
 WIDTH = 8.0  # [inch]
-# Of a line and of a strip, in a panel of some 400 pixels; six panels of two such lines make an SVG of 200 kB.
+# Points of a line and spans of a strip, for a panel of about 400 pixels; six panels of two lines give a 200 kB SVG.
 _POINTS, _SPANS = 800, 200
-# Beyond this, the arithmetic of axes overflows.
+# Larger values overflow matplotlib's axis arithmetic.
 _LARGEST = 1e100
-# Less than this share of the values is no motion to look at, however large they are.
+# An axis spans at least this share of its values, so that rounding does not fill it.
 _LEAST = 1e-6
-# Layout engines, and what moves titles, measure everything anew for every file: half of the time.
+# Layout engines and title placement measure everything again for each file, which takes half of the time.
 _PLACED_BY_HAND: dict[Any, Any] = {"figure.constrained_layout.use": False, "axes.titley": 1.0}
 _LEFT, _RIGHT, _TITLE_LINE, _PANEL_TITLE, _PAD, _DIGIT = 0.15, 0.15, 0.19, 0.34, 0.07, 0.083  # [inch]
-_FOOT = 0.72  # for times and legend [inch]
-# Six lines that differ without colours.
+_FOOT = 0.72  # below the panels, for times and legend [inch]
+# Dashes that tell six lines apart without colour.
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), "-.", (0, (1, 1)), (0, (8, 1.5, 1, 1.5, 1, 1.5)), (0, (2.5, 1)))
 _ACTUAL: dict[str, Any] = {"color": COLOURS[0], "linewidth": 1.8}
 _REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3))}
@@ -47,9 +47,9 @@ _LEGS = tuple(f"leg {i}" for i in range(1, 7))
 
 
 def run_figures(record: Drawable, names: Iterable[str] = FIGURES) -> dict[str, bytes]:
-    """File name to PNG and SVG of `pose`, `errors`, `forces` and `legs`; without reference there are no errors.
+    """Draw `pose`, `errors`, `forces` and `legs` as PNG and SVG, by file name; no `errors` without a reference.
 
-    The same bytes for the same record. Lines are `decimated`. Where a run ended early, the title says when and why.
+    The same record gives the same bytes. Lines are `decimated`. If a run ended early, the title says when and why.
     """
     draws: dict[str, tuple[Callable[[Figure, Drawable], None], float]] = {
         "pose": (_pose, 4.6),
@@ -66,13 +66,13 @@ def run_figures(record: Drawable, names: Iterable[str] = FIGURES) -> dict[str, b
 
 
 def pose_png(record: Drawable) -> bytes:
-    """The figure `pose` alone, as PNG."""
+    """Only the figure `pose`, as PNG."""
     return png(_placed(_pose, record), WIDTH, 4.6)
 
 
 def _placed(draw: Callable[[Figure, Drawable], None], record: Drawable) -> Draw:
     def placed(figure: Figure) -> None:
-        # asked for again at every file; whoever calls this puts the settings back
+        # read again for each file; the caller restores the settings
         mpl.rcParams.update(_PLACED_BY_HAND)
         figure.set_layout_engine(None)
         draw(figure, record)
@@ -96,7 +96,7 @@ def _pose(figure: Figure, record: Drawable) -> None:
     for name, scale, unit, names in parts:
         curves = [_shown(record[column], scale) for column in (name, f"reference.{name}") if column in record]
         each = [np.stack([curve[:, k] for curve in curves]) for k in range(3)]
-        # an axis that hardly moves beside the others is drawn as such
+        # an axis that hardly moves compared with the others should look like it
         smallest = least_span(unit)
         views = [_view(values, smallest) for values in each]
         least = max(smallest, *((view.high - view.low) / 50 for view in views))
@@ -126,7 +126,7 @@ def _errors(figure: Figure, record: Drawable) -> None:
 
 
 def _told_apart(values: FloatArray, span: float, names: Sequence[str]) -> Sequence[str]:
-    """Names of the lines (n, k) to draw: six legs within a span of each other at all times are one line."""
+    """Names of the lines (n, k) to draw; six legs that stay within a span of each other share one line."""
     spread = values.max(axis=1) - values.min(axis=1)
     return ("legs 1–6",) if names == _LEGS and bool((spread < span).all()) else names
 
@@ -140,7 +140,7 @@ def _forces(figure: Figure, record: Drawable) -> None:
     view = _view(force, least_span("N"), bounds, top=0.16 if flags else 0.06)
     title = "actuator forces" + _unseen(bounds, view, f"limit ±{limit:g} N" if bounds else "")
     for k, axes in enumerate(_panels(figure, record, title, [(f"{leg} [N]", view) for leg in _LEGS], columns=3)):
-        # held from row to row
+        # held constant from row to row
         _line(axes, record, force[:, k], drawstyle="steps-post", **_ACTUAL)
         _bounds(axes, bounds, view)
         for name, each in flags.items():
@@ -172,9 +172,9 @@ def _panels(
     right: float = _RIGHT,
     foot: float = _FOOT,
 ) -> list[Axes]:
-    """Axes row by row, each with a title and a view, over the time of the record; room is made for their numbers.
+    """Axes row by row, each with a title and limits, over the time of the record, with room for their tick labels.
 
-    A view that is the same all along needs its numbers but once in a row.
+    If all panels have the same limits, only the first of a row has tick labels.
     """
     lines = _title(record, what)
     entitle(figure, "\n".join(lines))
@@ -186,7 +186,7 @@ def _panels(
     instants, times = _ticks(*span)
     numbers = _LEFT + _PAD + _room(text for _, texts in ticks for text in texts)
     once = columns > 1 and len({view for _, view in panels}) == 1
-    # the last time of a panel stands beside the first of the next
+    # keep the last time of a panel clear of the first of the next
     gap = _PAD + _room(times) if once else numbers
     width = (figure.get_figwidth() - right - numbers + gap) / columns - gap
     top = _TITLE_LINE * len(lines) + 0.1 + _PANEL_TITLE
@@ -207,7 +207,7 @@ def _panels(
 
 
 def _grid(axes: Axes, across: tuple[list[float], list[str]], up: tuple[list[float], list[str]]) -> None:
-    """Lines at round values of both axes, and their numbers; ticks proper would take a quarter more time for all."""
+    """Grid lines and tick labels at round values; matplotlib's own ticks would add a quarter to the drawing time."""
     across_axes, up_axes = axes.get_xaxis_transform(), axes.get_yaxis_transform()
     for axis, ends, along in (
         (axes.xaxis, [((value, 0), (value, 1)) for value in across[0]], across_axes),
@@ -224,7 +224,7 @@ def _grid(axes: Axes, across: tuple[list[float], list[str]], up: tuple[list[floa
 
 
 def _room(texts: Iterable[str]) -> float:
-    """Width of the longest of these numbers [inch]."""
+    """Width of the longest of these labels [inch]."""
     return _DIGIT * max(map(len, texts), default=0)
 
 
@@ -237,7 +237,7 @@ def _title(record: Drawable, what: str) -> list[str]:
 
 
 def _ticks(low: float, high: float) -> tuple[list[float], list[str]]:
-    """Round values from low to high, and their texts with as few digits as tell them apart."""
+    """Round values from low to high, and their labels with as few digits as tell them apart."""
     found = MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     values = [float(value) + 0.0 for value in found if low <= value <= high]
     step = float(found[1] - found[0])
@@ -266,7 +266,7 @@ def _line(axes: Axes, record: Drawable, values: FloatArray, **style: Any) -> Non
 
 
 def _strip(axes: Axes, record: Drawable, name: str, flags: NDArray[np.bool_]) -> None:
-    """Mark the times at which a flag is up, each bucket of rows that has one."""
+    """Mark the times at which a flag is set; a bucket of rows is marked if any of its rows is."""
     time, (colour, low) = record["time"], _STRIPS[name]
     n = len(time)
     if n == 1:
@@ -284,24 +284,24 @@ def _bounds(axes: Axes, bounds: Sequence[float], view: _View) -> None:
 
 
 def _unseen(bounds: Sequence[float], view: _View, text: str) -> str:
-    """What to say of limits that are too far off to be drawn."""
+    """A remark on limits that are too far away to be drawn."""
     return f" ({text})" if bounds and not any(map(view.holds, bounds)) else ""
 
 
 def _view(values: FloatArray, least: float, bounds: Sequence[float] = (), top: float = 0.06) -> _View:
-    """Limits of an axis for values and for bounds near them, no closer together than `least`, with some air."""
+    """Axis limits that fit values and nearby bounds, at least `least` apart, with some margin."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     span = max(high - low, least, _LEAST * abs(low), _LEAST * abs(high))
     low, high = (low + high - span) / 2, (low + high + span) / 2
-    # those far off would press the lines flat
+    # distant bounds would flatten the lines
     near = [bound for bound in bounds if low - 2 * span <= bound <= high + 2 * span]
     low, high = min([low, *near]), max([high, *near])
     return _View(low - 0.06 * (high - low), high + top * (high - low))
 
 
 def _shown(values: FloatArray, scale: float = 1.0) -> FloatArray:
-    """Values that axes can show, in other units; the others are gaps."""
+    """Values times a scale; those too large for an axis become gaps."""
     shown: FloatArray = scale * np.where(np.abs(values) <= _LARGEST, values, np.nan)
     return shown
 

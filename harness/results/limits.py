@@ -1,4 +1,4 @@
-"""How much of its limits a run has used: velocity, force and power of the legs against what the platform states."""
+"""How much of the platform's limits a run uses: velocity, force and power of the legs."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,11 +10,11 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def shares_of_limits(record: Record, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """By limit that the platform's parameters state, the share of it that each leg uses (n, 6) [1]: 1 is at the limit.
+    """Share of each limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit.
 
     - `leg_velocity_max`: |L̇|;
     - `actuator_force_max`: |F|;
-    - `actuator_power_max`: |F L̇|, the larger of both ends of the row, over which F is held.
+    - `actuator_power_max`: |F L̇|, the larger of the values at both ends of the row, over which F is held.
     """
     velocity, force = record["leg_velocity"], record["actuator_force"]
     values = {
@@ -26,5 +26,5 @@ def shares_of_limits(record: Record, platform: Mapping[str, Any]) -> dict[str, F
 
 
 def _larger_of_both_ends(values: FloatArray) -> FloatArray:
-    """Of each row and the next (n, 6); nothing follows the last."""
+    """The larger of each row and the next (n, 6); the last row has no next."""
     return np.asarray(np.maximum(values, np.concatenate([values[1:], values[-1:]])))

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Shown(NamedTuple):
-    """How a number in SI units is displayed."""
+    """How a value in SI units is displayed."""
 
     text: str
     unit: str
@@ -43,7 +43,7 @@ _OTHER = {
 
 
 def shown_metric(path: str) -> Shown:
-    """A metric by path."""
+    """Words, unit and scale of a metric, by its path."""
     if path in _OTHER:
         return Shown(*_OTHER[path])
     first, *middle, last = path.split(".")

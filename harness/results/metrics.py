@@ -1,4 +1,4 @@
-"""Figures of merit of a run: tracking, step responses, forces, power and energy, saturation, stroke."""
+"""Metrics of a run: tracking, step responses, forces, power and energy, saturation, stroke."""
 
 import json
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ _ERRORS = ("position", "orientation", "leg_length")
 
 
 class Metrics(dict[str, Any]):
-    """Figures of merit by name; a dict that prints and shows itself in a notebook as tables."""
+    """Metrics by name: a dict that is displayed as tables, in a terminal and in a notebook."""
 
     def __str__(self) -> str:
         """As `gough-stewart run` prints them."""
@@ -34,30 +34,30 @@ class Metrics(dict[str, Any]):
 
 
 def metrics(record: Record) -> Metrics:
-    """Figures of merit in SI units, as plain numbers, lists and None for what is undefined; never NaN or infinite.
+    """Compute metrics in SI units, as plain numbers, lists, and None where undefined; never NaN or infinite.
 
-    From the first row on at which the plant's values are not finite, rows are left out.
+    Rows from the first one with values of the plant that are not finite are left out.
 
-    - `outcome` of the metadata; `rows` and `duration` [s] that everything below is of.
-    - `tracking`: of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] the `rms` and `peak` by axis
-      or leg, and of the pose the same of the Euclidean `norm`.
-    - `step_response`: for every axis whose reference goes from one value to another and rests there. The response
-      (y − from)/(to − from) counts from the row of a jump, or from the last one at which the reference is at its first
-      value, `at` [s]:
+    - `outcome` from the metadata; `rows` and `duration` [s] that the metrics below cover.
+    - `tracking`: `rms` and `peak` of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] by axis or
+      leg; for position and orientation also of the Euclidean `norm`.
+    - `step_response`: for each axis whose reference goes from one value to another and stays there. The response
+      (y − from)/(to − from) starts at time `at` [s]: the row of a jump, or else the last row at which the reference has
+      its first value.
       `overshoot_percent`, `rise_time` from 10 to 90 % [s], `settling_time` to 2 % [s], `final_error` [m, rad];
-      None if it did not rise or settle within the record. Times are of rows, not between them.
-    - `force`: by leg `peak` and `rms` of F [N]. `power`: by leg `peak` of |F·L̇| with L̇ at both ends of each row, and
-      `mean` [W].
-    - `energy`: by leg and in total `net` = ∑ F_k (L_{k+1} − L_k), which is ∫ F·L̇ dt, and `absolute` =
-      ∑ |F_k (L_{k+1} − L_k)|, which is ∫ |F·L̇| dt unless a leg turns around within a row [J].
-    - `saturation`: shares of the rows with `force_limited` and `rate_limited`, by leg and for `any` of them. The last
-      row does not count here or in the RMS of the force: nothing follows it.
-    - `stroke`: by leg the `shortest` and `longest` length [m]; `margin` to the nearest limit of the platform [m],
-      negative beyond it; `exceeded`, shares of the rows.
-    - `limits`: of `leg_velocity_max`, `actuator_force_max` and `actuator_power_max`, if the platform states them, the
-      `limit`, by leg the largest share `used` of it [1], and when it was `first_exceeded` [s], None if never.
+      None if it did not rise or settle within the record. Times are those of rows, not interpolated.
+    - `force`: `peak` and `rms` of F by leg [N]. `power`: `peak` of |F·L̇| by leg, with L̇ at both ends of each row,
+      and `mean` [W].
+    - `energy`, by leg and in total: `net` = ∑ F_k (L_{k+1} − L_k), which is ∫ F·L̇ dt, and `absolute` =
+      ∑ |F_k (L_{k+1} − L_k)|, which is ∫ |F·L̇| dt unless a leg reverses within a row [J].
+    - `saturation`: shares of the rows with `force_limited` and `rate_limited`, by leg and for `any` leg. The last row
+      does not count here or in the RMS of the force: its force acts for no time.
+    - `stroke`, by leg: the `shortest` and `longest` length [m]; the `margin` to the nearest limit of the platform [m],
+      negative beyond it; `exceeded`, the share of the rows beyond.
+    - `limits`: for `leg_velocity_max`, `actuator_force_max` and `actuator_power_max`, if the platform states them: the
+      `limit`, the largest share `used` of it by leg [1], and when it was `first_exceeded` [s], None if never.
 
-    Parts are None where the record lacks their columns.
+    A part is None if the record lacks its columns.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def metrics(record: Record) -> Metrics:
     kept = finite_part(record)
     n = kept.table.height
     time = kept["time"]
-    # what overflows becomes None
+    # overflow becomes None
     with np.errstate(all="ignore"):
         return Metrics(
             {
@@ -93,7 +93,7 @@ def metrics_json(metrics: dict[str, Any]) -> bytes:
 
 
 def finite_part(record: Record) -> Record:
-    """The rows before the first at which the plant's values are not finite."""
+    """The rows before the first one with values of the plant that are not finite."""
     fine: NDArray[np.bool_] = np.ones(record.table.height, dtype=bool)
     for name in (*_USED, *(f"error.{e}" for e in _ERRORS), "reference.position", "reference.orientation"):
         if name in record:
@@ -125,8 +125,8 @@ def _step_responses(record: Record) -> list[dict[str, Any]] | None:
     return [response for response in responses if response is not None]
 
 
-def _step_response(axis: str, time: FloatArray, wanted: FloatArray, actual: FloatArray) -> dict[str, Any] | None:
-    step = step_in(wanted)
+def _step_response(axis: str, time: FloatArray, reference: FloatArray, actual: FloatArray) -> dict[str, Any] | None:
+    step = step_in(reference)
     if not step.exists:
         return None
     start, first, last = int(step.start), step.first, step.last
@@ -169,7 +169,7 @@ def _energy(record: Record) -> dict[str, Any]:
 
 
 def _work(record: Record) -> FloatArray:
-    """F_k (L_{k+1} − L_k) over each row (n − 1, 6) [J]."""
+    """Work F_k (L_{k+1} − L_k) over each row (n − 1, 6) [J]."""
     work: FloatArray = record["actuator_force"][:-1] * np.diff(record["leg_length"], axis=0)
     return work
 
@@ -208,7 +208,7 @@ def _shares(flags: NDArray[Any]) -> dict[str, Any]:
 
 
 def _held(rows: NDArray[Any]) -> NDArray[Any]:
-    """The rows that last until a next one; a single row stands for itself."""
+    """All rows but the last, which lasts for no time; a single row is kept."""
     return rows[:-1] if len(rows) > 1 else rows
 
 
@@ -225,15 +225,15 @@ def _list(values: FloatArray) -> list[float | None]:
     return [_number(value) for value in values]
 
 
-# Of lists by leg or axis: what counts of them in one number; of all others the largest.
+# How a list by leg or axis becomes one number; all others become their largest value.
 _LEAST = ("shortest", "first_exceeded")
 
 
 def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
-    """Figures of merit by path, one number each: "tracking.position.norm_rms", "step_response.z.rise_time".
+    """Metrics by path, one number each: "tracking.position.norm_rms", "step_response.z.rise_time".
 
-    Of lists by leg or axis the largest; the smallest of `stroke.shortest` and `limits.….first_exceeded`. Undefined
-    ones are None, and a list with an undefined element is, but for `first_exceeded`. The outcome is left out.
+    A list by leg or axis becomes its largest value; `stroke.shortest` and `limits.….first_exceeded` their smallest.
+    Undefined metrics are None, also lists with an undefined element, except `first_exceeded`. The outcome is left out.
     """
     found: dict[str, float | None] = {}
 

@@ -1,4 +1,4 @@
-"""How a run ended, for people."""
+"""How a run ended, as text."""
 
 from typing import Any
 

@@ -19,16 +19,16 @@ _METADATA_KEY = "gough_stewart"
 
 @dataclass(frozen=True, repr=False)
 class Record:
-    """A run: what happened, row by row, and under which circumstances.
+    """The record of a run: its rows, and metadata on how it was made.
 
-    Columns are `time`, every input, output and local of the interface (`position[1]`, `actuator_force[6]`, …), and with
-    a prefix what the plant does not know of:
+    Columns are `time`, every input, output and local variable of the interface (`position[1]`, `actuator_force[6]`, …),
+    and, with a prefix, signals from outside the plant:
 
-    - `reference.` the wanted pose, its rates, and the leg lengths and velocities that belong to it;
+    - `reference.` the reference pose, its rates, and the leg lengths and velocities that belong to it;
     - `error.` reference minus actual (`position`, `orientation`, `leg_length`);
-    - `measured.` what the controller was told at its last sample, and `controller.` what it made of it: `force` wanted
-      before any limit, `feedforward` in it, `state`;
-    - `flag.` truth values per leg: `force_limited`, `rate_limited`, `stroke_exceeded`.
+    - `measured.` the controller's inputs at its last sample, and `controller.` its results: `force` before any limit,
+      the `feedforward` part of it, `state`;
+    - `flag.` booleans per leg: `force_limited`, `rate_limited`, `stroke_exceeded`.
     """
 
     table: polars.DataFrame
@@ -40,7 +40,7 @@ class Record:
         Raises
         ------
         RecordError
-            No such column; the nearest name is suggested.
+            There is no such column; suggests the nearest name.
         """
         if name in self.table.columns:
             return self.table[name].to_numpy()
@@ -51,17 +51,17 @@ class Record:
         return self.table.select(columns).to_numpy()
 
     def __contains__(self, name: str) -> bool:
-        """Whether there is such a column or variable."""
+        """Whether a column or variable of this name exists."""
         return name in self.table.columns or bool(self.columns_of(name))
 
     def __repr__(self) -> str:
-        """Title, circumstances, size and peak errors, in a few lines."""
+        """Title, run settings, size and peak errors, in a few lines."""
         from gough_stewart.harness.results.display import record_text
 
         return record_text(self)
 
     def _repr_html_(self) -> str:
-        """In a notebook: the same with figures of merit and the pose over time."""
+        """In a notebook: the same with metrics and the pose over time."""
         from gough_stewart.harness.results.display import record_html
 
         return record_html(self)
@@ -71,26 +71,26 @@ class Record:
         return [column for column in self.table.columns if column.startswith(f"{name}[")]
 
     def to_csv(self) -> bytes:
-        """CSV with the shortest digits that read back to the same numbers."""
+        """CSV; numbers have the fewest digits that read back to the same value."""
         buffer = BytesIO()
         self.write_csv(buffer)
         return buffer.getvalue()
 
     def to_parquet(self) -> bytes:
-        """Parquet, with the metadata inside."""
+        """Parquet, with the metadata in it."""
         buffer = BytesIO()
         self.write_parquet(buffer)
         return buffer.getvalue()
 
     def write_csv(self, file: Path | BytesIO) -> None:
-        """`to_csv` to a file, without having all of it in memory."""
+        """Write CSV to a file without holding all of it in memory."""
         self.table.write_csv(file)
 
     def write_parquet(self, file: Path | BytesIO) -> None:
-        """`to_parquet` to a file, without having all of it in memory."""
+        """Write Parquet to a file without holding all of it in memory."""
         try:
             self.table.write_parquet(file, metadata={_METADATA_KEY: _json(self.metadata)})
-        except polars.exceptions.PolarsError as error:  # how polars says that a disk is full
+        except polars.exceptions.PolarsError as error:  # raised by polars when the disk is full
             raise OSError(None, str(error)) from error
 
     def to_metadata(self) -> bytes:
@@ -99,12 +99,12 @@ class Record:
 
 
 def read_record(path: Path | str) -> Record:
-    """Read a record: from `record.parquet`, from `record.csv` with `metadata.json` beside it, or from their folder.
+    """Read a record from `record.parquet`, from `record.csv` with `metadata.json` beside it, or from their folder.
 
     Raises
     ------
     RecordError
-        The file, or the one beside it, is missing or is something else.
+        The file, or its `metadata.json`, is missing or is not from a record.
 
     Examples
     --------
@@ -118,18 +118,18 @@ def read_record(path: Path | str) -> Record:
     if path.is_dir():
         found = [path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()]
         if not found:
-            raise RecordError(f"{path}: a folder without a record; {expected}")
+            raise RecordError(f"{path}: the folder has no record; {expected}")
         path = found[0]
     if not path.is_file():
         raise RecordError(f"{path}: no such file; {expected}")
     try:
-        # without patterns, so that * and [1] are parts of a name
+        # no globbing: * and [1] are parts of a name
         if path.suffix == ".parquet":
-            # of another table there are none
+            # a table from elsewhere has none
             text = polars.read_parquet_metadata(path).get(_METADATA_KEY, "null")
             record = Record(polars.read_parquet(path, glob=False), json.loads(text))
         else:
-            # the first rows need not show that a column holds numbers with digits after the point
+            # the first rows of a float column may all be integers
             table = polars.read_csv(path, infer_schema_length=None, glob=False)
             record = Record(table, json.loads(path.with_name("metadata.json").read_bytes()))
         check_metadata(record.metadata)
@@ -150,28 +150,28 @@ def columns(prefix: str, size: int) -> list[str]:
 
 
 def plain(platform: Platform) -> dict[str, Any]:
-    """A platform in plain types, as metadata hold it."""
+    """A platform in plain types, as stored in metadata."""
     return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}
 
 
 def platform_of(record: Record) -> Platform:
-    """The platform that the designer of a run believed in, from its metadata.
+    """The nominal platform of a run, which its controller was designed for, from the metadata.
 
     Raises
     ------
     RecordError
-        They hold none.
+        The metadata have no platform.
     """
     return _platform_of(record, "platform")
 
 
 def machine_of(record: Record) -> Platform:
-    """The platform that was simulated, from the metadata of a run; `platform_of` where they tell of one platform only.
+    """The platform that was simulated, from the metadata of a run; the nominal one if they have only that.
 
     Raises
     ------
     RecordError
-        They hold none.
+        The metadata have no platform.
     """
     return _platform_of(record, "machine" if "machine" in record.metadata else "platform")
 
@@ -181,7 +181,7 @@ def _platform_of(record: Record, key: str) -> Platform:
         return Platform(**record.metadata[key])
     except (KeyError, TypeError) as error:
         raise RecordError(
-            f"the metadata hold no platform ({error}); expected what `gough-stewart run` writes"
+            f"the metadata have no platform ({error}); expected what `gough-stewart run` writes"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Whether what was read from files can be the record of a run."""
+"""Checks that a table and metadata read from files can be the record of a run."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.model import interface
 
 _Table = dict[str, Any]
-# Of every vector that is drawn or measured, so that none lacks an element.
+# Sizes of the vectors that figures and metrics use, to detect missing elements.
 _SIZES = {
     **{variable.name: variable.size for variable in (*interface.INPUTS, *interface.RESULTS) if variable.shape},
     **{f"{prefix}.{v.name}": v.size for prefix in ("reference", "error") for v in interface.RESULTS if v.shape},
@@ -18,7 +18,7 @@ _SIZES = {
 
 
 class _Part(BaseModel):
-    """What is there has these types, and there may be more."""
+    """Types of known keys; other keys are allowed."""
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
@@ -57,15 +57,15 @@ class _Metadata(_Part):
 
 
 def check_metadata(metadata: Any) -> None:
-    """Refuse metadata in which something is of another kind than `gough-stewart run` writes.
+    """Refuse metadata with a value of another type than `gough-stewart run` writes.
 
     Raises
     ------
     RecordError
-        Names the key, and what was expected there.
+        Names the key and the expected type.
     """
     if not isinstance(metadata, dict):
-        raise RecordError("holds no metadata of a run")
+        raise RecordError("has no metadata of a run")
     try:
         _Metadata.model_validate(metadata)
     except ValidationError as error:
@@ -77,24 +77,24 @@ def check_metadata(metadata: Any) -> None:
 
 
 def check_table(table: polars.DataFrame, rows: int | None) -> None:
-    """Refuse a table that cannot be a whole run of so many rows (None: not known).
+    """Refuse a table that cannot be a whole run with this number of rows (None: unknown).
 
     Raises
     ------
     RecordError
-        Names the column and the row.
+        A column or row is missing or wrong; the message names it.
     """
     if "time" not in table.columns:
-        raise RecordError("has no column time")
+        raise RecordError("has no column 'time'; expected one with the times of the rows")
     if not table.height:
-        raise RecordError("has no row")
+        raise RecordError("has no rows; expected at least one")
     for name, kind in table.schema.items():
         column = table[name]
         if kind == polars.String:
             row = int(column.cast(polars.Float64, strict=False).is_null().arg_max() or 0)
             raise RecordError(f"{name} in row {row + 1} is {column[row]!r}; expected a number")
         if not (kind.is_numeric() or kind == polars.Boolean):
-            raise RecordError(f"{name} is of the type {kind}; expected numbers")
+            raise RecordError(f"{name} has type {kind}; expected numbers")
         if column.null_count():
             raise RecordError(f"{name} in row {int(column.is_null().arg_max() or 0) + 1} is empty; expected a number")
     for name, size in _SIZES.items():
@@ -102,7 +102,9 @@ def check_table(table: polars.DataFrame, rows: int | None) -> None:
         if found not in (0, size):
             raise RecordError(f"has {found} columns of {name}; expected {size}")
     if rows is not None and table.height != rows:
-        raise RecordError(f"has {table.height} rows, the run had {rows}; the file is not whole, or of another run")
+        raise RecordError(
+            f"has {table.height} rows, but the run had {rows}; the file is incomplete or from another run"
+        )
     time = table["time"].cast(polars.Float64)
     wrong = ~(time.is_finite() & (time.diff().fill_null(1.0) > 0))
     if wrong.any():

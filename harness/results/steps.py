@@ -1,4 +1,4 @@
-"""Step responses: where a reference steps, and the numbers of a response; of one run, or of many side by side."""
+"""Step responses: where a reference steps, and metrics of the response, for one run or many at once."""
 
 import math
 from typing import NamedTuple
@@ -16,41 +16,41 @@ AXES = (
     ("pitch", "orientation", 1),
     ("yaw", "orientation", 2),
 )
-# A response has risen from the one to the other of these, and has settled within this of its end.
+# The rise is from `LOW` to `HIGH`; a response has settled when it stays within `BAND` of its final value.
 LOW, HIGH, BAND = 0.1, 0.9, 0.02
-# Wanted values closer than this [m, rad], or this share of the largest, are the same.
+# References closer than this [m, rad], or this share of the largest, count as equal.
 _ROUNDING = 1e-9
-# A step's reference has to rest over this share of the rows at the end.
+# The reference of a step has to be constant over this share of the rows at the end.
 _REST = 0.1
 
 
 class Step(NamedTuple):
-    """Where references step, for every one of them (...)."""
+    """The step of each reference (...)."""
 
     exists: NDArray[np.bool_]
     first: FloatArray
     last: FloatArray
-    start: NDArray[np.intp]  # the row from which the response counts
+    start: NDArray[np.intp]  # the row at which the response starts
 
 
-def step_in(wanted: FloatArray) -> Step:
-    """The step in each reference (n, ...): from its first value to its last one, where it rests.
+def step_in(reference: FloatArray) -> Step:
+    """The step in each reference (n, ...), from its first value to its last, at which it stays.
 
-    It counts from the row of a jump, or from the last row at which the reference is at its first value.
+    It starts at the row of a jump, or else at the last row at which the reference has its first value.
     """
-    n = len(wanted)
-    first, last = wanted[0], wanted[-1]
-    rounding = _ROUNDING * np.maximum(1.0, np.abs(wanted).max(axis=0))
+    n = len(reference)
+    first, last = reference[0], reference[-1]
+    rounding = _ROUNDING * np.maximum(1.0, np.abs(reference).max(axis=0))
     rest = max(2, math.ceil(_REST * n))
-    exists = (np.abs(last - first) > rounding) & ~(np.abs(wanted[-rest:] - last).max(axis=0) > rounding)
-    start = n - 1 - (np.abs(wanted - first) <= rounding)[::-1].argmax(axis=0)
-    following = np.take_along_axis(wanted, np.minimum(start + 1, n - 1)[None], axis=0)[0]
-    # a jump is where the new value is first wanted
+    exists = (np.abs(last - first) > rounding) & ~(np.abs(reference[-rest:] - last).max(axis=0) > rounding)
+    start = n - 1 - (np.abs(reference - first) <= rounding)[::-1].argmax(axis=0)
+    following = np.take_along_axis(reference, np.minimum(start + 1, n - 1)[None], axis=0)[0]
+    # a jump is at the first row with the new value
     return Step(exists, first, last, start + (exists & (np.abs(following - last) <= rounding)))
 
 
 class StepNumbers(NamedTuple):
-    """Of responses from 0 to 1 (...), as python-control's `step_info` has them; NaN for what is undefined."""
+    """Metrics of responses from 0 to 1 (...), as in python-control's `step_info`; NaN where undefined."""
 
     overshoot_percent: FloatArray
     rise_time: FloatArray
@@ -65,12 +65,12 @@ def step_numbers(
     high: NDArray[np.intp],
     settled: NDArray[np.intp],
 ) -> StepNumbers:
-    """The numbers of responses that begin at the row `start` of `time` (n,), from what has been seen of them.
+    """Metrics of responses that start at row `start` of `time` (n,), from their largest value and crossings.
 
     Parameters
     ----------
     highest
-        Their largest value.
+        The largest value of each response.
     low, high
         The rows at which they first reach `LOW` and `HIGH`.
     settled

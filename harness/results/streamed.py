@@ -1,4 +1,4 @@
-"""Figures of merit of many runs at once, while they go on: the numbers of `metrics`, and no record of any run."""
+"""Metrics of many runs at once, computed during the runs: the numbers of `metrics` without any record."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,28 +27,28 @@ from gough_stewart.harness.results.streamed_steps import StreamedSteps
 from gough_stewart.model.vectors import FloatArray
 
 _LARGEST = np.finfo(float).max
-# Errors are not looked at for themselves: where they are not finite, norms or lengths are not.
+# Errors need no check of their own: where one is not finite, a norm or a length is not.
 _CHECKED = slice(NORMS.start, SIZE)
 
 
 class Merit:
-    """An observer of a loop that keeps, of every member, what its figures of merit are made of.
+    """A loop observer that accumulates what the metrics of each member need.
 
-    Its numbers are those of `gough_stewart.harness.results.metrics.metrics` of each member's record, to rounding,
-    under their paths, one number of the legs and axes as `flattened` has it. A member's rows end where it is no longer
-    running, or before the first row that is not finite. Of a member that ended early a step response is known if its
-    reference steps in the whole run as in its part.
+    The results equal `gough_stewart.harness.results.metrics.metrics` of each member's record, to rounding, by path,
+    with one number for all legs or axes as in `flattened`. A member's rows end where it stops running, or before the
+    first row that is not finite. A member that ended early has a step response if its reference steps in its part of
+    the run as in the whole.
 
-    All is kept with members last in memory, and every row costs a fixed number of passes over arrays that are there.
+    Arrays have members on their last axis, and each row takes a fixed number of passes over them, without allocation.
 
     Parameters
     ----------
     loop
-        What will be run.
+        The loop to be run.
     platform
-        Limits that the designer believes in, by name, a number or one for each member (N,); None or left out for none.
+        Limits of the nominal platform by name: a number, or one per member (N,); None or left out for no limit.
     members
-        How many there are; 1 for a loop without leading axes.
+        Number of members; 1 for a loop without leading axes.
     """
 
     def __init__(self, loop: Loop, platform: Mapping[str, Any], members: int = 1) -> None:
@@ -63,7 +63,7 @@ class Merit:
             return np.zeros((size, members))
 
         self._latest, self._reference = b"", zeros(12)
-        # of this row and of the next, which becomes the present one when it is known who has it
+        # values of this row and of the next; they swap once it is known which members are still running
         self._present, self._next = zeros(SIZE), zeros(SIZE)
         self._peak, self._total = np.full((SIZE, members), -np.inf), zeros(SUMMED)  # the sum lacks the present row
         self._force, self._work, self._net, self._absolute = zeros(6), zeros(6), zeros(6), zeros(6)
@@ -71,7 +71,7 @@ class Merit:
         self._stroke = tuple(np.broadcast_to(np.asarray(each, dtype=float), members) for each in loop.limits.stroke)
         self._is_stroke_left, self._beyond, self._any_beyond = False, zeros(6), zeros(1)
         self._first = np.full((len(BOUNDS), members), np.inf)  # row in which a limit was first exceeded
-        # beyond these something happens for the first time
+        # a value beyond its bound exceeds a limit, or is not finite, for the first time
         self._bounds = np.full((SIZE, members), _LARGEST)
         for name, parts in BOUNDS:
             for part in parts if name in self._platform else ():
@@ -82,7 +82,7 @@ class Merit:
         self._final: dict[str, NDArray[Any]] | None = None
 
     def row(self, row: Row) -> None:
-        """One more row of all members that are still running."""
+        """Add a row of all members that are still running."""
         signals, forces = _members_last(row.signals), _members_last(row.inputs)[:6]
         running = int(np.count_nonzero(row.running))
         if running != self._n_running:
@@ -90,7 +90,7 @@ class Merit:
             self._n_running = running
         with np.errstate(all="ignore"):
             self._take(signals, forces, row.reference)
-            # false of NaN, and of what is infinite
+            # false for NaN and infinite values
             np.less_equal(self._next[_CHECKED], self._bounds[_CHECKED], out=self._within[_CHECKED])
             if np.count_nonzero(self._within[_CHECKED]) != self._n_within:
                 self._look_closer()
@@ -101,7 +101,7 @@ class Merit:
         self._k += 1
 
     def columns(self) -> dict[str, FloatArray]:
-        """Every figure of merit by its path (N,); NaN for what is undefined. After the last row."""
+        """All metrics (N,) by path, after the last row; NaN where undefined."""
         state = self._state()
         if self._final is not None:
             state = {name: np.where(self._running, values, self._final[name]) for name, values in state.items()}
@@ -112,15 +112,15 @@ class Merit:
                 found |= self._steps.columns(rows, self._loop.timing.times, state)
         return found
 
-    def _take(self, signals: FloatArray, forces: FloatArray, wanted: FloatArray | None) -> None:
-        """The numbers of the next row."""
+    def _take(self, signals: FloatArray, forces: FloatArray, reference: FloatArray | None) -> None:
+        """Store the values of the next row."""
         after, lengths, velocities = self._next, signals[12:18], signals[18:24]
-        if wanted is not None:
-            # much of the time a reference rests, and is the same for all
-            latest = wanted.tobytes() if wanted.ndim == 1 else b""
+        if reference is not None:
+            # a reference is often constant, and the same for all members
+            latest = reference.tobytes() if reference.ndim == 1 else b""
             if latest != self._latest or not latest:
-                reference, self._latest = _members_last(wanted), latest
-                self._reference[:6], self._reference[6:] = reference[:6], reference[12:18]
+                columns, self._latest = _members_last(reference), latest
+                self._reference[:6], self._reference[6:] = columns[:6], columns[12:18]
         np.subtract(self._reference[:6], signals[:6], out=after[:6])
         np.subtract(self._reference[6:], lengths, out=after[6:12])
         np.multiply(after[E], after[E], out=after[E])
@@ -133,7 +133,7 @@ class Merit:
         np.negative(lengths, out=after[SHORT])
 
     def _go_on(self, lengths: FloatArray, forces: FloatArray) -> None:
-        """Add the next row for all, also for those that have ended: their numbers are kept elsewhere."""
+        """Add the next row for all members, also those that have ended: their results are stored already."""
         np.maximum(self._peak, self._next, out=self._peak)
         if self._k:
             self._total += self._present[:SUMMED]
@@ -153,11 +153,11 @@ class Merit:
         self._present, self._next = self._next, self._present
 
     def _look_closer(self) -> None:
-        """Some number is beyond its bound for the first time: that of a limit, or what is finite."""
+        """Handle values beyond their bound for the first time: over a limit, or not finite."""
         broken = self._running & ~np.isfinite(self._next).all(axis=0)
         if broken.any():
             self._end(broken)
-            # nothing is within these, from now on
+            # ended members trigger no more
             self._bounds[:, broken] = np.nan
             self._n_within -= (SIZE - NORMS.start) * int(np.count_nonzero(broken))
             self._within[:, broken] = True
@@ -165,14 +165,14 @@ class Merit:
             self._is_stroke_left |= not self._within[part].all()
         for k, (_, parts) in enumerate(BOUNDS):
             for part in parts:
-                # what was beyond at the end of the row before belongs to that row
+                # this power is of the end of the previous row, and counts for that row
                 at = self._k - 1 if part is FV_BEFORE else self._k
                 beyond = ~self._within[part].all(axis=0) & self._running
                 self._first[k] = np.where(beyond, np.minimum(self._first[k], at), self._first[k])
         self._bounds[_CHECKED][~self._within[_CHECKED] & ~np.isnan(self._bounds[_CHECKED])] = _LARGEST
 
     def _end(self, members: BoolArray) -> None:
-        """Keep the numbers of members that go on no longer, before the next row is added to them."""
+        """Store the results of members that end here, before the next row is added."""
         if not members.any():
             return
         if self._final is None:
@@ -183,12 +183,12 @@ class Merit:
         self._running &= ~members
 
     def _state(self) -> dict[str, NDArray[Any]]:
-        """What makes the numbers, by name, members last."""
+        """The accumulated values by name, members last."""
         names = ("present", "peak", "total", "net", "absolute", "flags", "limited", "any_limited", "beyond")
         state = {name: getattr(self, f"_{name}") for name in (*names, "any_beyond", "first")}
         return state if self._steps is None else state | self._steps.state()
 
 
 def _members_last(values: NDArray[Any]) -> NDArray[Any]:
-    """(size, N) of (N, size), or (size, 1) of (size,)."""
+    """(N, size) as (size, N), or (size,) as (size, 1)."""
     return values[:, None] if values.ndim == 1 else values.T

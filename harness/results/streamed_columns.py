@@ -1,4 +1,4 @@
-"""From what an observer has kept of many runs to their figures of merit, by path."""
+"""Metrics of many runs, by path, from the values that an observer has accumulated."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,8 @@ from gough_stewart.model.vectors import FloatArray
 if TYPE_CHECKING:
     from gough_stewart.harness.loop.loop import Loop
 
-# Rows of what is summed and of what has its largest value kept, members last: squares of the errors, of their norms, of
-# the force F, the leg velocity v, F v at the beginning and, of the row before, at the end of a row; lengths L and −L.
+# Rows of the arrays of sums and of peaks, members last: squares of the errors, of their norms, of the force F, the leg
+# velocity v, F v at the start of a row and at the end of the previous one; lengths L and −L.
 E, NORMS, F, V, FV, FV_BEFORE, LONG, SHORT = (
     slice(*ends) for ends in ((0, 12), (12, 14), (14, 20), (20, 26), (26, 32), (32, 38), (38, 44), (44, 50))
 )
@@ -29,11 +29,11 @@ _FLAGS = ("force_limited", "rate_limited")
 def columns_of(
     state: Mapping[str, FloatArray], rows: NDArray[np.intp], loop: "Loop", platform: Mapping[str, Any]
 ) -> dict[str, FloatArray]:
-    """Figures of merit (N,) of members with so many rows; NaN for what is undefined."""
+    """Metrics (N,) of members with these numbers of rows; NaN where undefined."""
     present, total = state["present"], state["total"]
     time = loop.timing.times
     duration = time[np.maximum(rows - 1, 0)] - time[0]
-    # the last row lasts for no time, but a single row stands for itself
+    # the last row lasts for no time, but a single row counts
     held = np.maximum(rows - 1, 1)
     peak = np.sqrt(state["peak"][: LONG.start])
     found: dict[str, FloatArray] = {"rows": rows.astype(float), "duration": duration}

@@ -1,4 +1,4 @@
-"""Step responses of many runs at once, while they go on."""
+"""Step responses of many runs at once, computed during the runs."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,34 +11,34 @@ _NUMBERS = ("from", "to", "at", *StepNumbers._fields, "final_error")
 
 
 class StreamedSteps:
-    """What the numbers of step responses are made of, for the axes on which a reference (n, 30) or (n, N, 30) steps."""
+    """Accumulates the step responses of the axes on which a reference (n, 30) or (n, N, 30) steps."""
 
-    def __init__(self, wanted: FloatArray, members: int) -> None:
-        self._wanted = wanted if wanted.ndim == 3 else wanted[:, None]
-        pose = np.moveaxis(self._wanted[..., :6], -1, 1)
+    def __init__(self, reference: FloatArray, members: int) -> None:
+        self._reference = reference if reference.ndim == 3 else reference[:, None]
+        pose = np.moveaxis(self._reference[..., :6], -1, 1)
         step = step_in(pose)
         self._axes = np.flatnonzero(step.exists.any(axis=1))
-        # a slice where it can be, which costs nothing
+        # a slice where possible, which needs no copy
         neighbours = len(self._axes) > 0 and self._axes[-1] - self._axes[0] == len(self._axes) - 1
         self._pick = slice(int(self._axes[0]), int(self._axes[-1]) + 1) if neighbours else self._axes
         size = (len(self._axes), members)
         self._exists = np.broadcast_to(step.exists[self._axes], size)
         self._first, self._last = (np.broadcast_to(each[self._axes], size).copy() for each in (step.first, step.last))
         self._start = start = np.broadcast_to(step.start[self._axes], size).copy()
-        # where nothing steps, anything but a division by zero
+        # without a step, any value but 0 to avoid a division by zero
         self._span = np.where(self._exists, self._last - self._first, 1.0)
-        # nobody's response counts before the one, and everybody's from the other on
+        # no member's response starts before the first of these rows, and all have started by the second
         self._begins, self._all_since = (int(start.min()), int(start.max())) if start.size else (0, 0)
         self._pose, self._response = np.zeros(size), np.zeros(size)
         self._highest = np.full(size, -np.inf)
-        # rows before each level
+        # number of rows before each level
         self._below, self._is_below = np.full((2, *size), float(self._begins)), np.zeros((2, *size), dtype=bool)
         self._are_rising = True
         self._settled, self._is_outside = np.zeros(size), np.zeros(size, dtype=bool)
         self._gap = np.zeros(size)
 
     def row(self, k: int, signals: FloatArray) -> None:
-        """Signals (24, N) of a row."""
+        """Add the signals (24, N) of a row."""
         if not len(self._axes):
             return
         self._pose[:] = signals[self._pick]
@@ -60,7 +60,7 @@ class StreamedSteps:
         np.copyto(self._settled, k + 1.0, where=self._is_outside)
 
     def state(self) -> dict[str, FloatArray]:
-        """What changes from row to row, members last."""
+        """The values that change from row to row, members last."""
         return {
             "step_pose": self._pose,
             "step_highest": self._highest,
@@ -69,7 +69,7 @@ class StreamedSteps:
         }
 
     def columns(self, rows: NDArray[np.intp], time: FloatArray, state: dict[str, FloatArray]) -> dict[str, FloatArray]:
-        """Of members with so many rows, at these times of the whole run; NaN where there is no step."""
+        """Metrics of members with these numbers of rows, for the times of the whole run; NaN without a step."""
         numbers = np.full((len(_NUMBERS), *self._first.shape), np.nan)
         for n in np.unique(rows[rows > 0]).tolist():
             of = np.flatnonzero(rows == n)
@@ -91,9 +91,9 @@ class StreamedSteps:
         }
 
     def _is_same(self, n: int, of: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Whether the first n rows of the reference show the same steps."""
-        wanted = self._wanted[:n] if self._wanted.shape[1] == 1 else self._wanted[:n, of]
-        part = step_in(np.moveaxis(wanted[..., self._axes], -1, 1))
-        # a reference at rest has values that are the same up to rounding only
+        """Whether the first n rows of the reference have the same steps."""
+        reference = self._reference[:n] if self._reference.shape[1] == 1 else self._reference[:n, of]
+        part = step_in(np.moveaxis(reference[..., self._axes], -1, 1))
+        # a constant reference has values that are equal only up to rounding
         near = np.abs(part.last - self._last[:, of]) <= 1e-9 * np.maximum(1.0, np.abs(self._last[:, of]))
         return np.asarray(part.exists & (part.start == self._start[:, of]) & near)

@@ -1,4 +1,4 @@
-"""Figures of merit as tables."""
+"""Metrics as tables."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from gough_stewart.harness.results.outcome import outcome_text
 
 
 def metrics_table(metrics: dict[str, Any]) -> RenderableType:
-    """Outcome, if the run did not complete, and tables for the terminal."""
+    """Tables for the terminal, after the outcome if the run did not complete."""
     parts: list[RenderableType] = []
     outcome = metrics["outcome"]
     if outcome["status"] != "completed":
@@ -19,7 +19,7 @@ def metrics_table(metrics: dict[str, Any]) -> RenderableType:
 
 
 def metrics_sheets(metrics: dict[str, Any]) -> list[Sheet]:
-    """Tracking, step response, legs; those that the record allows."""
+    """Tables of tracking, step response and legs, where the record has their columns."""
     parts = (("tracking", _tracking), ("step_response", _steps))
     sheets = [make(metrics[name]) for name, make in parts if metrics[name]]
     return [*sheets, _legs(metrics)] if metrics["force"] else sheets
@@ -77,7 +77,7 @@ def _legs(metrics: dict[str, Any]) -> Sheet:
             row(f"{what}, first beyond", "s", part["first_exceeded"])
     shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
     for name, share in shares.items():
-        # a row of zeros says nothing
+        # skip rows of zeros
         if share and share["any"]:
             row(name.replace("_", " "), "%", [100 * leg for leg in share["legs"]], number_text(100 * share["any"]))
     return sheet

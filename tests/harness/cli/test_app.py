@@ -184,7 +184,7 @@ def test_wrong_input_gets_one_clear_line(
     ("arguments", "message"),
     [
         (["reproduce", "--preset", "liu2000", "--platform", "heavy.toml"], "exclude each other"),
-        (["reproduce", "--preset", "motion_base", "--order", "plus-first"], "--order is a reading of the paper's own"),
+        (["reproduce", "--preset", "motion_base", "--order", "plus-first"], "--order applies only to the paper's own"),
         (["run", "heave_step", "--set", "x"], "--set x: expected key=value"),
         (["run", "heave_step", "--set", "title.x=1"], "title is not a table of the experiment"),
         (["view", "record", "--out", "page"], "expected the name of a page"),

@@ -199,14 +199,14 @@ def test_no_python_refuses_what_an_experiment_would_execute(command: str, own: P
     for experiment, file in (("heave_step.toml", "law.py"), ("unit.toml", "unit.fmu")):
         done = invoke(command, experiment, "--no-python")
         assert done.exit_code == 1
-        assert f"{experiment}: executes {file}; leave out --no-python" in done.output
+        assert f"{experiment}: executes {file}; omit --no-python" in done.output
     assert {path.name for path in own.iterdir()} == {"law.py", "heave_step.toml", "unit.toml"}
     assert invoke("margins", "heave_step", "--no-python", "--out", "shipped").exit_code == 0
 
 
 def test_run_says_which_code_it_executes(own: Path) -> None:
     done = invoke("run", "heave_step.toml")
-    assert "executes law.py, which heave_step.toml names" in done.stderr
+    assert "executes law.py, named by heave_step.toml" in done.stderr
     assert (own / "mark").is_file()
 
 

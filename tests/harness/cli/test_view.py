@@ -60,7 +60,7 @@ def test_what_is_no_record_is_refused_with_a_remedy(folder: Path, tmp_path: Path
     out = tmp_path / "page.html"
     for name, said in (
         ("nowhere", "no such file"),
-        ("empty", "a folder without a record"),
+        ("empty", "the folder has no record"),
         ("text.csv", "metadata.json"),
         ("text.parquet", "cannot be read as a record"),
     ):

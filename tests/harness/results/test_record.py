@@ -69,7 +69,7 @@ def test_files_that_are_no_records_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=r"metadata.json: No such file"):
         read_record(tmp_path / "record.csv")
     polars.DataFrame({"a": [1]}).write_parquet(tmp_path / "other.parquet")
-    with pytest.raises(RecordError, match="holds no metadata of a run"):
+    with pytest.raises(RecordError, match="has no metadata of a run"):
         read_record(tmp_path / "other.parquet")
     (tmp_path / "text.parquet").write_text("hello")
     with pytest.raises(RecordError, match=r"text.parquet: cannot be read as a record"):
@@ -95,13 +95,13 @@ def edited(text: str, row: int, column: str, value: str) -> str:
 DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
     "half of it": (lambda t: t[: len(t) // 2], "is empty; expected a number|has 1[01] rows, the run had 21"),
     "rows at its end": (lambda t: "".join(t.splitlines(True)[:-3]), "has 18 rows, the run had 21"),
-    "all but its header": (lambda t: t.splitlines(True)[0], "has no row"),
+    "all but its header": (lambda t: t.splitlines(True)[0], "has no rows"),
     "everything": (lambda _: "", "cannot be read as a record"),
     "a number": (lambda t: edited(t, 3, "position[2]", "abc"), r"position\[2\] in row 3 is 'abc'; expected a number"),
     "a cell": (lambda t: edited(t, 4, "position[3]", ""), r"position\[3\] in row 4 is empty"),
     "a time": (lambda t: edited(t, 2, "time", "NaN"), "time in row 2 is nan"),
     "an order": (lambda t: edited(t, 5, "time", "0.001"), r"time in row 5 is 0.001; expected finite, increasing times"),
-    "the times": (lambda t: t.replace("time", "clock", 1), "has no column time"),
+    "the times": (lambda t: t.replace("time", "clock", 1), "has no column 'time'"),
     "a column": (lambda t: t.replace("position[2]", "elsewhere", 1), "has 2 columns of position; expected 3"),
 }
 
@@ -120,8 +120,8 @@ def test_a_table_that_has_lost_something_is_refused(what: str, saved: Path, tmp_
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("", None, "holds no metadata of a run"),
-        ("", [1], "holds no metadata of a run"),
+        ("", None, "has no metadata of a run"),
+        ("", [1], "has no metadata of a run"),
         ("outcome", "completed", "metadata: outcome is 'completed'; input should be"),
         ("outcome", {"status": 3, "time": 0.0}, "metadata: outcome.status is 3; input should be a valid string"),
         ("platform", [], r"metadata: platform is \[\]; input should be a valid dictionary"),

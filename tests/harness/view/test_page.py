@@ -231,7 +231,7 @@ def test_a_record_without_a_finite_row_or_a_platform_is_refused(record: Record) 
         without = {key: value for key, value in record.metadata.items() if key != name}
         with pytest.raises(RecordError, match=f"waves: the metadata hold no {name}"):
             view_page([Record(record.table, without)], ["waves"])
-    with pytest.raises(RecordError, match="the metadata hold no platform"):
+    with pytest.raises(RecordError, match="the metadata have no platform"):
         view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
 
 

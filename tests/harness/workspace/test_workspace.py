@@ -255,7 +255,7 @@ def test_nothing_reached_is_a_warning(tmp_path: Path) -> None:
 ERRORS = [
     (["--over", "x,q"], "--over x,q: unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw"),
     (["--over", "x"], "1 swept coordinates; expected two for maps, or three for a volume"),
-    (["--over", "x,x"], "x is there twice; expected every coordinate once"),
+    (["--over", "x,x"], "x appears twice; expected each coordinate once"),
     (["--over", "x=1,y"], "found the range '1' for x; expected LOW:HIGH"),
     (["--over", "x=1:-1,y"], "x goes from 1 m to -1 m; expected a range from low to high"),
     (["--over", "x=-1deg:1,y"], "x is '-1deg'; expected a number of m, or a string with one of the units m, cm"),
