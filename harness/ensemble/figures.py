@@ -1,4 +1,4 @@
-"""Pictures of an ensemble: bands over time, histograms, what a figure of merit depends on, sensitivity."""
+"""Figures of an ensemble: bands over time, histograms, dependence of a metric on its inputs, sensitivity."""
 
 from collections.abc import Callable
 from functools import partial
@@ -26,21 +26,21 @@ _COLUMNS = 3
 _MOST_PANELS = 12
 _MOST_POINTS = 3000
 _MOST_BARS = 12
-# Less than this is rounding, or nothing that anybody could measure.
+# Smaller spans are rounding, or too small to measure.
 _LEAST_SPAN = {"m": 1e-5, "mm": 1e-2, "rad": 1e-5, "mrad": 1e-2, "N": 1.0, "m/s": 1e-4, "rad/s": 1e-4}
 
 
 def ensemble_figures(ensemble: Ensemble, by: str, found: Sensitivity | None = None) -> dict[str, bytes]:
-    """File name to PNG of `bands`, `histograms`, `dependence` on what varies, and `sensitivity`.
+    """Draw `bands`, `histograms`, `dependence` on the varied quantities, and `sensitivity` as PNG, by file name.
 
-    The same bytes for the same ensemble. Not as SVG, which takes as long again: the page has it all to zoom.
+    The same ensemble gives the same bytes. SVG would double the time, and the page has zoom.
 
     Parameters
     ----------
     by
-        The figure of merit of `dependence`.
+        The metric of `dependence`.
     found
-        Of `sensitivity`; None for no such picture.
+        The sensitivity to draw; None for no such figure.
     """
     files = {}
     columns = list(dict.fromkeys(ensemble.bands["signal"].to_list()))[:_MOST_PANELS]
@@ -65,7 +65,7 @@ def _grid(name: str, draw: Callable[[Figure], None], panels: int) -> dict[str, b
 
 def _panels(figure: Figure, title: str, number: int) -> list[Axes]:
     entitle(figure, title)
-    # to place panels by what is in them would take half of the time
+    # automatic placement of panels would take half of the time
     figure.set_layout_engine("none")
     rows, columns = -(-number // _COLUMNS), min(number, _COLUMNS)
     width, height = figure.get_size_inches()
@@ -172,7 +172,7 @@ def _sensitivity(found: Sensitivity, figure: Figure) -> None:
 
 
 def _inputs(ensemble: Ensemble, found: Sensitivity | None) -> list[str]:
-    """What varies and is a number, the most influential first."""
+    """Varied quantities that are numbers, most influential first."""
     names = [name for name in ensemble.varied if np.isfinite(ensemble.values(name)).any()]
     if found is None or found.method == "sobol":
         return names
@@ -185,14 +185,14 @@ def _scaled(part: polars.DataFrame, name: str, shown: Shown) -> FloatArray:
 
 
 def _within(values: FloatArray) -> FloatArray:
-    """Without the few that would leave nothing to be seen of the others."""
+    """The values without the few outliers that would hide all others."""
     low, high = np.quantile(values, (0.005, 0.995))
     width = high - low
     return np.asarray(values[(values >= low - 2 * width) & (values <= high + 2 * width)]) if width > 0 else values
 
 
 def _show_at_least(axes: Axes, span: float) -> None:
-    """Widen the vertical axis to a span about its middle."""
+    """Widen the vertical axis about its middle to at least a span."""
     low, high = axes.get_ylim()
     if high - low < span:
         middle = (low + high) / 2

@@ -1,4 +1,4 @@
-"""One page of an ensemble for the browser: bands, histograms, dependence, sensitivity, worst members; no network."""
+"""A page of an ensemble for the browser: bands, histograms, dependence, sensitivity, worst members; works offline."""
 
 import html
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from gough_stewart.harness.results.metric_names import Shown, shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 PAGE = "report.html"
-# Points that a browser still moves at once.
+# Points in a chart that a browser can still move smoothly.
 _MOST_POINTS = 10_000
 _MARKS = ((0.05, "5 %"), (0.5, "50 %"), (0.95, "95 %"))
 _MOST_BARS = 15
@@ -35,18 +35,18 @@ def ensemble_page(
     sensitivities: Sequence[Sensitivity] = (),
     more: Sequence[Sheet] = (),
 ) -> bytes:
-    """The page, the same bytes for the same ensemble; nothing is loaded from anywhere.
+    """Create the page; it loads nothing, and the same ensemble gives the same bytes.
 
     Parameters
     ----------
     by
-        The figure of merit that is shown first, and of which the worst members are.
+        The metric shown first, which also ranks the worst members.
     worst
-        Worst members, with the address of a page of their own relative to this one; "" for none.
+        Worst members, with the address of each one's own page relative to this one; "" for none.
     sensitivities
-        Of figures of merit.
+        Sensitivities by metric.
     more
-        Tables to show before the others.
+        Further tables, shown before the others.
     """
     n = ensemble.members.height
     seed = f"seed {ensemble.metadata['seed']}, " if "seed" in ensemble.metadata else ""
@@ -56,7 +56,7 @@ def ensemble_page(
         lead=html.escape(lead),
         hint=html.escape(_hint(n)),
         tables="".join(_in_box(to_html(sheet)) for sheet in more) + _tables(ensemble, by, worst),
-        footer="Made by gough-stewart, with plotly.js inside.",
+        footer="Made by gough-stewart; includes plotly.js.",
     )
     scripts = [plotly(), asset("output", "page.js") + asset("ensemble", "ensemble.js")]
     data = _data(ensemble, by, sensitivities)
@@ -65,15 +65,15 @@ def ensemble_page(
 
 
 def _hint(n: int) -> str:
-    parts = ["Bands: median, 25 to 75 %, 5 to 95 %, and extremes of the members that are still running."]
+    parts = ["Bands: median, 25 to 75 %, 5 to 95 %, and extremes of the members still running."]
     if n > MOST_MEMBERS:
         error = 100 * np.sqrt(0.05 * 0.95 / MOST_MEMBERS)
         parts.append(
-            f"Their quantiles are of the first {MOST_MEMBERS} members (the 5 % line is that of {5 - error:.1f} to "
-            f"{5 + error:.1f} % of all), their extremes of all."
+            f"Quantiles are over the first {MOST_MEMBERS} members (the 5 % line is at {5 - error:.1f} to "
+            f"{5 + error:.1f} % of all members), extremes over all."
         )
     if n > _MOST_POINTS:
-        parts.append(f"Points and histograms are of the first {_MOST_POINTS} members, tables of all.")
+        parts.append(f"Points and histograms show the first {_MOST_POINTS} members, tables all.")
     return " ".join(parts)
 
 
@@ -87,7 +87,7 @@ def _tables(ensemble: Ensemble, by: str, worst: Mapping[int, str]) -> str:
 
 
 def _linked(table: str, worst: Mapping[int, str]) -> str:
-    """The numbers of members as links to their pages."""
+    """Make the numbers of members links to their pages."""
     for member, address in worst.items():
         if address:
             cell = f'<th scope="row">{member}</th>'
@@ -120,7 +120,7 @@ def _data(ensemble: Ensemble, by: str, sensitivities: Sequence[Sensitivity]) -> 
 
 
 def _named(shown: Shown, name: str, values: FloatArray) -> dict[str, Any]:
-    """How something is shown, and the least span of an axis for these values of it [shown unit]."""
+    """How to display a quantity, and the least span of an axis for these values [display unit]."""
     largest = float(np.abs(finite(values)).max(initial=0.0))
     return {"name": name, "text": shown.text, "unit": shown.unit, "least": least_span(shown.unit or "1", largest)}
 
@@ -162,7 +162,7 @@ def _sensitivity(found: Sensitivity) -> dict[str, Any]:
 
 
 def _plain(values: Any) -> list[float]:
-    """For JSON, which has no NaN."""
+    """The values with None for NaN, which JSON lacks."""
     return [float(value) for value in np.nan_to_num(values)]
 
 

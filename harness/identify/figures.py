@@ -1,4 +1,4 @@
-"""Pictures of an identification: intervals and correlation, fit and residuals."""
+"""Figures of an identification: intervals and correlation, fit and residuals."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ FIGURES = ("fit", "parameters")
 
 
 def identification_figures(estimate: Estimate) -> dict[str, bytes]:
-    """PNG and SVG by file name; the fit only where there is one over time."""
+    """Figures as PNG and SVG by file name; the fit only if it is over time."""
     rows = len(estimate.names)
     files = pictures("parameters", lambda figure: _parameters(figure, estimate), 10.0, 1.6 + 0.28 * rows)
     if "time" in estimate.details:
@@ -60,6 +60,6 @@ def _fit(figure: Figure, estimate: Estimate) -> None:
 
 
 def _shade(axes: Axes, start: float | None) -> None:
-    """The part of the log that was kept aside."""
+    """Shade the part of the log held out for validation."""
     if start is not None:
         axes.axvspan(start, axes.get_xlim()[1], color="#000000", alpha=0.06, linewidth=0)

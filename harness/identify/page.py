@@ -1,4 +1,4 @@
-"""A page of an identification for the browser: tables, intervals, correlation, fit and residuals; without a network."""
+"""A page of an identification for the browser: tables, intervals, correlation, fit and residuals; works offline."""
 
 import html
 from collections.abc import Sequence
@@ -17,15 +17,15 @@ from gough_stewart.model.platform import Platform
 
 
 def identification_page(estimate: Estimate, nominal: Platform, more: Sequence[Sheet] = ()) -> bytes:
-    """The page; `more` are further tables, such as an experiment before and after."""
+    """Create the page; `more` has further tables, such as an experiment before and after."""
     title = f"Parameters of {nominal.name}"
     body = Template(asset("identify", "identify.html")).substitute(
         title=html.escape(title),
         lead=html.escape("; ".join([f"method {estimate.method}", *estimate.notes])),
         tables="".join(f"<div>{to_html(sheet)}</div>" for sheet in (*more, *sheets_of(estimate))),
         footer=html.escape(
-            "Intervals hold 95 % of the time if the model's form is right. Made by gough-stewart, with "
-            "plotly.js inside."
+            "Intervals hold 95 % of the time if the model structure is right. Made by gough-stewart; includes "
+            "plotly.js."
         ),
     )
     scripts = [plotly(), asset("output", "page.js") + asset("identify", "identify.js")]

@@ -1,1 +1,1 @@
-"""What tables, figures and pages are made of."""
+"""Building blocks of tables, figures and pages."""

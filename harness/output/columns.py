@@ -1,4 +1,4 @@
-"""Which columns of a table stand beside each other in a terminal, and how wide, so that no number is cut."""
+"""Chooses the columns of tables in a terminal and their widths, so that no number is cut."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rich.cells import cell_len
 
-# What names, and texts as long as a sentence, need at least; they fold, and a word over the second length is broken.
+# Least widths of names and of long texts, which wrap; a word longer than the second is broken.
 _NAME, _LONGEST_WORD = 18, 26
 _NUMBER = re.compile(r"[-+±×<(\s]*\d")
 
@@ -19,28 +19,28 @@ class Column(NamedTuple):
 
 
 class _Need(NamedTuple):
-    """The narrowest that a column can be, and the width at which nothing in it folds."""
+    """The least width of a column, and the width at which nothing in it wraps."""
 
     least: int
     natural: int
 
 
 def is_prose(cells: Sequence[str]) -> bool:
-    """Whether a column holds texts that may fold: one of several words that is longer than any number."""
+    """Whether a column has texts that may wrap: several words, longer than any number."""
     return any(cell_len(cell) > _NAME and " " in cell for cell in cells)
 
 
 def is_number(cells: Sequence[str]) -> bool:
-    """Whether a column stands at the right: it holds numbers, or vectors, and no sentences."""
+    """Whether a column is right-aligned: it has numbers or vectors, and no sentences."""
     numbers = [_NUMBER.match(cell) is not None for cell in cells]
     return any(numbers) and (all(numbers) or not is_prose(cells))
 
 
 def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[Column]]:
-    """The tables, one above the other, that show all columns in a width; each begins with the first column.
+    """Tables, one above the other, that show all columns within a width; each starts with the first column.
 
-    A column is its head and its cells. Heads and names fold first. Where numbers alone are too wide, the columns are
-    shared out over as few tables as possible: legs 1 to 3, then legs 4 to 6 and all.
+    A column is its head and its cells. Heads and names wrap first. If the numbers alone are too wide, the columns are
+    divided among as few tables as possible: legs 1 to 3, then legs 4 to 6 and all.
     """
     needs = [_need(column, k == 0) for k, column in enumerate(columns)]
     number = max(len(needs) - 1, 1)
@@ -48,7 +48,7 @@ def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[C
         parts = _shared_out(len(needs), tables)
         if all(_framed(needs[k].least for k in part) <= width for part in parts):
             return _aligned([_widened(part, needs, width) for part in parts])
-    # one column beside the names is too wide already: the names give way
+    # even one column beside the names is too wide: narrow the names
     widest = max((need.least for need in needs[1:]), default=0)
     needs[0] = _Need(max(1, min(needs[0].least, width - _framed([widest, 0]))), needs[0].natural)
     return _aligned([_widened(part, needs, width) for part in _shared_out(len(needs), number)])
@@ -64,12 +64,12 @@ def _need(column: Sequence[str], is_first: bool) -> _Need:
 
 
 def _framed(widths: Iterable[int]) -> int:
-    """With a space at either side of each column and lines between and around them."""
+    """Total width, with a space on both sides of each column, and lines between and around them."""
     return sum(each + 3 for each in widths) + 1
 
 
 def _shared_out(columns: int, tables: int) -> list[list[int]]:
-    """The first column, and its share of the others, for each table; the last tables take one more."""
+    """The first column and a share of the others, for each table; the last tables take one more."""
     share, more = divmod(columns - 1, tables)
     parts, start = [], 1
     for k in range(tables):
@@ -80,7 +80,7 @@ def _shared_out(columns: int, tables: int) -> list[list[int]]:
 
 
 def _widened(part: list[int], needs: Sequence[_Need], width: int) -> list[Column]:
-    """What is left of the width goes to the columns that have to fold, first to the one that lacks most."""
+    """Give the remaining width to the columns that wrap, first to the one that lacks most."""
     widths = {k: needs[k].least for k in part}
     for _ in range(width - _framed(widths.values())):
         k = max(part, key=lambda k: needs[k].natural - widths[k])
@@ -91,6 +91,6 @@ def _widened(part: list[int], needs: Sequence[_Need], width: int) -> list[Column
 
 
 def _aligned(tables: list[list[Column]]) -> list[list[Column]]:
-    """Names are as wide in one table as in the next."""
+    """Give the column of names the same width in all tables."""
     width = min(names.width for names, *_ in tables)
     return [[Column(0, width), *others] for _, *others in tables]

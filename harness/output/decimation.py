@@ -1,4 +1,4 @@
-"""Fewer points of a curve, for pictures."""
+"""Reduces the points of a curve for display."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
-    """Times and values (m,), m ≤ max(points, 4), that look like all the (n,) in a picture.
+    """Times and values (m,), m ≤ max(points, 4), that look the same in a figure as all (n,).
 
-    First and last row stay; what is between them is cut into buckets of rows, and of each the smallest and the largest
-    finite value stay, where they are. So no peak is lost. As many values as are allowed come back as they are.
+    The first and last row stay. The rows between are divided into buckets; of each, the smallest and the largest finite
+    value stay at their times, so no peak is lost. Curves with few enough points are returned unchanged.
     """
     n = len(time)
     if n <= max(points, 4):
@@ -23,6 +23,6 @@ def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatA
     high = np.pad(np.where(finite, inner, -np.inf), padding, constant_values=-np.inf).reshape(buckets, width)
     starts = 1 + width * np.arange(buckets)
     kept = np.concatenate([[0, n - 1], starts + low.argmin(axis=1), starts + high.argmax(axis=1)])
-    # the last buckets may hold nothing but padding
+    # the last buckets may have only padding
     kept = np.unique(np.minimum(kept, n - 1))
     return time[kept], values[kept]

@@ -1,4 +1,4 @@
-"""What self-contained pages are made of: our own texts, libraries out of wheels, numbers as text."""
+"""Building blocks of self-contained pages: own web files, libraries from wheels, packed numbers."""
 
 import base64
 import hashlib
@@ -18,22 +18,22 @@ from gough_stewart.model.vectors import Array
 
 
 def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str]) -> bytes:
-    """A whole page that asks nobody for anything: its policy forbids it, and lets no script run but these.
+    """A complete page that makes no requests; its policy forbids them, and allows only these scripts to run.
 
     Parameters
     ----------
     title
         Plain text.
     body
-        HTML, of which every text of a user is escaped.
+        HTML; all texts from users must be escaped.
     style
-        CSS, besides that of all pages.
+        CSS, in addition to the CSS of all pages.
     data
-        What the scripts find in the element `data`, as JSON.
+        Data for the scripts, as JSON in the element `data`.
     scripts
-        In their order.
+        JavaScript, in the order of execution.
     """
-    # a browser reads any end of a line as this one before it looks at a script
+    # browsers normalise line endings before they hash a script
     scripts = [script.replace("\r\n", "\n").replace("\r", "\n") for script in scripts]
     digests = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
     allowed = {
@@ -49,7 +49,7 @@ def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str
         policy="; ".join(f"{what} {source}" for what, source in allowed.items()),
         style=asset("output", "page.css") + style,
         body=body,
-        # no text in it can end the element
+        # so that no text in it can close the element
         data=json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"),
         scripts="\n".join(f"<script>{script}</script>" for script in scripts),
     )
@@ -67,7 +67,7 @@ def plotly() -> str:
 
 
 def place_of(package: str) -> Path:
-    """The folder of a package; found without importing it, which would take a second.
+    """The folder of a package, without importing it, which would take a second.
 
     Raises
     ------
@@ -76,15 +76,15 @@ def place_of(package: str) -> Path:
     """
     spec = find_spec(package)
     if spec is None or spec.submodule_search_locations is None:
-        raise GoughStewartError(f"the package '{package}' is missing; install gough-stewart with what it depends on")
+        raise GoughStewartError(f"the package '{package}' is missing; install gough-stewart with its dependencies")
     return Path(spec.submodule_search_locations[0])
 
 
 def packed(values: Array, kind: str = "f8") -> dict[str, str]:
-    """Numbers of any shape, in C order, as base64 of little-endian ones: what plotly.js reads as an array.
+    """Numbers of any shape as base64, in C order and little-endian: plotly.js reads it as an array.
 
-    `kind` is NumPy's: "f8" keeps every bit, "f4" seven digits.
+    `kind` is a NumPy type: "f8" keeps all bits, "f4" seven digits.
     """
-    with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and a gap in a line
+    with np.errstate(over="ignore"):  # overflow in float32 becomes infinite, and a gap in a line
         array = np.ascontiguousarray(values, dtype=f"<{kind}")
     return {"dtype": kind, "bdata": base64.b64encode(array.tobytes()).decode()}

@@ -1,4 +1,4 @@
-"""How all figures look, and how they become files: the same bytes for the same data."""
+"""Style of all figures, and how they are written: the same data give the same bytes."""
 
 import warnings
 from collections.abc import Callable
@@ -27,43 +27,43 @@ STYLE: dict[str, Any] = {
     "legend.frameon": False,
     "xtick.direction": "out",
     "ytick.direction": "out",
-    # identifiers of an SVG are random otherwise
+    # identifiers in an SVG are random otherwise
     "svg.hashsalt": "gough-stewart",
 }
 Draw = Callable[[Figure], None]
 
 
 def png(draw: Draw, width: float, height: float = 3.6) -> bytes:
-    """What `draw` puts on a figure of this size [inch], as PNG."""
+    """Draw a figure of this size [inch] with `draw`, as PNG."""
     return _files(draw, width, height, ("png",))["png"]
 
 
 def pictures(name: str, draw: Draw, width: float, height: float = 3.6) -> dict[str, bytes]:
-    """The same as `name.png` and `name.svg`."""
+    """Draw a figure as `name.png` and `name.svg`."""
     return {f"{name}.{kind}": file for kind, file in _files(draw, width, height, ("png", "svg")).items()}
 
 
 def two_panels(figure: Figure, title: str) -> tuple[Axes, Axes]:
-    """Two axes side by side under a title."""
+    """Create two axes side by side under a title."""
     entitle(figure, title)
     left, right = figure.subplots(1, 2)
     return left, right
 
 
 def panel(figure: Figure, title: str) -> Axes:
-    """One axes under a title."""
+    """Create one axes under a title."""
     entitle(figure, title)
     axes: Axes = figure.subplots()
     return axes
 
 
 def entitle(figure: Figure, title: str) -> None:
-    """The title of a figure, as it stands: a name may hold a dollar sign."""
+    """Set the title of a figure without TeX: a name may have a dollar sign."""
     figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, fontweight="bold", parse_math=False)
 
 
 def label(axes: Axes, title: str, unit: str, horizontal: str = "time [s]") -> None:
-    """Title and units of axes that show something over time, or over something else."""
+    """Set the title and units of axes; the abscissa is time by default."""
     axes.set_title(title)
     axes.set_ylabel(f"[{unit}]")
     axes.set_xlabel(horizontal)
@@ -73,18 +73,18 @@ def label(axes: Axes, title: str, unit: str, horizontal: str = "time [s]") -> No
 def _files(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
     files = {}
     with mpl_style.context(STYLE, after_reset=True), warnings.catch_warnings():
-        # a platform's name may be in any script; a box in its place is no reason to disturb the terminal
+        # a platform's name may be in any script; missing glyphs are not worth a warning in the terminal
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         figure = Figure(figsize=(width, height))
         draw(figure)
-        # once for both kinds, not for each of them and by a drawing of its own
+        # once for both formats; otherwise each would draw the figure just for the layout
         layout = figure.get_layout_engine()
         if layout is not None:
             layout.execute(figure)
             figure.set_layout_engine("none")
         for kind in kinds:
             buffer = BytesIO()
-            # an SVG carries the date of its making otherwise; a PNG compressed harder takes twice as long
+            # no date in the SVG; stronger compression of the PNG takes twice as long
             options = {"metadata": {"Date": None}} if kind == "svg" else {"pil_kwargs": {"compress_level": 1}}
             figure.savefig(buffer, format=kind, **options)
             files[kind] = buffer.getvalue()

@@ -1,10 +1,10 @@
-"""How finely each unit is shown: what is less is rounding, and neither fills an axis nor a cell of a table."""
+"""Display resolution of each unit: smaller differences are rounding, and do not fill axes or table cells."""
 
 import math
 
 from gough_stewart.harness.quantities import UNITS
 
-# By unit, the smallest difference worth looking at, in that unit: a micrometre, a ten-thousandth of a degree.
+# The smallest relevant difference by unit, such as a micrometre or a ten-thousandth of a degree.
 LEAST_SPANS: dict[str, float] = {
     "m": 1e-6,
     "mm": 1e-3,
@@ -29,26 +29,26 @@ LEAST_SPANS: dict[str, float] = {
     "%": 1e-3,
     "1": 1e-3,
 }
-# Of numbers without a unit of their own, such as the states of a controller.
+# The same for numbers without a unit, such as the states of a controller.
 _LEAST_OF_OTHERS = 1e-6
-# Of the values themselves; single precision, in which curves are kept, has little more.
+# The same as a share of the values; single precision, in which curves are stored, has little more.
 _LEAST_SHARE = 1e-6
 
 
 def least_span(unit: str, largest: float = 0.0) -> float:
-    """The smallest difference worth looking at in a unit, among values up to a largest magnitude."""
+    """The smallest relevant difference in a unit, for values up to a largest magnitude."""
     return max(LEAST_SPANS.get(unit, _LEAST_OF_OTHERS), _LEAST_SHARE * abs(largest))
 
 
 def factor_to(unit: str) -> float:
-    """What a number in SI units is multiplied by to be in a unit, 1e3 for mm; 1 where the unit is SI's own."""
-    if unit in UNITS:  # rad/s is the unit of a rate, and in the row of Hz as well
+    """The factor from SI units to a unit: 1e3 for mm, 1 for SI units."""
+    if unit in UNITS:  # rad/s is the SI unit of a rate, but is also listed with Hz
         return 1.0
     return next((1 / others[unit] for others in UNITS.values() if unit in others), 1.0)
 
 
 def widened(low: float, high: float, unit: str) -> tuple[float, float]:
-    """Both ends of an axis, moved apart about their middle to `least_span` where they are closer; NaN counts as 0."""
+    """Both ends of an axis, widened about their middle to at least `least_span`; NaN counts as 0."""
     if not (math.isfinite(low) and math.isfinite(high)):
         low = high = 0.0
     span = max(high - low, least_span(unit, max(abs(low), abs(high))))

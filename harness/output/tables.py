@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Named:
-    """A first cell: what the row is of, and its unit."""
+    """The first cell of a row: its quantity and unit."""
 
     what: str
     unit: str
@@ -25,7 +25,7 @@ class Named:
 
 @dataclass
 class Sheet:
-    """A table before anybody has chosen how it looks: heads and rows of text, names at the left."""
+    """A table independent of its display: heads and rows of text, with names at the left."""
 
     title: str
     heads: tuple[str, ...]
@@ -34,20 +34,20 @@ class Sheet:
     group_ends: list[int] = field(default_factory=list)
 
     def add(self, *cells: str | Named, ends_group: bool = False) -> None:
-        """One more row."""
+        """Add a row."""
         if ends_group:
             self.group_ends.append(len(self.rows))
         self.rows.append(cells)
 
 
 class TerminalTable:
-    """A sheet for rich, as wide as the terminal allows; where that is not enough, columns go on in a table below."""
+    """A sheet for rich, as wide as the terminal; columns that do not fit continue in a table below."""
 
     def __init__(self, sheet: Sheet) -> None:
         self.sheet = sheet
 
     def __rich_console__(self, _console: "Console", options: "ConsoleOptions") -> "RenderResult":
-        """The title, and one table or several."""
+        """Print the title, and one table or several."""
         sheet = self.sheet
         texts = [tuple(map(_text, row)) for row in sheet.rows]
         columns = [(head, *(row[k].plain for row in texts)) for k, head in enumerate(sheet.heads)]
@@ -66,12 +66,12 @@ class TerminalTable:
 
 
 def to_terminal(sheet: Sheet) -> TerminalTable:
-    """For rich; every text is only a text."""
+    """A table for rich, without markup in texts."""
     return TerminalTable(sheet)
 
 
 def to_html(sheet: Sheet) -> str:
-    """For a page; every text is escaped."""
+    """A table in HTML, with all texts escaped."""
     heads = "".join(_heading("col", head) for head in sheet.heads)
     rows = []
     for k, (first, *rest) in enumerate(sheet.rows):
@@ -83,12 +83,12 @@ def to_html(sheet: Sheet) -> str:
 
 
 def _heading(scope: str, cell: str | Named) -> str:
-    """A head of a column or row; an empty cell is the head of nothing."""
+    """The head of a column or row; an empty cell is no head."""
     return f'<th scope="{scope}">{_hypertext(cell)}</th>' if cell else "<td></td>"
 
 
 def text_of(table: "RenderableType") -> str:
-    """What a terminal without colours shows, at most 100 columns wide."""
+    """The output of a terminal without colours, at most 100 columns wide."""
     from rich.console import Console
 
     console = Console(width=100, color_system=None, file=StringIO())
@@ -98,16 +98,16 @@ def text_of(table: "RenderableType") -> str:
 
 
 def number_text(value: float | None, digits: int = 4) -> str:
-    """At most so many significant digits."""
+    """A number with at most this many significant digits."""
     if value is None:
         return "–"
     text = f"{value:.{digits}g}"
-    # large ones as they are: 18610 is shorter than 1.861e+04
+    # large numbers in full: 18610 is shorter than 1.861e+04
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e7 else text
 
 
 def quantity_text(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number in a unit; what is too small to be looked at, rounding above all, is only less than the least."""
+    """A number in a unit; below the display resolution, as for rounding errors, only "< 0.001" or the like."""
     least = LEAST_SPANS.get(unit, 0.0)
     if value is None or value == 0 or abs(value) >= least:
         return number_text(value, digits)

@@ -1,4 +1,4 @@
-"""three.js, out of the page in which trimesh shows meshes: a wheel of under a megabyte that needs NumPy only."""
+"""three.js, taken from the mesh viewer page of trimesh: a wheel of under a megabyte that needs only NumPy."""
 
 import re
 from functools import cache
@@ -9,18 +9,18 @@ from gough_stewart.harness.output.pages import place_of
 from gough_stewart.model.errors import GoughStewartError
 
 _ARCHIVE, _PAGE = "resources/templates/viewer.zip", "viewer.html.template"
-# The script begins with it; what follows in it are trimesh's own lines.
+# The script starts with three.js; trimesh's own lines follow.
 _LIBRARY = re.compile(r"<script>\s*(/\*\*\s+\* @license.*?Three\.js Authors.*?\*/\s*\n[^\n]+)\n", re.DOTALL)
 
 
 @cache
 def three() -> str:
-    """The library, minified, which makes the global name THREE; its first lines name the holders of its copyright.
+    """The minified library, which defines the global name THREE; its first lines name the copyright holders.
 
     Raises
     ------
     GoughStewartError
-        The package trimesh is missing, or has it elsewhere.
+        The package trimesh is missing, or has no three.js in the expected place.
     """
     try:
         with ZipFile(place_of("trimesh") / _ARCHIVE) as archive:
@@ -28,12 +28,12 @@ def three() -> str:
     except (OSError, KeyError, BadZipFile):
         found = None
     if found is None:
-        raise GoughStewartError(f"trimesh {version('trimesh')} has no three.js in {_ARCHIVE}; expected that of 5.2.0")
+        raise GoughStewartError(f"trimesh {version('trimesh')} has no three.js in {_ARCHIVE}; install trimesh 5.2.0")
     return found[1]
 
 
 def three_licence() -> str:
-    """What the MIT licence wants to go along: the holders of the copyright, and the permission, in trimesh's copy."""
+    """The copyright and permission notices that the MIT licence requires, from trimesh's copy."""
     holders = three().partition("*/")[0].lstrip("/").replace("*", "").strip()
     licence = next(file.read_text() for file in files("trimesh") or () if file.name.startswith("LICENSE"))
     return f"{holders}\n\n{licence[licence.index('Permission is hereby granted') :]}"

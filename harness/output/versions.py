@@ -1,4 +1,4 @@
-"""What a result was made with."""
+"""Versions of the software that computed a result."""
 
 import platform as machine
 from functools import cache
@@ -8,13 +8,13 @@ PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "control", "fmpy", "zig
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that matter, and the kind of machine."""
+    """Versions of Python and of relevant packages, and the type of machine."""
     return dict(_versions())
 
 
 @cache
 def _versions() -> dict[str, str]:
-    """Read from the packages' metadata once, which takes longer than a short run."""
+    """Read the versions from package metadata, once: it takes longer than a short run."""
     return {
         "python": machine.python_version(),
         **{package: found for package in PACKAGES if (found := _version(package)) is not None},
@@ -23,7 +23,7 @@ def _versions() -> dict[str, str]:
 
 
 def _version(package: str) -> str | None:
-    """None of one that is not installed, as those of the extra `fmu` may be."""
+    """The version of a package; None if it is not installed, such as those of the extra `fmu`."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""The data of a page's charts: lines of every signal of its records, and of the differences between records."""
+"""Data of a page's charts: lines of all signals of its records, and of differences between records."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -14,24 +14,24 @@ from gough_stewart.harness.view.signals import SHOWN, Signal, signals_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Of a line, if there is one record; several share them.
+# Points of a line for one record; several records share them.
 POINTS = 800
 _FEWEST_POINTS = 100
-# Half of what flags differ by.
+# Half the difference between the values of a flag.
 _FLAG = 0.5
-# Rows that are compared first: most components that differ do so here.
+# Rows to compare first; most components that differ do so here.
 _GLANCE = 16
 
 _Columns = Sequence[FloatArray | None]
 
 
 def chart_of(records: Sequence[Record], platforms: Sequence[Platform]) -> dict[str, Any]:
-    """What `charts.js` draws: `signals` by name, the names `shown` at first, and the `range` of time.
+    """Data for `charts.js`: `signals` by name, the names `shown` at first, and the `range` of time.
 
-    A signal has a title, a unit, its components' words and lines by record. Components closer than `least_span` to each
-    other at all times of all records share a line: `groups` are of their indices. Lines are `decimated`: no peak is
-    lost. A line that a record shares with an earlier one is that record's index. `differences` of records j < k, by
-    "j,k", are of k minus j, see `difference`.
+    A signal has a title, a unit, names of components, and lines by record. Components that stay within `least_span` of
+    each other in all records share a line: `groups` has their indices. Lines are `decimated`, so no peak is lost. A
+    line equal to that of an earlier record is stored as that record's index. `differences` between records j < k, by
+    "j,k", are k minus j, see `difference`.
     """
     times = [record["time"] for record in records]
     signals = signals_of(records, platforms)
@@ -44,14 +44,14 @@ def chart_of(records: Sequence[Record], platforms: Sequence[Platform]) -> dict[s
 
 
 def points_of(lines: int) -> int:
-    """How many points a line has, if so many share them."""
+    """Points per line, if this number of records share them."""
     return max(POINTS // lines, _FEWEST_POINTS)
 
 
 def coinciding(values: _Columns, least: float) -> list[list[int]]:
-    """Indices of columns (n, size) that are closer than `least` to the first of their group in all rows of all arrays.
+    """Groups of indices of columns (n, size) that stay within `least` of the first of their group in all arrays.
 
-    NaN coincides with NaN.
+    NaN equals NaN here.
     """
     arrays = [array for array in values if array is not None]
     groups: list[list[int]] = []
@@ -68,9 +68,9 @@ def coinciding(values: _Columns, least: float) -> list[list[int]]:
 def difference(
     time: tuple[FloatArray, FloatArray], values: tuple[FloatArray, FloatArray], holds: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """The second of two arrays (n, size) and (m, size) minus the first, on the times of both that both of them span.
+    """The second of two arrays (n, size) and (m, size) minus the first, at the times of both in their common span.
 
-    Between rows, values are on straight lines, or hold where `holds`. Without a common span there are no times.
+    Between rows, values are interpolated linearly, or held if `holds`. Without a common span there are no times.
     """
     if np.array_equal(*time):
         return time[0], values[1] - values[0]
@@ -130,7 +130,7 @@ def _packed_signal(signal: Signal, times: Sequence[FloatArray]) -> dict[str, Any
 
 
 def _least(signal: Signal, values: _Columns) -> float:
-    """What is worth looking at, of values or of differences between values as large as these."""
+    """The display resolution of these values, or of differences between such values."""
     if signal.is_flag:
         return _FLAG
     sizes = [np.nanmax(np.abs(each)) for each in (*values, *signal.values) if each is not None and each.size]
@@ -156,7 +156,7 @@ def _lines_by_record(
 
 
 def _lines(time: FloatArray, values: FloatArray, groups: Sequence[Sequence[int]], points: int) -> list[dict[str, Any]]:
-    """One for each group, that of its first component."""
+    """One line per group, that of its first component."""
     return [_line(time, values[:, group[0]], points) for group in groups]
 
 

@@ -11,7 +11,7 @@ from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.harness.results.outcome import outcome_text
 from gough_stewart.harness.results.record import Record
 
-# Beginnings of the paths that are shown, in this order.
+# Prefixes of the paths that are shown, in this order.
 _SHOWN = (
     "tracking.position.norm_",
     "tracking.orientation.norm_",
@@ -28,7 +28,7 @@ _SHOWN = (
     "limits.",
 )
 _NOT_SHOWN = (".from", ".to", ".at", ".limit", ".first_exceeded")
-# What is better if it is larger; what is better if it is smaller; of other metrics neither can be said.
+# Metrics that are better if larger, and metrics that are better if smaller; all others are not ranked.
 _LARGER = ("stroke.margin",)
 _SMALLER = ("tracking.", "saturation.", "stroke.exceeded.", "force.", "power.peak", "energy.absolute_total", "limits.")
 _SMALLER_OF_STEPS = (".overshoot_percent", ".settling_time", ".final_error")
@@ -36,10 +36,9 @@ _BEST = '<span class="best">★</span> '
 
 
 def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
-    """A table with a column for each run, in HTML.
+    """A table with one column per run, in HTML.
 
-    The best values of a row are marked if the runs had the same task, that is the same reference and duration, and all
-    completed it.
+    The best values of a row are marked if all runs have the same reference and duration, and all completed.
     """
     flat = [flattened(each) for each in metrics]
     paths = dict.fromkeys(path for each in flat for path in each)
@@ -59,7 +58,7 @@ def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]
 
 
 def best(path: str, values: Sequence[float | None]) -> set[int]:
-    """Indices of the best values of a metric, as shown; none where all are alike, or where no value is better."""
+    """Indices of the best values of a metric, as displayed; none if all are equal or the metric is not ranked."""
     sign = 1.0 if path.startswith(_LARGER) else -1.0
     is_better_smaller = path.startswith(_SMALLER) or path.endswith(_SMALLER_OF_STEPS)
     known = {k: abs(value) if sign < 0 else value for k, value in enumerate(values) if value is not None}

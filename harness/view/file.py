@@ -1,4 +1,4 @@
-"""Records on a page in a file."""
+"""Writes a page of records to a file."""
 
 import webbrowser
 from collections.abc import Iterable, Sequence
@@ -22,27 +22,27 @@ def view(
     show: bool = False,
     progress: StepProgress | None = None,
 ) -> Path:
-    """Write one page for the browser: the platform moving in 3-D beside curves, metrics and parameters.
+    """Write one page for the browser: the platform in 3-D motion, with charts, metrics and parameters.
 
-    The page needs nothing else: no network, no server, no other file. Several records are laid over each other.
+    The page is self-contained: it needs no network, server or other file. Several records are overlaid.
 
     Parameters
     ----------
     records
-        A `Record`, or a folder or file of one; or up to six of them.
+        A `Record`, or the folder or file of one; or a sequence of up to six.
     out
-        The page to write, a name in .html; its folder is made if needed.
+        The page to write, ending in .html; its folder is created if needed.
     names
-        What to call each record; by default the folder, or the title of what is in no file.
+        Name of each record; by default its folder, or the title of a record without a file.
     show
         Open the page in the browser.
     progress
-        Called with what is being done.
+        Called with the name of each step.
 
     Raises
     ------
     RecordError
-        No record, more than six, or one that cannot be read or drawn; or not as many names as records.
+        There is no record, more than six, or one that cannot be read or drawn; or the number of names differs.
     OutputError
         The page cannot be written there.
 
@@ -54,22 +54,22 @@ def view(
     out, say = Path(out), progress or (lambda _what: None)
     if out.suffix not in (".html", ".htm"):
         raise OutputError(f"{out}: expected the name of a page, such as {out}.html")
-    given = [records] if isinstance(records, Record | Path | str) else list(records)
+    items = [records] if isinstance(records, Record | Path | str) else list(records)
     check_output_folder(out.parent, [out.name])
     say("reading")
-    read = [each if isinstance(each, Record) else read_record(each) for each in given]
-    called = _names(given) if names is None else list(names)
-    if len(called) != len(read):
-        raise RecordError(f"{len(called)} names for {len(read)} records; expected one for each")
-    say("making the page")
-    write_files(out.parent, {out.name: view_page(read, called)})
+    read = [each if isinstance(each, Record) else read_record(each) for each in items]
+    labels = _names(items) if names is None else list(names)
+    if len(labels) != len(read):
+        raise RecordError(f"{len(labels)} names for {len(read)} records; expected one per record")
+    say("writing the page")
+    write_files(out.parent, {out.name: view_page(read, labels)})
     if show:
         webbrowser.open(out.absolute().as_uri())
     return out
 
 
 def _names(records: Sequence[Shown]) -> list[str]:
-    """Of files as on the command line; of others their titles, numbered where those are the same."""
+    """Names of files as on the command line; for other records their titles, numbered if they are equal."""
     paths = [Path(each) for each in records if not isinstance(each, Record)]
     of_files = iter(names_of(paths))
     names = [

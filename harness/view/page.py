@@ -1,4 +1,4 @@
-"""One self-contained page that shows runs: 3-D animation, curves, tables; works without a network."""
+"""A self-contained page that shows runs: 3-D animation, charts, tables; works offline."""
 
 import html
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from gough_stewart.model.platform import Platform
 
 PAGE = "report.html"
 MOST_RECORDS = len(COLOURS)
-# Beyond this, nothing that could be looked at is left of a run [SI units].
+# Larger values cannot be displayed [SI units].
 _LARGEST = 1e9
 _DRAWN = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force", "external_force")
 _SCRIPTS = (
@@ -36,7 +36,7 @@ _SCRIPTS = (
 
 
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
-    """The page of one record, or of several laid over each other; the same bytes for the same records.
+    """Create the page of one record, or of several overlaid; the same records give the same bytes.
 
     Frames and curves are thinned out for display (`view_scene.FRAMES`, `view_charts.POINTS` for all records together),
     which the page says; its tables are of all rows. Rows from the first on that is not finite are left out.
@@ -44,17 +44,17 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     Parameters
     ----------
     records
-        From runs, or read from their files.
+        Records of runs, or read from files.
     names
-        What to call each of them.
+        Name of each record.
     more
-        Tables to show besides.
+        Further tables to show.
 
     Raises
     ------
     RecordError
-        No record, more than `MOST_RECORDS`, or one without a single finite row, without its platform, or without a
-        column that is drawn.
+        There is no record, more than `MOST_RECORDS`, or one without a finite row, its platform, or a column that is
+        drawn.
     """
     if not 1 <= len(records) <= MOST_RECORDS:
         raise RecordError(f"{len(records)} records; expected 1 to {MOST_RECORDS} of them on a page")
@@ -70,13 +70,13 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     title = str(records[0].metadata.get("title", names[0])) if one else " · ".join(names)
     body = Template(asset("view", "view.html")).substitute(
         title=html.escape(title),
-        lead=html.escape(_lead(records[0], shown[0].believed) if one else "several runs laid over each other"),
+        lead=html.escape(_lead(records[0], shown[0].believed) if one else "several runs overlaid"),
         records=_heads(shown),
         tables=_tables(shown, more),
         footer=html.escape(_footer(shown, frames)),
         licences=html.escape(three_licence()),
     )
-    # the view first, so that it is there while plotly.js is still being read
+    # the view first, so that it appears while plotly.js is still loading
     scripts = [
         three(),
         "\n".join([asset("output", "page.js"), *(asset("view", name) for name in _SCRIPTS)]),
@@ -87,7 +87,7 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """What to call the records of these files: their folders' names where those differ, their paths otherwise."""
+    """Names for the records of these files: the names of their folders if those differ, otherwise their paths."""
     folders = [path.absolute() if path.is_dir() else path.absolute().parent for path in paths]
     names = [folder.name for folder in folders]
     return names if len(set(names)) == len(names) else [str(path) for path in paths]
@@ -105,7 +105,7 @@ class _Shown(NamedTuple):
 
 def _shown(record: Record, name: str) -> _Shown:
     if not record.metadata.get("outcome"):
-        raise RecordError(f"{name}: the metadata hold no outcome; expected what `gough-stewart run` writes")
+        raise RecordError(f"{name}: the metadata have no outcome; expected what `gough-stewart run` writes")
     try:
         platform, believed = machine_of(record), platform_of(record)
         finite = finite_part(record)
@@ -120,14 +120,14 @@ def _shown(record: Record, name: str) -> _Shown:
 
 
 def _lead(record: Record, platform: Platform) -> str:
-    said = record.metadata
-    description = (said.get("experiment") or {}).get("description") or platform.source
-    parts = [f"platform {platform.name}", *([f"plant {said['plant']}"] if said.get("plant") else [])]
+    metadata = record.metadata
+    description = (metadata.get("experiment") or {}).get("description") or platform.source
+    parts = [f"platform {platform.name}", *([f"plant {metadata['plant']}"] if metadata.get("plant") else [])]
     return " — ".join(filter(None, [description, ", ".join(parts)]))
 
 
 def _heads(shown: Sequence[_Shown]) -> str:
-    """A line for each record, with a box to hide it if there are several; and how it ended, if not as wanted."""
+    """One line per record, with a box to hide it if there are several, and how it ended if it did not complete."""
     heads = []
     for k, each in enumerate(shown):
         outcome, ended = each.record.metadata["outcome"], ""
@@ -180,15 +180,15 @@ def _sheets(sheets: Sequence[Sheet], kind: str = "sheets") -> str:
 
 
 def _scrolling(title: str, table: str) -> str:
-    """A table that scrolls by itself where the page is narrower, also by keys."""
+    """A table that scrolls sideways on narrow pages, also by keyboard."""
     return f'<div role="group" aria-label="{html.escape(title)}" tabindex="0">{table}</div>'
 
 
 def _footer(shown: Sequence[_Shown], frames: int) -> str:
     rows = [(len(frame_rows(each.finite.table.height, frames)), each.record.table.height) for each in shown]
-    said = ", ".join(f"{few} of {all_of_them} rows" for few, all_of_them in rows)
+    frames_shown = ", ".join(f"{frames} of {height} rows" for frames, height in rows)
     return (
-        f"The animation shows {said} and straight lines between them; curves keep the smallest and the largest value "
-        f"of each of {points_of(len(shown)) // 2} stretches of time, so no peak is lost. "
-        "Tables are of all rows. Made by gough-stewart with three.js and plotly.js inside."
+        f"The animation shows {frames_shown}, interpolated linearly; curves keep the smallest and the largest value "
+        f"in each of {points_of(len(shown)) // 2} intervals of time, so no peak is lost. "
+        "Tables use all rows. Made by gough-stewart; includes three.js and plotly.js."
     )

@@ -1,4 +1,4 @@
-"""What the 3-D view of a page needs of a record: bodies, and their motion frame by frame."""
+"""Data of a record for the 3-D view of a page: bodies, and their motion frame by frame."""
 
 import math
 from itertools import pairwise
@@ -15,22 +15,22 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 
-# What a page shows of all its records together; at 1 kHz, 10 s come to 200 frames a second.
+# Frames of all records of a page together; for 10 s at 1 kHz, 200 frames per second.
 FRAMES = 2001
 FLAGS = ("force_limited", "rate_limited", "stroke_exceeded")
-# Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and of what is beyond it. Lightness and the
-# contrast of blue and yellow tell them apart without red and green (simulated as by Machado et al., IEEE Trans. Vis.
+# Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and beyond it. Lightness and the contrast of
+# blue and yellow tell them apart without red and green (simulated as by Machado et al., IEEE Trans. Vis.
 # Comput. Graph. 15 (2009), 1291-1298).
 NEARNESS: dict[str, Any] = {
     "stops": [(0.0, "#6baed6"), (0.5, "#b8d0dc"), (0.8, "#f5b722"), (1.0, "#a50f15")],
     "beyond": "#5c1a7e",
 }
-# By how much the two parts of a leg overlap when it is longest, and reach beyond each other's joint, as shares.
+# Shares by which the two parts of a leg overlap at its longest, and keep clear of the other's joint at its shortest.
 _OVERLAP, _SHORTEST = 0.06, 0.97
 
 
 def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
-    """Which rows become frames: every s-th and the last, s the smallest with which there are at most so many."""
+    """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
     stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
     kept = np.arange(0, rows, stride)
     return kept if kept[-1] == rows - 1 else np.append(kept, rows - 1)
@@ -39,8 +39,8 @@ def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
 def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES) -> dict[str, Any]:
     """Geometry and frames of a record whose rows are finite.
 
-    Frames hold what the rows hold: time, pose, leg lengths, forces, reference; nothing is interpolated or rounded.
-    `flags` are of the time from each frame to the next, and up if they are up in any row of it.
+    Frames have the values of their rows: time, pose, leg lengths, forces, reference, neither interpolated nor rounded.
+    `flags` cover the time from each frame to the next, and are set if they are set in any row of it.
     """
     rows = frame_rows(record.table.height, frames)
     few = Record(record.table[rows], record.metadata)
@@ -68,9 +68,9 @@ def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES
 
 
 def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
-    """Lengths at which lower and upper part are drawn [m]: they overlap at any leg length that occurs, or may.
+    """Drawn lengths of the lower and upper part [m], which overlap at all leg lengths that occur or are allowed.
 
-    No parameter says what the parts look like; their centres of mass are parameters.
+    No parameter sets the shape of the parts, only their centres of mass.
     """
     low = min(float(length.min()), platform.leg_length_min or math.inf)
     high = max(float(length.max()), platform.leg_length_max or 0.0)
@@ -80,7 +80,7 @@ def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
 
 
 def nearness_to_limits(record: Record, platform: Platform) -> dict[str, FloatArray]:
-    """By limit that the platform or its actuators have, how near each leg is to it (n, 6) [1]: 1 is at the limit.
+    """Nearness of each leg to each limit of the platform or its actuators (n, 6) [1]; 1 is at the limit.
 
     - `stroke`: |L − middle| over half the stroke;
     - `force`: |F| over the limit of the actuators in the loop;
@@ -110,13 +110,13 @@ def _nearness(record: Record, platform: Platform) -> dict[str, Any] | None:
 
 def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
     """Position and quaternion (x, y, z, w) of platforms (…, 7)."""
-    from scipy.spatial.transform import Rotation  # only pages need it; its import takes a fifth of a second
+    from scipy.spatial.transform import Rotation  # needed only for pages, and slow to import (0.2 s)
 
     rotation = matrix_from_orientation(orientation)
     return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=-1)
 
 
 def _any_until_next(record: Record, rows: NDArray[np.int64], name: str) -> str:
-    """A character for each frame but the last: what a row says holds until the next one."""
+    """One character per frame except the last: the values of a row hold until the next one."""
     up = np.asarray(record[f"flag.{name}"].astype(bool).any(axis=1))
     return "".join("01"[int(up[a:b].any())] for a, b in pairwise(rows))

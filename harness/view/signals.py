@@ -1,4 +1,4 @@
-"""What of records can be put on a chart: signals with unit, components and group, from columns and from kinematics."""
+"""Signals of records for charts, with unit, components and group: from columns and from kinematics."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from gough_stewart.model.vectors import FloatArray
 AXES = ("x", "y", "z")
 _ANGLES = ("roll", "pitch", "yaw")
 LEGS = tuple(f"leg {i}" for i in range(1, 7))
-# The panels that a page opens with.
+# The charts shown when a page opens.
 SHOWN = (
     "position from home",
     "orientation from home",
@@ -28,7 +28,7 @@ SHOWN = (
     "actuator power",
     "condition number",
 )
-# In the order of the list to choose from.
+# Groups, in the order of the list of charts.
 GROUPS = (
     "pose",
     "velocities",
@@ -59,9 +59,9 @@ _GROUP_OF_PREFIX = {
     "measured": "sensors",
     "flag": "flags",
 }
-# The interface does not declare these; the states of a controller have no unit in common.
+# Units of signals that the interface does not declare; the states of a controller have no common unit.
 _CONTROLLER_UNITS = {"force": "N", "feedforward": "N", "injection": "N"}
-# Units in which errors are read; other angles are shown in degrees, everything else in the unit of its declaration.
+# Display units of errors; other angles are shown in degrees, everything else in its declared unit.
 _ERROR_UNITS = {"m": "mm", "rad": "mrad"}
 _TITLES = {
     "error.position": "position error",
@@ -75,30 +75,30 @@ _TIME = "time"
 
 @dataclass(frozen=True)
 class Signal:
-    """A variable of records over time, as it is shown."""
+    """A variable of records over time, as displayed."""
 
     name: str
     title: str
     group: str
     unit: str
-    # A word for each column; legs and axes can be chosen.
+    # A name for each column; legs and axes can be selected.
     components: tuple[str, ...]
     kind: Literal["axes", "legs", "other"]
     # Columns (n, size) in the unit, by record; None where a record has no such variable.
     values: tuple[FloatArray | None, ...]
-    # The signal that is drawn along with it as its reference.
+    # Name of the signal drawn with it as its reference.
     reference: str | None = None
-    # Where limits are [unit].
+    # Limits [unit].
     limits: tuple[float, ...] = ()
 
     @property
     def is_flag(self) -> bool:
-        """Whether it is a truth value, which holds from row to row."""
+        """Whether it is a boolean, which is held from row to row."""
         return self.group == "flags"
 
 
 def signals_of(records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
-    """Every numeric column of the records, joined to variables, and what kinematics makes of them; `SHOWN` first."""
+    """All numeric columns of the records as variables, and signals computed by kinematics; `SHOWN` first."""
     names = dict.fromkeys(
         column.partition("[")[0] for record in records for column in record.table.columns if column != _TIME
     )
@@ -112,7 +112,7 @@ def signals_of(records: Sequence[Record], platforms: Sequence[Platform]) -> list
 
 
 def _variable(name: str, records: Sequence[Record]) -> list[Signal]:
-    """The signal of a variable; of a force at each joint, one for each axis."""
+    """The signal of a variable; for forces at the joints, one signal per axis."""
     prefix, _, rest = name.rpartition(".")
     declared = interface.BY_NAME.get(rest) if prefix in ("", "reference", "error", "measured") else None
     shape: tuple[int, ...] = (6,) if prefix == "flag" or (prefix == "controller" and rest in _CONTROLLER_UNITS) else ()
@@ -164,7 +164,7 @@ def _reference(name: str, records: Sequence[Record]) -> str | None:
 
 
 def _from_home(records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
-    """The pose from home, at which panels of motion are read, and its reference."""
+    """The pose relative to home, and its reference."""
     found = []
     for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
         for prefix in ("", "reference."):
@@ -182,7 +182,7 @@ def _from_home(records: Sequence[Record], platforms: Sequence[Platform]) -> list
 
 
 def _computed(records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
-    """Power of the actuators, and how well the legs determine the motion."""
+    """Power of the actuators, and condition number of the leg Jacobian."""
     powers = tuple(r["actuator_force"] * r["leg_velocity"] for r in records)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         condition = tuple(
@@ -204,7 +204,7 @@ def _computed(records: Sequence[Record], platforms: Sequence[Platform]) -> list[
 
 
 def _with_limits(signals: Iterable[Signal], records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
-    """Limits that all records agree in."""
+    """Limits that are the same in all records."""
 
     def common(limit: Callable[[Record, Platform], float | None]) -> tuple[float, ...]:
         different = {limit(record, platform) for record, platform in zip(records, platforms, strict=True)}

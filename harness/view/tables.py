@@ -1,4 +1,4 @@
-"""What a page says of a record besides curves: circumstances, flags, parameters, versions."""
+"""Tables of a page on a record: run settings, flags, parameters, versions."""
 
 from typing import Any
 
@@ -15,23 +15,23 @@ from gough_stewart.model.platform import Platform
 
 def run_sheet(record: Record, platform: Platform) -> Sheet:
     """How the run was made, and how it ended."""
-    said, sheet = record.metadata, Sheet("Run", ("", ""))
-    sheet.add("outcome", outcome_text(said["outcome"]))
-    sheet.add("plant", str(said.get("plant", "–")))
+    metadata, sheet = record.metadata, Sheet("Run", ("", ""))
+    sheet.add("outcome", outcome_text(metadata["outcome"]))
+    sheet.add("plant", str(metadata.get("plant", "–")))
     sheet.add("platform", platform.name)
     sheet.add("rows", str(record.table.height))
     for name in ("duration", "sample_time", "plant_step"):
-        if said.get(name) is not None:
-            sheet.add(Named(name.replace("_", " "), "s"), number_text(said[name], 6))
-    if said.get("force_limit"):
-        sheet.add(Named("force limit", "N"), number_text(said["force_limit"], 6))
-    for name, values in settings_of(said.get("experiment") or {}):
+        if metadata.get(name) is not None:
+            sheet.add(Named(name.replace("_", " "), "s"), number_text(metadata[name], 6))
+    if metadata.get("force_limit"):
+        sheet.add(Named("force limit", "N"), number_text(metadata["force_limit"], 6))
+    for name, values in settings_of(metadata.get("experiment") or {}):
         sheet.add(name, values)
     return sheet
 
 
 def settings_of(experiment: dict[str, Any]) -> list[tuple[str, str]]:
-    """What an experiment sets, section by section, without what is empty."""
+    """The settings of an experiment, section by section, without empty ones."""
     sections = ("reference", "controller", "loop", "sensors", "actuators", "limits", "start", "change", "disturbance")
     found = []
     for name in sections:
@@ -43,7 +43,7 @@ def settings_of(experiment: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def limits_sheet(record: Record, platform: Platform) -> Sheet | None:
-    """How near each leg came to its limits, and when flags first went up; their shares are among the metrics."""
+    """How near each leg came to its limits, and when flags were first set; the metrics have their shares."""
     sheet = Sheet("Limits and flags", ("", *(f"{i}" for i in range(1, 7))))
     for name, values in nearness_to_limits(record, platform).items():
         sheet.add(
@@ -59,12 +59,12 @@ def limits_sheet(record: Record, platform: Platform) -> Sheet | None:
 
 
 def _firsts(record: Record, flags: NDArray[np.bool_]) -> list[str]:
-    """When each leg's flag (n, 6) first goes up."""
+    """Times at which each leg's flag (n, 6) is first set."""
     return [number_text(record["time"][leg.argmax()], 6) if leg.any() else "never" for leg in flags.T]
 
 
 def parameters_sheet(machine: Platform, believed: Platform) -> Sheet:
-    """Every parameter of the machine, and beside it what the designer believed where that is something else."""
+    """All parameters of the machine, with the nominal values where they differ."""
     differ = machine != believed
     sheet = Sheet(f"Platform: {machine.name}", ("", "machine", "believed") if differ else ("", ""))
     values = believed.as_dict()
@@ -83,7 +83,7 @@ def parameters_sheet(machine: Platform, believed: Platform) -> Sheet:
 
 
 def versions_sheet(record: Record) -> Sheet:
-    """What the record was made with."""
+    """Versions of the software that wrote the record."""
     sheet = Sheet("Versions", ("", ""))
     for name, number in record.metadata.get("versions", {}).items():
         sheet.add(name, str(number))

@@ -1,1 +1,1 @@
-"""Where a platform can go, how well and how strongly: tables, maps, pictures and a page."""
+"""Workspace of a platform: tables, maps, figures and a page."""

@@ -1,4 +1,4 @@
-"""How a workspace is told and shown: its coordinates, results and border, with names, units and scales."""
+"""How a workspace is displayed: names, units and scales of its coordinates, results and border."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,56 +13,56 @@ from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, PoseQualities
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace, home_of
 
-# A platform smaller than this is shown in mm [m].
+# Smaller platforms are shown in mm [m].
 _SMALL = 0.5
-# Coordinates closer than this are the same [m, rad].
+# Coordinates closer than this count as equal [m, rad].
 _SAME = 1e-9
-# Forces from here on are shown in kN [N].
+# Forces of at least this are shown in kN [N].
 _STRONG = 1e4
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A unit to show something in, and its number per SI unit."""
+    """A unit for display, and the factor from SI units to it."""
 
     unit: str
     factor: float
 
     def text(self, value: float, digits: int = 4) -> str:
-        """A value in SI units, with its unit."""
+        """A value in SI units, as text with the unit."""
         space = "" if self.unit in ("", "°") else " "
-        # no −0, and no rounding errors of degrees
+        # avoids −0 and rounding errors of degrees
         size = round(value * self.factor, 9) + 0.0 if np.isfinite(value) else value
         return f"{number_text(size, digits)}{space}{self.unit}"
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A number at every pose, and how to show it."""
+    """A quantity at every pose, and how to display it."""
 
-    name: str  # as in the CSV file
+    name: str  # column of the CSV file
     title: str
     shown: Shown
-    values: FloatArray  # of the grid's shape, SI units
+    values: FloatArray  # in the shape of the grid, SI units
     logarithmic: bool = False
     is_best_low: bool = False
-    ends_at_border: bool = False  # 0 at the border of what can be reached
+    ends_at_border: bool = False  # 0 at the border of the reachable region
 
 
 def shown_coordinate(workspace: Workspace, name: str) -> Shown:
-    """Angles in degrees; lengths in m, or in mm for a small platform."""
+    """How to display a coordinate: angles in degrees; lengths in m, or in mm for a small platform."""
     if COORDINATES[name] == "rad":
         return Shown("°", 180 / np.pi)
     return shown_length(workspace)
 
 
 def shown_length(workspace: Workspace) -> Shown:
-    """In m, or in mm for a small platform."""
+    """How to display lengths: in m, or in mm for a small platform."""
     return Shown("mm", 1e3) if workspace.platform.characteristic_length < _SMALL else Shown("m", 1.0)
 
 
 def results_of(workspace: Workspace) -> list[Result]:
-    """What is known at the poses; without what the platform states no limit for."""
+    """The results at the poses; those that need a limit which the platform does not state are left out."""
     q = workspace.qualities
     results = [Result("condition_number", "condition number", Shown("", 1.0), q.condition_number, True, True)]
     if q.payload is not None:
@@ -85,19 +85,20 @@ def results_of(workspace: Workspace) -> list[Result]:
 
 
 def reachable_values(workspace: Workspace, values: FloatArray) -> FloatArray:
-    """The finite ones at poses that can be reached (n,)."""
+    """The finite values at reachable poses (n,)."""
     return values[workspace.qualities.reachable & np.isfinite(values)]
 
 
 def clearance(workspace: Workspace) -> FloatArray:
-    """That of `clearance_of` at every pose of the grid."""
+    """`clearance_of` at every pose of the grid."""
     return clearance_of(workspace.platform, workspace.qualities, workspace.coordinates()[..., 4])
 
 
 def clearance_of(platform: Platform, q: PoseQualities, pitch: FloatArray) -> FloatArray:
-    """A continuous measure of distance from the nearest limit, positive within the border of what can be reached.
+    """A continuous measure of distance from the nearest limit, positive inside the reachable region.
 
-    The least of: stroke left in characteristic lengths, joint angle and pitch left in rad, smallest singular value.
+    The least of: margin of leg length in characteristic lengths, margins of joint angle and pitch in rad, smallest
+    singular value.
     """
     least = np.minimum(LARGEST_PITCH - np.abs(pitch), q.singular_margin)
     if q.leg_length_margin is not None:
@@ -108,18 +109,18 @@ def clearance_of(platform: Platform, q: PoseQualities, pitch: FloatArray) -> Flo
 
 
 def limits_met(workspace: Workspace) -> list[Limit]:
-    """Those that keep the platform from some pose of the grid."""
+    """The limits that are exceeded at some pose of the grid."""
     return [Limit(code) for code in np.unique(workspace.qualities.limit) if code != Limit.NONE]
 
 
 def is_through_home(workspace: Workspace, others: Mapping[str, float]) -> bool:
-    """Whether coordinates that are not drawn have their values of home."""
+    """Whether the coordinates that are not drawn have their values at home."""
     home = home_of(workspace.platform)
     return all(abs(value - home[name]) < _SAME for name, value in others.items())
 
 
 def swept_text(workspace: Workspace) -> str:
-    """Which coordinates went from where to where."""
+    """The ranges of the swept coordinates, as text."""
     parts = []
     for name, values in workspace.swept.items():
         shown = shown_coordinate(workspace, name)
@@ -128,26 +129,26 @@ def swept_text(workspace: Workspace) -> str:
 
 
 def fixed_text(workspace: Workspace) -> str:
-    """The values of the other coordinates."""
+    """The values of the fixed coordinates, as text."""
     return ", ".join(
         f"{name} {shown_coordinate(workspace, name).text(value)}" for name, value in workspace.fixed.items()
     )
 
 
 def limits_text(workspace: Workspace) -> str:
-    """The limits that pictures show, in one line; those that the platform does not state are named as such."""
+    """The limits that figures show, in one line; limits that are missing read "not stated"."""
     values = limit_values(workspace)
     shown = ("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")
     return ", ".join(f"{limit_title(name)} {values[name]}" for name in shown)
 
 
 def limit_title(name: str) -> str:
-    """What a limit of the platform is of, in words."""
+    """The name of a limit of the platform, in words."""
     return TABLE[name].description.removeprefix("maximum ")
 
 
 def limit_values(workspace: Workspace) -> dict[str, str]:
-    """Each limit of the platform by name, as a text, or that it is not stated."""
+    """Each limit of the platform by name, as text, or "not stated"."""
     units = {"m": shown_length(workspace), "m/s": _shown_speed(workspace), "rad": Shown("°", 180 / np.pi)}
     found = {}
     for row in LIMITS:
@@ -157,6 +158,6 @@ def limit_values(workspace: Workspace) -> dict[str, str]:
 
 
 def _shown_speed(workspace: Workspace) -> Shown:
-    """As lengths are."""
+    """A length as text."""
     length = shown_length(workspace)
     return Shown(f"{length.unit}/s", length.factor)

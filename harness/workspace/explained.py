@@ -1,4 +1,4 @@
-"""Why a region is as it is: limits that the platform does not state, and what keeps it from every pose of a grid."""
+"""Explains a region: limits that the platform does not state, and why no pose of a grid can be reached."""
 
 import numpy as np
 
@@ -11,12 +11,12 @@ from gough_stewart.model.workspace_grid import Workspace, home_of
 _BOUNDING = ("leg_length_min", "leg_length_max", "joint_angle_max")
 _JOINTS = {Limit.BASE_JOINT: "base", Limit.PLATFORM_JOINT: "platform"}
 _DEGREES = Shown("°", 180 / np.pi)
-# Coordinates closer than this are the same [m, rad].
+# Coordinates closer than this count as equal [m, rad].
 _SAME = 1e-9
 
 
 def notices(workspace: Workspace) -> list[str]:
-    """What to know before one looks at the maps, each in a sentence or more; nothing where all is usual."""
+    """Notices to read before the maps; an empty list in usual cases."""
     platform, found = workspace.platform, []
     if all(getattr(platform, name) is None for name in _BOUNDING):
         found.append(
@@ -29,7 +29,7 @@ def notices(workspace: Workspace) -> list[str]:
 
 
 def _empty_text(workspace: Workspace) -> str:
-    """What keeps the platform from the pose of the grid that passes its limits least, and what to change."""
+    """Which limit is exceeded at the pose of the grid nearest to the limits, and what to change."""
     at = np.unravel_index(int(clearance(workspace).argmax()), workspace.shape)
     places = [
         f"{name} {shown_coordinate(workspace, name).text(values[k], 3)}"
@@ -40,7 +40,7 @@ def _empty_text(workspace: Workspace) -> str:
 
 
 def _cause(workspace: Workspace, pose: FloatArray) -> str:
-    """Which limit a pose (6,) passes first, and by how much."""
+    """The first limit that a pose (6,) exceeds, and by how much."""
     platform, position, orientation = workspace.platform, pose[:3], pose[3:]
     limit = Limit(int(limits_at(platform, position, orientation)))
     shown = shown_length(workspace)
@@ -63,7 +63,7 @@ def _cause(workspace: Workspace, pose: FloatArray) -> str:
 
 
 def _remedy(workspace: Workspace) -> str:
-    """What leads back to home, which lies within the limits of every platform."""
+    """The change that leads back to home, which is within the limits of every platform."""
     home, away = home_of(workspace.platform), []
     for name, value in workspace.fixed.items():
         if abs(value - home[name]) > _SAME:
@@ -74,5 +74,5 @@ def _remedy(workspace: Workspace) -> str:
         if not values[0] - _SAME <= home[name] <= values[-1] + _SAME:
             away.append(f"{name} at {shown_coordinate(workspace, name).text(home[name])}")
     if away:
-        return f"Home can be reached, with {', '.join(away)}: sweep a range about it, or none, so that it is found."
-    return "Home can be reached, between two poses of this grid: take more points, or smaller ranges."
+        return f"Home can be reached, with {', '.join(away)}: sweep a range about it, or omit the range."
+    return "Home can be reached, but lies between two poses of this grid: use more points or smaller ranges."

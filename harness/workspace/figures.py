@@ -1,4 +1,4 @@
-"""Pictures of a workspace for screen and print: what can be reached, how well, and how strongly."""
+"""Figures of a workspace for screen and print: reachable region, conditioning and strength."""
 
 import textwrap
 from typing import Any
@@ -34,17 +34,17 @@ from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import Workspace
 
 FILES = ("workspace.png", "workspace.svg")
-# Of a volume.
+# Slices of a volume.
 _SLICES = 4
-# Everything is placed by hand [inch]: maps of equal scales, and their colour bars, would not line up otherwise.
+# All positions are explicit [inch]: otherwise, maps of equal scales and their colour bars would not line up.
 _LEFT, _TOP, _BOTTOM, _RIGHT = 0.65, 0.62, 0.98, 0.62
 _GAP, _BAR, _BAR_GAP = 1.32, 0.11, 0.08
-# Of a notice: height of a line [inch], letters per inch.
+# Notices: line height [inch], letters per inch.
 _LINE, _LETTERS = 0.17, 15.5
 
 
 def workspace_figures(workspace: Workspace) -> dict[str, bytes]:
-    """Maps of a workspace as `workspace.png` and `workspace.svg`; of a volume, slices of it."""
+    """Maps of a workspace as `workspace.png` and `workspace.svg`; for a volume, slices of it."""
     results = [result for result in results_of(workspace) if result.name in MAPS]
     if not workspace.qualities.reachable.any():
         results = []
@@ -120,14 +120,14 @@ def _slices(workspace: Workspace, results: list[Result]) -> dict[str, bytes]:
 
 
 def _placed(figure: Figure, size: tuple[float, float], left: float, top: float, width: float, height: float) -> Axes:
-    """Axes at so many inches from the figure's left and top."""
+    """Axes at a distance [inch] from the left and top of the figure."""
     return figure.add_axes((left / size[0], 1 - (top + height) / size[1], width / size[0], height / size[1]))
 
 
 def _map_size(workspace: Workspace, width: float) -> tuple[float, float]:
-    """Of equal area about, whatever the shape."""
+    """Size of a map [inch]; the area is about the same for all shapes."""
     ratio = height_over_width(workspace)
-    # a long and thin grid would leave no room for its labels
+    # a long and thin grid needs room for its labels
     width = width / np.sqrt(max(ratio, 0.9)) if ratio < 4 else width / 2
     return float(width), float(width * min(max(ratio, 0.25), 4.0))
 
@@ -135,13 +135,13 @@ def _map_size(workspace: Workspace, width: float) -> tuple[float, float]:
 def _chosen_slices(workspace: Workspace) -> list[int]:
     reached = np.flatnonzero(workspace.qualities.reachable.any(axis=(0, 1)))
     low, high = (int(reached[0]), int(reached[-1])) if reached.size else (0, workspace.shape[2] - 1)
-    # not the ends themselves, where the region closes
+    # not the ends, where the region closes
     shares = (np.arange(_SLICES) + 0.5) / _SLICES
     return sorted({round(low + share * (high - low)) for share in shares})
 
 
 def _notices(workspace: Workspace, width: float) -> list[str]:
-    """Lines that fit a figure of this width [inch]."""
+    """The notices, wrapped to lines that fit a figure of this width [inch]."""
     return [line for notice in notices(workspace) for line in textwrap.wrap(notice, int(_LETTERS * (width - 0.2)))]
 
 

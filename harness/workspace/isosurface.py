@@ -1,7 +1,7 @@
-"""The closed surface about where a field on a grid is positive, by marching tetrahedra.
+"""The closed surface around the region where a field on a grid is positive, by marching tetrahedra.
 
 Source: Doi & Koide, "An efficient method of triangulating equi-valued surfaces by using tetrahedral cells", IEICE
-Transactions E74(1), 1991. A cell is six tetrahedra about one diagonal, so that neighbours fit together.
+Transactions E74(1), 1991. A cell is divided into six tetrahedra about one diagonal, so that neighbours match.
 """
 
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ from gough_stewart.model.vectors import FloatArray
 
 # Corners of a cell are numbered by their bits, 4 a + 2 b + c for the corner (a, b, c).
 _TETRAHEDRA = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
-# Of the same corners in their cell, counted in cells (6, 4, 3).
+# Coordinates of the same corners in their cell, in cells (6, 4, 3).
 _PLACES = (_TETRAHEDRA[..., None] >> np.array([2, 1, 0]) & 1).astype(float)
 
 Indices = NDArray[np.int64]
 
 
 class Surface(NamedTuple):
-    """Triangles, and what a second field is at their corners."""
+    """Triangles, and the values of a second field at their corners."""
 
     vertices: FloatArray  # (n, 3)
     triangles: Indices  # (m, 3), counter-clockwise seen from where the field is negative
@@ -30,16 +30,16 @@ class Surface(NamedTuple):
 
 
 def isosurface(axes: Sequence[FloatArray], field: FloatArray, colour: FloatArray) -> Surface:
-    """The surface on which a field is 0, by straight lines between neighbours; closed by the grid's own ends.
+    """The surface on which a field is 0, by linear interpolation between neighbours; closed at the ends of the grid.
 
     Parameters
     ----------
     axes
-        Of the grid, increasing: (k,), (l,), (m,).
+        Coordinates of the grid, increasing: (k,), (l,), (m,).
     field, colour
-        At its points (k, l, m); `colour` is interpolated onto the surface.
+        Values at the grid points (k, l, m); `colour` is interpolated onto the surface.
     """
-    # ends doubled, with nothing beyond: what reaches the grid's end is cut there, straight to its rim
+    # repeat the end planes with negative values, so that the surface is cut flat at the ends of the grid
     points = np.stack(np.meshgrid(*(np.pad(axis, 1, mode="edge") for axis in axes), indexing="ij"), axis=-1)
     inner = np.pad(np.asarray(field, float), 1, mode="edge")
     is_end = np.pad(np.zeros(np.shape(field), bool), 1, constant_values=True)
@@ -57,13 +57,13 @@ def isosurface(axes: Sequence[FloatArray], field: FloatArray, colour: FloatArray
         without = [k for k in range(4) if k not in within]
         for triangle in _triangles(within, without):
             edges.append(rows[:, np.array(triangle)])
-            # from the middle of the corners within to that of the others; in a doubled end that is beyond the end
+            # from the mean of the corners inside to that of the others; in a repeated end plane, out of the grid
             outward.append(local[:, without].mean(axis=1) - local[:, within].mean(axis=1))
     pairs = np.concatenate(edges)  # (m, 3, 2), inside first
     unique, index = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     triangles = index.reshape(-1, 3)
     low, high = inner[unique[:, 1]], inner[unique[:, 0]]
-    # at a doubled end both points are the same; the share does not matter
+    # at a repeated end plane both points coincide, and any share is right
     share = np.where(np.isfinite(low), high / (high - np.where(np.isfinite(low), low, -1.0)), 0.0)[:, None]
     place = points.reshape(-1, 3)
     vertices = place[unique[:, 0]] * (1 - share) + place[unique[:, 1]] * share
@@ -72,7 +72,7 @@ def isosurface(axes: Sequence[FloatArray], field: FloatArray, colour: FloatArray
 
 
 def _tetrahedra_across(field: FloatArray) -> Indices:
-    """Indices (n, 4) into the raveled field of tetrahedra in cells that the surface passes."""
+    """Tetrahedra in the cells that the surface crosses, as indices (n, 4) into the flattened field."""
     number = np.arange(field.size).reshape(field.shape)
     parts = [slice(None, -1), slice(1, None)]
     cells = np.stack([number[parts[a], parts[b], parts[c]].ravel() for a, b, c in product((0, 1), repeat=3)], axis=1)
@@ -82,7 +82,7 @@ def _tetrahedra_across(field: FloatArray) -> Indices:
 
 
 def _triangles(within: list[int], without: list[int]) -> list[list[tuple[int, int]]]:
-    """Of a tetrahedron, as three edges each, from a corner within to one without."""
+    """The triangles in a tetrahedron, each as three edges from a corner inside to one outside."""
     if len(within) == 2:
         (a, b), (c, d) = within, without
         return [[(a, c), (a, d), (b, d)], [(a, c), (b, d), (b, c)]]
@@ -90,9 +90,9 @@ def _triangles(within: list[int], without: list[int]) -> list[list[tuple[int, in
 
 
 def _turned(vertices: FloatArray, triangles: Indices, outward: FloatArray) -> Indices:
-    """The same triangles, their normals outward."""
+    """The same triangles, with their normals pointing outward."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    # both in about the same scale; a covector times a vector keeps its sign under any, but not its digits
+    # scale the axes alike: the sign of a covector times a vector does not depend on scale, but its accuracy does
     span = np.ptp(vertices, axis=0)
     span[span == 0] = 1.0
     normal = np.cross((b - a) / span, (c - a) / span)

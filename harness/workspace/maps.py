@@ -1,4 +1,4 @@
-"""One plane of a workspace as maps: the limits about what can be reached, and fields inside of it."""
+"""Maps of one plane of a workspace: the limits around the reachable region, and results inside it."""
 
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace, home_of
 
-# Okabe & Ito's orange, sky blue, purple and green, toned down to stay behind what is drawn over them.
+# Orange, sky blue, purple and green of Okabe & Ito, lightened to stay in the background.
 LIMIT_COLOURS = {
     Limit.NONE: "#FFFFFF",
     Limit.PITCH: "#DDDDDD",
@@ -35,31 +35,31 @@ LIMIT_COLOURS = {
     Limit.BASE_JOINT: "#E0AECA",
     Limit.PLATFORM_JOINT: "#66C5AB",
 }
-# Perceptually uniform, and told apart by colour-blind readers. So many steps do not show, and pack well.
+# Perceptually uniform, and safe for colour-blind readers. The steps are too many to be seen, and compress well.
 MAPS = {"condition_number": "magma_r", "payload": "viridis", "force_margin": "cividis"}
 _OTHER_MAP = "viridis"
 _STEPS = 64
-# Of a map's colours; what comes behind them is nearly black, and hides lines, crosses and the shape of a surface.
+# The range of it that maps use; the darkest colours would hide lines, crosses and the shape of a surface.
 _SHARES = {"magma_r": 0.72}
-# A singular pose would leave one colour for all others.
+# Colours end at this condition number; otherwise, next to a singular pose all others would share one colour.
 LARGEST_SHOWN = 1000.0
 _ROUND = np.array([1.2, 1.5, 2, 2.5, 3, 4, 5, 7, 10, 15, 20, 30, 50, 70, 100, 200, 500])
 _LINE = "#222222"
 
 
 class Plane(NamedTuple):
-    """A grid over two coordinates; arrays (n, m), the first coordinate to the right."""
+    """A grid over two coordinates; arrays (n, m), with the first coordinate pointing right."""
 
     names: tuple[str, str]
     shown: tuple[Shown, Shown]
-    values: tuple[FloatArray, FloatArray]  # in shown units
+    values: tuple[FloatArray, FloatArray]  # in display units
     part: tuple[Any, ...]  # index of the plane in the workspace's arrays
     clearance: FloatArray
-    home: tuple[float, float] | None  # if it lies in the plane
+    home: tuple[float, float] | None  # None if it is not in the plane
 
 
 def plane_of(workspace: Workspace, k: int | None = None) -> Plane:
-    """The whole of a map, or slice k of a volume."""
+    """The plane of a map, or slice k of a volume."""
     (a, first), (b, second) = list(workspace.swept.items())[:2]
     shown = (shown_coordinate(workspace, a), shown_coordinate(workspace, b))
     others = dict(workspace.fixed)
@@ -79,7 +79,7 @@ def plane_of(workspace: Workspace, k: int | None = None) -> Plane:
 
 
 def draw_limits(axes: Axes, workspace: Workspace, plane: Plane) -> None:
-    """What can be reached in white, what keeps the platform from the rest in colour, lines of stroke left."""
+    """Draw the reachable region in white, the limits beyond it in colour, and contour lines of the stroke left."""
     code = workspace.qualities.limit[plane.part]
     beyond = code != Limit.NONE
     if beyond.any():
@@ -99,7 +99,7 @@ def draw_limits(axes: Axes, workspace: Workspace, plane: Plane) -> None:
 
 
 def limits_behind(code: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Limits on a map (n, m), those nearest going on below the reachable region: its border is drawn over them."""
+    """Limits on a map (n, m), extended under the reachable region, whose border is drawn over them."""
     beyond = code != Limit.NONE
     if not beyond.any():
         return code
@@ -108,7 +108,7 @@ def limits_behind(code: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 def draw_field(axes: Axes, workspace: Workspace, plane: Plane, result: Result) -> Any:
-    """A map of values where poses can be reached, with contour lines; what a colour bar needs."""
+    """Draw a map of values at reachable poses with contour lines; return what its colour bar needs."""
     axes.set_facecolor("#F0F0F0")
     values = np.asarray(result.values[plane.part] * result.shown.factor)
     norm = norm_of(workspace, result)
@@ -126,7 +126,7 @@ def draw_field(axes: Axes, workspace: Workspace, plane: Plane, result: Result) -
 
 
 def dress(axes: Axes, plane: Plane, has_x: bool = True, has_y: bool = True) -> None:
-    """Home, limits, scales and names of the axes of a map."""
+    """Draw home, and set limits, scales and names of the axes of a map."""
     if plane.home is not None:
         axes.plot(*plane.home, marker="+", color="black", markersize=8, markeredgewidth=1.4, linestyle="none")
     axes.set_xlim(plane.values[0][0], plane.values[0][-1])
@@ -142,7 +142,7 @@ def dress(axes: Axes, plane: Plane, has_x: bool = True, has_y: bool = True) -> N
 
 
 def norm_of(workspace: Workspace, result: Result) -> Normalize:
-    """The scale of colours: from the least to the largest value that can be reached."""
+    """The colour scale, from the least to the largest value at reachable poses."""
     seen = reachable_values(workspace, result.values) * result.shown.factor
     low, high = (float(seen.min()), float(seen.max())) if seen.size else (1.0, 2.0)
     if result.logarithmic:
@@ -151,13 +151,13 @@ def norm_of(workspace: Workspace, result: Result) -> Normalize:
 
 
 def colour_map(result: Result) -> ListedColormap:
-    """The colours of a result, from its least value to its largest."""
+    """The colour map of a result, from its least value to its largest."""
     name = MAPS.get(result.name, _OTHER_MAP)
     return ListedColormap(mpl.colormaps[name](np.linspace(0, _SHARES.get(name, 1.0), _STEPS)))
 
 
 def height_over_width(workspace: Workspace) -> float:
-    """Of a map: of equal scales if both coordinates have the same unit, within what fits a page."""
+    """Aspect ratio of a map: equal scales if both coordinates have the same unit, within limits that fit a page."""
     (a, first), (b, second) = list(workspace.swept.items())[:2]
     if COORDINATES[a] != COORDINATES[b]:
         return 0.85
@@ -181,7 +181,7 @@ def _border(axes: Axes, plane: Plane) -> None:
 
 
 def _clip(axes: Axes, plane: Plane, *drawn: Any) -> None:
-    """Show only what lies within the border."""
+    """Clip to the border."""
     if not _has_border(plane):
         return
     border = axes.contourf(*plane.values, plane.clearance.T, levels=[0, np.inf], colors="none")
@@ -200,7 +200,7 @@ def _lines(
     if not inside:
         return None
     lines = axes.contour(*plane.values, values.T, levels=inside, colors=colour, linewidths=0.7)
-    # a label at the border would be read outside of it
+    # a label at the border would reach outside it
     well_inside = binary_erosion(workspace.qualities.reachable[plane.part], iterations=2)
     for text in axes.clabel(lines, fmt=lambda level: number_text(level, 3), fontsize=7):
         x, y = text.get_position()
@@ -214,6 +214,6 @@ def _levels(norm: Normalize, result: Result) -> FloatArray:
     if not result.logarithmic:
         return np.asarray(MaxNLocator(7).tick_values(low, high))
     inside = np.array([level for level in _ROUND if low < level < high])
-    # close together: the level 2 alone would say little
+    # levels close together: the level 2 alone would show little
     few = np.asarray(MaxNLocator(5).tick_values(low, high)) if len(inside) < 3 else inside
     return np.asarray(few[:: max(1, -(-len(few) // 7))])

@@ -1,4 +1,4 @@
-"""A page to explore a workspace in the browser: maps that tell everything, a volume in 3-D; without a network."""
+"""An interactive page of a workspace: maps with all values at the pointer, a volume in 3-D; works offline."""
 
 import html
 from string import Template
@@ -31,9 +31,9 @@ _STOPS = 17
 
 
 def workspace_page(workspace: Workspace) -> bytes:
-    """The page: maps with everything at the pointer; for three swept coordinates a volume, and slices of it.
+    """Create the page: maps with all values at the pointer; for three swept coordinates a volume and its slices.
 
-    Nothing is loaded from anywhere, and the page's own policy forbids it. Numbers are float32, seven digits.
+    The page loads nothing, and its content security policy forbids it. Numbers are float32, seven digits.
 
     Raises
     ------
@@ -42,9 +42,9 @@ def workspace_page(workspace: Workspace) -> bytes:
     """
     platform = workspace.platform
     lead = f"{swept_text(workspace)}; at {fixed_text(workspace)}"
-    hint = "Point at a map for everything that is known there. Drag to zoom, all maps follow; double click for all."
+    hint = "Point at a map to see all values there. Drag to zoom all maps; double-click to reset."
     if len(workspace.shape) == 3:
-        hint += " The slider moves the slice; drag the volume to turn it."
+        hint += " Move the slider to choose a slice; drag the volume to turn it."
     title = f"Workspace of {platform.name}"
     body = Template(asset("workspace", "workspace.html")).substitute(
         title=html.escape(title),
@@ -56,8 +56,8 @@ def workspace_page(workspace: Workspace) -> bytes:
         tables="".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets_of(workspace) if sheet.rows),
         footer=html.escape(
             f"{platform.source}. Largest payload: a point mass at the platform frame's origin, held at rest. Force "
-            "margin: the largest force there, in whatever direction, held at rest. Made by gough-stewart, with "
-            "plotly.js inside.".lstrip(". ")
+            "margin: the largest force there, in any direction, held at rest. Made by gough-stewart; includes "
+            "plotly.js.".lstrip(". ")
         ),
     )
     scripts = [plotly(), asset("output", "page.js") + asset("workspace", "workspace.js")]
@@ -97,7 +97,7 @@ def _result(workspace: Workspace, result: Result) -> dict[str, Any]:
 
 
 def _behind(workspace: Workspace) -> NDArray[np.int8]:
-    """What to colour below the reachable region, map by map."""
+    """The limits extended under the reachable region, map by map."""
     code = workspace.qualities.limit
     if code.ndim == 2:
         return limits_behind(code)
@@ -105,7 +105,7 @@ def _behind(workspace: Workspace) -> NDArray[np.int8]:
 
 
 def _home(workspace: Workspace) -> dict[str, Any] | None:
-    """Where home is on the maps, in shown units, and on which slice of a volume; None if nowhere."""
+    """Home on the maps, in display units, and its slice of a volume; None if it is on none."""
     if not is_through_home(workspace, workspace.fixed):
         return None
     home = home_of(workspace.platform)
@@ -120,7 +120,7 @@ def _home(workspace: Workspace) -> dict[str, Any] | None:
 
 
 def _level(workspace: Workspace) -> int:
-    """Of the third coordinate's values, the one to begin with: nearest to home."""
+    """The first slice to show: the value of the third coordinate nearest to home."""
     if len(workspace.shape) == 2:
         return 0
     name, values = list(workspace.swept.items())[2]
@@ -128,7 +128,7 @@ def _level(workspace: Workspace) -> int:
 
 
 def _surface(workspace: Workspace) -> dict[str, Any] | None:
-    """Of the reachable volume in shown units, with the logarithm of the condition number; None if it is empty."""
+    """Surface of the reachable volume in display units, with the logarithm of the condition number; None if empty."""
     surface = surface_of(workspace) if len(workspace.shape) == 3 else None
     if surface is None:
         return None

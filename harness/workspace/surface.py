@@ -1,4 +1,4 @@
-"""The surface of a reachable volume, finer than the grid that was swept."""
+"""The surface of a reachable volume, on a finer grid than the swept one."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +11,18 @@ from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import evaluate_poses
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace
 
-# Cells along each coordinate, at least; with fewer, edges where two limits meet look frayed.
+# Least number of cells along each coordinate; with fewer, edges where two limits meet look ragged.
 _CELLS = 60
 
 
 def surface_of(workspace: Workspace) -> Surface | None:
-    """Where the clearance of a volume is 0 [m, rad], with the logarithm of the condition number; None if it is empty.
+    """The surface with clearance 0 [m, rad], with the logarithm of the condition number; None if the volume is empty.
 
-    Cells of the grid that the surface passes, and their neighbours, are divided and evaluated anew; what lies beyond
-    them keeps its sign.
+    Grid cells that the surface crosses, and their neighbours, are divided and evaluated again; all others keep their
+    sign.
     """
     coarse = clearance(workspace)
-    # poses exactly at a limit are reachable, and have no surface about them
+    # poses exactly at a limit are reachable, but enclose no volume
     if not (coarse > 0).any():
         return None
     parts = [-(-_CELLS // (n - 1)) for n in workspace.shape]
@@ -40,7 +40,7 @@ def surface_of(workspace: Workspace) -> Surface | None:
 
 
 def _passed(inside: NDArray[np.bool_], parts: list[int]) -> NDArray[np.bool_]:
-    """Points of the fine grid in cells with corners on both sides, or in cells beside those."""
+    """Points of the fine grid in cells with corners on both sides of the surface, or next to such cells."""
     cells = np.zeros([n - 1 for n in inside.shape], dtype=int)
     for corner in np.ndindex(2, 2, 2):
         cells += inside[tuple(slice(c, c + n) for c, n in zip(corner, cells.shape, strict=True))]

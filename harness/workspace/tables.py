@@ -1,4 +1,4 @@
-"""Tables of a workspace: its limits, what was found, and every pose as CSV."""
+"""Tables of a workspace: its limits, its results, and every pose as CSV."""
 
 import numpy as np
 import polars as pl
@@ -20,14 +20,14 @@ from gough_stewart.model.workspace_grid import COORDINATES, Workspace
 
 
 def sheets_of(workspace: Workspace) -> list[Sheet]:
-    """What was swept, the platform's limits, what is in the way, and the least and largest of every result."""
+    """Tables of swept coordinates, limits of the platform, limits exceeded, and least and largest results."""
     return [_swept(workspace), _limits(workspace), _extremes(workspace)]
 
 
 def workspace_csv(workspace: Workspace) -> bytes:
     """One row per pose: coordinates, whether it can be reached, which limit is passed, and all results.
 
-    SI units. Columns of results are empty where the platform states no limit to compare with; a `limit` is in words.
+    SI units. Columns of results are empty if the platform does not state the limit they need; `limit` is in words.
     """
     q = workspace.qualities
     poses = workspace.coordinates().reshape(-1, 6)
@@ -79,12 +79,12 @@ def _percent(there: NDArray[np.bool_]) -> str:
 
 
 def size_text(workspace: Workspace) -> str:
-    """How much of the grid can be reached, in words; as area or volume if the coordinates are lengths."""
+    """The reachable share of the grid, in words; also as area or volume if the coordinates are lengths."""
     reached, total = int(workspace.qualities.reachable.sum()), workspace.qualities.reachable.size
     text = f"{reached} of {total} poses can be reached ({100 * reached / total:.3g} %)"
     if any(COORDINATES[name] != "m" for name in workspace.swept):
         return text
-    # every pose stands for a cell; those at the grid's ends for a part of one
+    # each pose represents a cell; those at the ends of the grid, a part of one
     cell, weights = 1.0, workspace.qualities.reachable.astype(float)
     for axis, values in enumerate(workspace.swept.values()):
         cell *= float(values[1] - values[0])
@@ -96,9 +96,9 @@ def size_text(workspace: Workspace) -> str:
 
 
 def extent_text(size: float, dimensions: int) -> str:
-    """An area [m²] or a volume [m³] in a unit that leaves it a number to read: m, cm or mm to that power.
+    """An area [m²] or a volume [m³] in a readable unit: m, cm or mm, squared or cubed.
 
-    The largest unit in which an area is at least 0.1, a volume at least 0.01.
+    It is the largest unit in which an area is at least 0.1, or a volume at least 0.01.
     """
     power, least = {2: "²", 3: "³"}[dimensions], 10.0 ** (1 - dimensions)
     for unit, factor in (("m", 1.0), ("cm", 1e2)):
@@ -121,14 +121,14 @@ def _extremes(workspace: Workspace) -> Sheet:
         best, worst = (lowest, highest) if result.is_best_low else (highest, lowest)
         named = Named(result.title, result.shown.unit)
         sheet.add(named, "best", *_found(workspace, result, best), ends_group=result.ends_at_border)
-        # what is left of a limit is nothing at the border
+        # margins are 0 at the border
         if not result.ends_at_border:
             sheet.add("", "worst", *_found(workspace, result, worst), ends_group=True)
     return sheet
 
 
 def _found(workspace: Workspace, result: Result, k: int) -> tuple[str, ...]:
-    """A value, and the swept coordinates there; all in shown units, without saying them."""
+    """A value and its swept coordinates, all in display units, without the units."""
     at = np.unravel_index(k, workspace.shape)
     places = []
     for i, (name, values) in zip(at, workspace.swept.items(), strict=True):
