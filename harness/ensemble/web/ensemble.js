@@ -1,5 +1,5 @@
 "use strict";
-// One figure of merit of all members: how it is spread, what it goes with; signals over time as bands.
+// Charts of one metric over all members: histogram, scatter, sensitivity; signals over time as bands.
 (() => {
   const GS = GoughStewart, { page, numbers, short } = GS;
   const [, orange, , , sky] = page.colours;
@@ -27,7 +27,7 @@
   const chosen = { metric: select("metric", metrics), input: select("input", inputs), signal: select("signal", page.signals) };
   document.getElementById("metric").selectedIndex = Math.max(0, page.metrics.findIndex((m) => m.name === page.by));
 
-  // Texts of quantiles that lie close together lean away from each other.
+  // Labels of quantiles that are close together are aligned away from each other.
   const lean = ["right", "center", "left"];
   const histogram = (metric) => {
     const { quiet } = GS.theme();
@@ -65,7 +65,7 @@
   };
   const sensitivity = (metric) => {
     const found = page.sensitivity[metric.name];
-    document.getElementById("remark").textContent = found ? found.remark : "not known for this figure of merit";
+    document.getElementById("remark").textContent = found ? found.remark : "not available for this metric";
     const bars = (found ? found.bars : []).map((bar) => ({
       type: "bar", orientation: "h", name: bar.name, x: bar.values, y: found.inputs, marker: { color: bar.name === "in total" ? sky : GS.theme().accent },
       error_x: { type: "data", array: bar.confidence, thickness: 1, width: 3, color: GS.theme().ink }, hovertemplate: "%{y}: %{x:.3f}<extra></extra>",

@@ -1,5 +1,5 @@
 "use strict";
-// What an identification found: intervals, correlation, measured beside fitted, and the residuals of each channel.
+// Charts of an identification: intervals, correlation, measured and fitted, and residuals of each channel.
 (() => {
   const GS = GoughStewart, { page, numbers } = GS;
   const place = (id) => document.getElementById(id);

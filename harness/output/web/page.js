@@ -1,11 +1,11 @@
 "use strict";
-// What the scripts of all pages share: the data, how numbers were packed, how they are written, the theme, charts.
+// Shared by the scripts of all pages: data, packed numbers, number formats, theme, charts.
 const GoughStewart = (() => {
   const KINDS = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i1: Int8Array };
   const minus = (text) => (Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−"));
   const significant = (x) => (Math.abs(x) >= 9999.5 ? x.toFixed(0) : x.toPrecision(4));
 
-  // Dark where the system is; paper is always light. A browser announces printing before it applies the rules for print.
+  // Dark if the system is; paper is always light. The event comes before the browser applies the print rules.
   const root = document.documentElement, scheme = matchMedia("screen and (prefers-color-scheme: dark)"), listeners = [];
   const theme = () => {
     const style = getComputedStyle(root), colour = (name) => style.getPropertyValue(`--${name}`).trim();
@@ -21,25 +21,25 @@ const GoughStewart = (() => {
     addEventListener(event, () => { root.classList.toggle("printing", isPrinting); changed(); });
   }
 
-  // a finger that swipes over a chart scrolls the page; buttons of the chart let it zoom or turn
+  // a swipe over a chart scrolls the page; buttons of the chart switch to zoom or turn
   const drags = matchMedia("(pointer: coarse)").matches ? { dragmode: false } : {};
 
   return {
     page: JSON.parse(document.getElementById("data").textContent),
     numbers: (packed) => new KINDS[packed.dtype](Uint8Array.from(atob(packed.bdata), (c) => c.charCodeAt(0)).buffer),
-    // so many digits behind the point
+    // a fixed number of decimals
     fixed: (x, digits) => minus(x.toFixed(digits)),
-    // four significant digits, always, so that a number that changes does not jump
+    // always four significant digits, so that changing numbers do not jump
     text: (x) => minus(significant(x)),
     // four significant digits at most
     short: (x) => (Number.isFinite(x) ? minus(String(Number(significant(x)))) : x > 0 ? "∞" : "–"),
-    // only buttons that serve here; others would offer to send the data somewhere
+    // only useful buttons; some others would send the data to a server
     quiet: { displaylogo: false, responsive: true, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]] },
-    // colours of the present theme: light while the page is printed
+    // colours of the present theme; light while printing
     theme,
-    // calls back on a change of the colour scheme, and before and after printing
+    // call back when the colour scheme changes, and before and after printing
     onTheme: (callback) => { listeners.push(callback); },
-    // what a plotly layout takes of the theme; a colour that the layout itself states has precedence
+    // plotly template of the theme; colours in a layout take precedence
     plotTheme: () => {
       const { ink, quiet, card, grid } = theme();
       const axis = { gridcolor: grid, zerolinecolor: grid, linecolor: grid, tickcolor: grid };
@@ -51,7 +51,7 @@ const GoughStewart = (() => {
         modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: ink },
       } } };
     },
-    // both ends of an axis on which less than a least span would be rounding; undefined where plotly may choose
+    // both ends of an axis widened to a least span; undefined if plotly may choose
     widened: (values, least) => {
       const finite = values.filter(Number.isFinite);
       const low = finite.reduce((a, b) => Math.min(a, b), Infinity), high = finite.reduce((a, b) => Math.max(a, b), -Infinity);
@@ -62,7 +62,7 @@ const GoughStewart = (() => {
       element.setAttribute("role", "figure");
       element.setAttribute("aria-label", name);
       const whole = traces.map((trace) => (trace.type === "scatter" ? { ...trace, line: { simplify: false, ...trace.line } } : trace));
-      // a browser does not wait for charts that follow the width of the paper
+      // browsers do not wait for charts that resize to the paper
       const size = root.classList.contains("printing") ? { width: element.clientWidth, autosize: false } : { autosize: true };
       return Plotly.react(element, whole, { ...this.plotTheme(), ...drags, ...layout, ...size }, config);
     },

@@ -6,14 +6,14 @@
   const REFERENCE = 0x2e7d32, FORCE = 0xb3261e;
   const several = GS.records.length > 1;
 
-  // The size of things follows the platform, and the whole is scaled to a room of about three units about its base.
+  // Sizes follow the platform; the whole is scaled to a room of about three units around its base.
   const spread = (points, from) => Math.max(...points.map((p) => Math.hypot(p[0] - from[0], p[1] - from[1])));
   const MIDDLE = mean(GS.records.flatMap((r) => r.base));
   const extent = Math.max(...GS.records.flatMap((r) => [spread(r.base, MIDDLE), spread(r.platform, mean(r.platform))]));
   const reach = Math.max(...GS.records.map((r) => Math.hypot(...MIDDLE.map((m, k) => r.pose[k] - m))));
   const SIZE = Math.max(extent, 0.5 * reach), unit = 0.02 * SIZE;
 
-  // How high, how low and how far aside the motion leads, drawn so many times larger; not beyond five sizes.
+  // Extent of the motion upward, downward and sideways, enlarged by a factor; at most five sizes.
   const near = (value, from) => Math.min(Math.max(value, from - 5 * SIZE), from + 5 * SIZE);
   const roomOf = (factor) => {
     const heights = GS.records.flatMap((r) => r.base.map((p) => p[2]));
@@ -30,23 +30,23 @@
     return room;
   };
 
-  // Joints and collars of all machines, and base plates; the theme gives them a shade that can be seen.
+  // Material of base plates, and of joints and collars of all machines; the theme sets a visible shade.
   const joint = material(0), steel = material(0);
   const casts = (body) => Object.assign(body, { castShadow: true });
-  // Six alike, each with a place of its own; culling would go by the first one's place.
+  // Six instances, each with its own transform; culling is off, since it would test only the first.
   const six = (geometry, paint) => Object.assign(new THREE.InstancedMesh(geometry, paint, 6), { frustumCulled: false });
 
-  // What stands still: a base plate, the joints on it, and the numbers of the legs. Runs of one platform share it.
+  // The fixed parts: base plate, its joints, and the leg numbers. Runs of the same platform share them.
   const stand = (record) => {
     const group = new THREE.Group(), base = record.base.map(vector);
-    // plates lie on the far sides of the joints, also where the platform hangs
+    // plates are on the far side of the joints, also if the platform hangs
     const below = record.pose[2] < MIDDLE[2] ? 1 : -1;
     const body = casts(new THREE.Mesh(plate(record.base, 2.2 * unit, below, 3.2 * unit), steel));
     body.receiveShadow = true;
     group.add(body);
     group.labels = base.map((point, k) => {
       const name = label(String(k + 1), "#000", 6 * unit);
-      // outward, and away from the nearest other joint
+      // placed outward, and away from the nearest other joint
       const next = base.filter((other) => other !== point).sort((a, b) => a.distanceTo(point) - b.distanceTo(point))[0];
       const out = point.clone().sub(vector(MIDDLE)).setZ(0).setLength(6.5 * unit);
       name.position.copy(point).add(out).add(point.clone().sub(next).setZ(0).setLength(4 * unit));
@@ -56,8 +56,8 @@
     return group;
   };
 
-  // Two parts that slide in each other, a cross of two pins with a hub below, a ball above; a core is seen only where a
-  // leg is longer than its two parts together.
+  // A leg: two telescoping parts, a cross of two pins with a hub below, a ball above; a core shows only where the leg is
+  // longer than both parts together.
   const legs = (record) => {
     const pins = [0, Math.PI / 2].map((turn) => tube(0.6 * unit, 4.2 * unit, 8).translate(0, 0, -2.1 * unit).rotateX(Math.PI / 2).rotateZ(turn));
     const collar = tube(1.5 * unit, 1.6 * unit).translate(0, 0, record.lower - 1.6 * unit);
@@ -71,11 +71,11 @@
     };
   };
 
-  // The reference: an outline over everything, and faces behind everything. Neither is compared with the depth of the
-  // platform's plate, so that nothing flickers where the two coincide.
+  // The reference: an outline drawn last, and faces drawn first. Neither is depth-tested against the plate, so nothing
+  // flickers where the two coincide.
   const ghostOf = (geometry, colour) => {
     const ghost = new THREE.Group(), depthless = { color: colour, depthTest: false, depthWrite: false };
-    // blended by hand, since what counts as transparent would be drawn last
+    // custom blending, since objects marked transparent would be drawn last
     const faces = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({
       ...depthless, opacity: 0.22, blending: THREE.CustomBlending, blendSrcAlpha: THREE.OneFactor, side: THREE.FrontSide,
     }));
@@ -95,14 +95,14 @@
     return push;
   };
 
-  // One machine: what of it moves.
+  // One machine: its moving parts.
   const machine = (record, index) => {
     const colour = new THREE.Color(GS.page.colours[index]);
     const group = new THREE.Group(), platform = new THREE.Group();
     const seen = vector(MIDDLE).sub(vector(record.pose));
     const above = seen.applyQuaternion(new THREE.Quaternion(...record.pose.subarray(3, 7)).invert()).z > 0 ? -1 : 1;
     const geometry = plate(record.platform, 1.8 * unit, above, 3.2 * unit);
-    // plates of several runs all but coincide: they are blended in their order, not by a depth that changes with the frame
+    // plates of several runs nearly coincide: they are blended in fixed order, since their depth order changes by frame
     const blended = several ? { transparent: true, opacity: 0.6, depthWrite: false } : {};
     // lighter than the path, which runs inside it
     const body = casts(new THREE.Mesh(geometry, material(colour.clone().lerp(new THREE.Color(0xffffff), 0.35), blended)));
@@ -119,7 +119,7 @@
     const trails = [path(record.pose, colour, 6)];
     let ghost = null;
     if (record.reference) {
-      // of several runs, the colour tells whose reference it is
+      // with several runs, the colour shows whose reference it is
       const paint = several ? colour : REFERENCE;
       ghost = ghostOf(geometry, paint);
       trails.push(path(record.reference, paint, 5, 0.6 * unit));

@@ -1,5 +1,5 @@
 "use strict";
-// The panels beside the view, one for each signal shown: they follow the animation's time, and a click on them sets it.
+// The panels beside the view, one per signal: they follow the animation's time; a click sets it.
 (() => {
   const GS = GoughStewart;
   const { chart } = GS.page, { signals } = chart, $ = (id) => document.getElementById(id);
@@ -45,7 +45,7 @@
     panel.legend.replaceChildren(...items);
   };
 
-  // What the picture shows, in words.
+  // The description of a chart for screen readers.
   const summary = (signal, drawn) => {
     const number = (value) => GS.fixed(value, drawn.digits), unit = unitOf(signal);
     const names = drawn.entries.map(({ name }) => name).join("; ");
@@ -113,7 +113,7 @@
   const redraw = (panel) => draw(panel).then((drawn) => { legend(panel, drawn); });
   const redrawAll = () => Promise.all([...panels.values()].map(redraw));
 
-  // All panels show the same span of time.
+  // All panels show the same time range.
   const span = (to) => {
     if (to[0] === range[0] && to[1] === range[1]) return;
     range = to;
@@ -167,7 +167,7 @@
   };
 
   const option = (value, text, isDisabled = false) => element("option", { value, ...(isDisabled ? { disabled: "" } : {}) }, text);
-  // Signals by group, those on the page greyed.
+  // Signals by group; those already on the page are disabled.
   const offer = () => {
     const groups = new Map();
     for (const [name, signal] of Object.entries(signals)) {
@@ -187,7 +187,7 @@
     });
   };
 
-  // Called where the reader shows or hides a run.
+  // Called when the reader shows or hides a run.
   GS.showCurves = () => { if (panels.size) redrawAll(); };
 
   GS.charts = () => {
@@ -204,9 +204,9 @@
         figure.scrollIntoView({ block: "nearest" });
       });
     });
-    // a button does by itself what the space bar asks of it
+    // a button handles the space bar itself
     document.querySelector(".curves").addEventListener("keydown", (event) => { if (event.target.closest("button")) event.stopPropagation(); });
-    // paper has a width of its own; afterwards panels are as wide as the screen allows
+    // paper has its own width; afterwards panels fit the screen again
     GS.onTheme(() => redrawAll().then(() => {
       if (!printing()) for (const { plot } of panels.values()) Plotly.Plots.resize(plot);
     }));

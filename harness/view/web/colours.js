@@ -1,5 +1,5 @@
 "use strict";
-// What the colour of a leg means.
+// Colours of the legs, and their scale.
 (() => {
   const GS = GoughStewart;
   const PUSH = [0.84, 0.37, 0.0], PULL = [0.0, 0.45, 0.7], REST = [0.80, 0.83, 0.86], PLAIN = [0.62, 0.67, 0.72];
@@ -28,7 +28,7 @@
   GS.css = (colour) => `rgb(${colour.map((x) => Math.round(255 * x)).join(",")})`;
   GS.mixed = mix;
   const evenly = (n) => Array.from({ length: n }, (_, k) => k / (n - 1));
-  // Title of the scale, colours from its low to its high end, and what its ends are; none where there is nothing to say.
+  // Title of the scale, its colours from low to high, and labels of its ends; undefined if there is no scale.
   GS.scale = (kind) => {
     if (kind === "force") {
       const colours = evenly(17).map((share) => byForce((2 * share - 1) * LARGEST, LARGEST));

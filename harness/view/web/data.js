@@ -14,7 +14,7 @@
   GoughStewart.start = Math.min(...GoughStewart.records.map((r) => r.time[0]));
   GoughStewart.end = Math.max(...GoughStewart.records.map((r) => r.time[r.time.length - 1]));
 
-  // The frame at or before a time, and how far it is to the next one, 0 to 1.
+  // The frame at or before a time, and the share of the way to the next one, 0 to 1.
   GoughStewart.frameAt = (record, time) => {
     const t = record.time;
     let low = 0, high = t.length - 1;
@@ -27,7 +27,7 @@
     return { frame: low, share: (time - t[low]) / (t[high] - t[low]) };
   };
 
-  // Values between two frames: straight lines; at a frame, its own bits.
+  // Values between two frames, interpolated linearly; at a frame, exactly its own.
   GoughStewart.between = (values, size, at) => {
     const from = at.frame * size;
     return Array.from({ length: size }, (_, k) => {

@@ -1,10 +1,10 @@
 "use strict";
-// What is drawn, in metres and in the axes of the room: for tests, and for scripts that drive the page.
+// The drawn objects in metres and room axes, for tests and for scripts that control the page.
 (() => {
   const GS = GoughStewart;
   const matrix = new THREE.Matrix4();
 
-  // Poses, paths and legs of all machines as they stand in the scene.
+  // Poses, paths and legs of all machines, as in the scene.
   GS.drawn = (root, machines) => {
     root.updateMatrixWorld(true);
     const inRoom = new THREE.Matrix4().copy(root.matrixWorld).invert();
@@ -41,7 +41,7 @@
     });
   };
 
-  // Floor, sun, camera, and where on the canvas a point of the room is seen [CSS pixels].
+  // Floor, sun, camera, and the position on the canvas of a point of the room [CSS pixels].
   GS.stage = (root, { camera, controls, canvas }, floor, sun) => {
     root.updateMatrixWorld(true);
     camera.updateMatrixWorld(true);

@@ -1,15 +1,15 @@
 "use strict";
-// From a signal of the page and what the reader chose to the lines of a panel: colours, dashes, names, ranges.
+// Lines of a panel, from a signal and the reader's choices: colours, dashes, names, ranges.
 (() => {
   const GS = GoughStewart;
   const { signals } = GS.page.chart, { colours } = GS.page, runs = GS.records.length;
   const DASHES = ["solid", "9px,4px", "14px,3px,3px,3px", "4px,4px", "12px,3px,3px,3px,3px,3px", "20px,5px"];
   const REFERENCE = "1.5px,3px", WIDTH = 1.6, NEAR = 0.02, AIR = 0.06;
 
-  // what the page shows: one leg or axis (or null for all), the run that others are compared with (or null)
+  // the reader's choices: one leg or axis (null for all), and the run to compare with (or null)
   GS.choices = { legs: null, axes: null, from: null };
 
-  // The words of some components: "x, y", "legs 1–3, 5".
+  // Names of components as text: "x, y", "legs 1–3, 5".
   const words = (signal, members) => {
     if (signal.kind !== "legs") return members.map((k) => signal.components[k]).join(", ");
     const parts = [];
@@ -20,9 +20,9 @@
     const texts = parts.map(([a, b]) => (a === b ? `${a + 1}` : `${a + 1}${b === a + 1 ? ", " : "–"}${b + 1}`));
     return `${members.length > 1 ? "legs" : "leg"} ${texts.join(", ")}`;
   };
-  // A line that a record shares with an earlier one is kept once.
+  // A line equal to that of an earlier record is stored once.
   const owner = (lines, run) => (typeof lines[run] === "number" ? lines[run] : run);
-  // plotly.js knows some HTML and templates
+  // plotly.js interprets some HTML and templates
   const plain = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll("%{", "%&#123;");
   const numbers = (packed, sign = 1) => ({ x: GS.numbers(packed.x), y: sign < 0 ? GS.numbers(packed.y).map((v) => -v) : GS.numbers(packed.y) });
   const isChosen = (signal, members) => {
@@ -30,7 +30,7 @@
     return chosen === null || chosen === undefined || members.includes(chosen);
   };
 
-  // The groups of components that a panel shows, with the dash and, of a single run, the colour of each.
+  // The groups of components in a panel, each with its dash and, for a single run, its colour.
   const entries = (signal) => {
     const set = GS.choices.from === null ? signal.curves : signal.differences;
     return set.groups.map((members, group) => ({ group, members })).filter(({ members }) => isChosen(signal, members))
@@ -62,7 +62,7 @@
     return found;
   };
 
-  // The reference is ink where runs share it, and has a run's colour where it is that run's alone.
+  // A reference shared by runs has the colour of text; a reference of one run has that run's colour.
   const referencesOf = (signal, seen, ink) => {
     const reference = GS.choices.from === null && signals[signal.reference];
     if (!reference) return [];
@@ -80,7 +80,7 @@
     return found;
   };
 
-  // The range of values, not narrower than is worth looking at, and the limits that are near enough to be shown.
+  // The range of values, at least the display resolution, and the limits near enough to be shown.
   const rangeOf = (signal, shown) => {
     const { least } = GS.choices.from === null ? signal.curves : signal.differences;
     let low = Infinity, high = -Infinity;
@@ -96,7 +96,7 @@
     return { range: [-1, 1].map((side) => middle + side * (0.5 + AIR) * span), limits, smallest, largest };
   };
 
-  // Everything that a panel draws; `hidden` are the keys of what the reader switched off, `seen(run)` says which runs are on.
+  // All that a panel draws; `hidden` has the keys that the reader has switched off, `seen(run)` is true for visible runs.
   GS.linesOf = (signal, hidden, seen, ink) => {
     const all = entries(signal), references = referencesOf(signal, seen, ink);
     const curves = [...all.flatMap((entry) => curvesOf(signal, entry, seen)), ...references].filter((line) => !hidden.has(line.key));
@@ -105,7 +105,7 @@
     const traces = curves.map(({ x, y, name, key, line, run }) => ({
       type: "scatter", x, y, name: plain(name), meta: { run, key },
       mode: x.length > 1 ? "lines" : "markers",
-      // without it plotly.js leaves out the points that it takes for straight lines
+      // otherwise plotly.js omits points that it considers collinear
       line: { ...line, simplify: false },
       ...(key === "reference" ? { hoverinfo: "skip" } : { hovertemplate: `${plain(name)}: %{y:.${digits}~f}<extra></extra>` }),
     }));

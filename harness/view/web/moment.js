@@ -1,5 +1,5 @@
 "use strict";
-// The numbers of the moment: a table for each run, of its pose, and of length and force leg by leg.
+// The values at the present time: a table per run with its pose, and force and length of each leg.
 (() => {
   const GS = GoughStewart;
   const { fixed } = GS;
@@ -17,7 +17,7 @@
     };
   };
 
-  // Makes the tables in an element; what it returns writes a moment into them.
+  // Creates the tables in an element; returns a function that fills in the values of a time.
   GS.moment = (host) => {
     const tables = GS.records.map((record) => tableOf(record, host));
     return (time, colour) => {

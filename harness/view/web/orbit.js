@@ -1,9 +1,9 @@
 "use strict";
-// A camera about a target, turned by mouse, fingers or keys. The camera's own y is up, the room's z.
+// An orbit camera, turned by mouse, touch or keys. Up is y for the camera, and z in the room.
 (() => {
   const NEAREST = 0.1, FARTHEST = 50, STEP = Math.PI / 36;
 
-  // Turns, moves and zooms; never takes the camera, or what it looks at, below the height `lowest`.
+  // Turns, moves and zooms; keeps the camera and its target above the height `lowest`.
   GoughStewart.orbit = (element, camera, changed) => {
     const target = new THREE.Vector3(), offset = new THREE.Vector3(), axis = new THREE.Vector3(), ball = new THREE.Spherical();
     const controls = { target, lowest: -Infinity, home: () => {} };
@@ -14,7 +14,7 @@
       ball.makeSafe();
       ball.radius = clamp(ball.radius, NEAREST, FARTHEST);
       target.y = Math.max(target.y, controls.lowest);
-      // the height of the camera is that of the target and r cos φ
+      // the height of the camera is that of the target plus r cos φ
       const steepest = Math.acos(clamp((controls.lowest - target.y) / ball.radius, -1, 1));
       ball.phi = Math.min(ball.phi, steepest);
       camera.position.copy(target).add(offset.setFromSpherical(ball));
@@ -37,7 +37,7 @@
       update();
     };
 
-    // where each finger, or the mouse, was last
+    // last position of each finger or of the mouse
     const fingers = new Map();
     const middle = () => [0, 1].map((k) => [...fingers.values()].reduce((sum, at) => sum + at[k], 0) / fingers.size);
     const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
@@ -61,7 +61,7 @@
       if (gap > 0 && apart() > 0) zoom(gap / apart());
     });
     element.addEventListener("pointerup", (event) => fingers.delete(event.pointerId));
-    // the browser takes the finger, to scroll the page: what it turned meanwhile is turned back
+    // the browser takes over the touch to scroll the page: undo the turn so far
     element.addEventListener("pointercancel", () => {
       fingers.clear();
       camera.position.copy(before.position);
@@ -74,7 +74,7 @@
       zoom(event.deltaY > 0 ? 1 / 0.95 : 0.95);
     }, { passive: false });
 
-    // The camera goes where the arrow points. Elsewhere on the page the arrows go from frame to frame.
+    // The camera moves in the direction of the arrow. Elsewhere on the page, arrows step from frame to frame.
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     element.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey) return;

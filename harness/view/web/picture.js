@@ -1,11 +1,11 @@
 "use strict";
-// The picture of a moment: what the stage shows, on one canvas, to be saved, filmed, or printed.
+// A picture of the stage on one canvas, to save, record or print.
 (() => {
   const GS = GoughStewart;
   const $ = (id) => document.getElementById(id);
   const FONT = 'system-ui, "Segoe UI", sans-serif';
 
-  // Lines of text with a swatch before those that have a colour; x grows from the left, y from the top.
+  // Lines of text, with a swatch before those with a colour; x is from the left, y from the top.
   const write = (pen, lines, x, y, ink) => lines.forEach(([text, colour], k) => {
     if (colour) {
       pen.fillStyle = colour;
@@ -15,10 +15,10 @@
     pen.fillText(text, x + (colour ? 16 : 0), y + 18 * k);
   });
 
-  // The present frame, so many pixels wide; sharp, or as the animation draws it.
+  // The present frame at a width in pixels; at full resolution, or as in the animation.
   GS.compose = (view, canvas, wide, sharp = true) => {
     const { canvas: source } = view, theme = GS.theme(), across = source.clientWidth || 600, down = source.clientHeight || 400;
-    // encoders of video want even numbers
+    // video encoders need even sizes
     const [width, height] = [wide, wide * down / across].map((size) => 2 * Math.round(size / 2));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     const pen = canvas.getContext("2d"), pixel = width / across;
@@ -28,7 +28,7 @@
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.fillStyle = sky;
     pen.fillRect(0, 0, width, height);
-    // a canvas of WebGL keeps its picture to the end of the task only
+    // a WebGL canvas keeps its picture only until the end of the task
     view.draw(sharp);
     pen.drawImage(source, 0, 0, width, height);
     pen.setTransform(pixel, 0, 0, pixel, 0, 0);
@@ -53,7 +53,7 @@
   };
 
   const named = (ending) => `${document.title.replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "run"}${ending}`;
-  // Hands a file to the browser, as a download.
+  // Downloads a file.
   GS.save = (blob, ending) => {
     const link = document.createElement("a"), name = named(ending);
     link.href = URL.createObjectURL(blob);

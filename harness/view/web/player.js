@@ -1,5 +1,5 @@
 "use strict";
-// Time: play, pause, speed, scrubbing; everything on the page shows one moment.
+// Playback: play, pause, speed, scrubbing; the whole page shows the same time.
 (() => {
   const GS = GoughStewart;
   const $ = (id) => document.getElementById(id);
@@ -20,7 +20,7 @@
   let before = 0, colour = "force", film = null;
   const write = GS.moment($("now"));
 
-  // The clock changes with every frame; what is read aloud does so at rest only, or with the seconds.
+  // The clock changes every frame; its text for screen readers changes only when paused, or once a second.
   let spoken = "", resting = 0;
   const speak = (text) => {
     $("time").setAttribute("aria-valuetext", text);
@@ -56,7 +56,7 @@
     $("play").setAttribute("aria-label", "pause");
   };
   const toggle = () => (player.playing ? player.pause() : player.play());
-  // the frames of all records, in their order
+  // the times of the frames of all records, sorted
   const moments = [...new Set(GS.records.flatMap((r) => [...r.time]))].sort((a, b) => a - b);
   const step = (forward) => {
     player.pause();
@@ -64,7 +64,7 @@
     player.seek((forward ? moments.find((t) => t > time) : moments.findLast((t) => t < time)) ?? time);
   };
 
-  // Where frames come slowly, as without a graphics card, shadows and pixels are given up for motion.
+  // If frames are slow, as without a graphics card, reduce resolution and shadows.
   const gaps = [];
   const keepUp = (gap) => {
     gaps.push(gap);
@@ -78,7 +78,7 @@
     requestAnimationFrame(tick);
     if (player.playing) {
       if (view && before && GS.ready.curves) keepUp(stamp - before);
-      // a page that was out of sight goes on where it was
+      // a page that was hidden continues where it was
       const passed = before ? Math.min((stamp - before) / 1000, 0.25) : 0;
       before = stamp;
       const time = player.time + passed * player.speed;
@@ -156,7 +156,7 @@
   $("picture").disabled = !view;
   $("record").disabled = !view || !GS.videoKind();
   if (view && !GS.videoKind()) $("saved").textContent = "This browser cannot record video.";
-  // paper shows the picture of the moment
+  // paper shows a picture of the present frame
   if (view) GS.onTheme(() => GS.compose(view, $("printed"), 1400));
   document.querySelector("#colour option[value=nearness]").disabled = !GS.records.some((r) => r.nearness);
   document.querySelector("#colour option[value=run]").hidden = GS.records.length === 1;
@@ -168,7 +168,7 @@
     if (event.target.closest("select, input[type=checkbox], summary") || event.ctrlKey || event.metaKey || event.altKey) return;
     const act = { " ": toggle, ArrowLeft: () => step(false), ArrowRight: () => step(true) }[event.key];
     if (!act) return;
-    if (event.key === " " && event.target.closest("button")) return;  // a button does it by itself
+    if (event.key === " " && event.target.closest("button")) return;  // the button handles the key itself
     event.preventDefault();
     act();
   });
@@ -179,7 +179,7 @@
   $("colour").value = GS.records.length > 1 ? "run" : "force";
   colourBy($("colour").value);
   strips();
-  // report.html#t=1.5 stands still there
+  // report.html#t=1.5 opens paused at 1.5 s
   const asked = /[#&]t=([0-9.eE+-]+)/.exec(window.location.hash);
   if (asked) player.seek(Number(asked[1]));
   else {

@@ -1,5 +1,5 @@
 "use strict";
-// The 3-D view: machines in a room, put where a moment has them.
+// The 3-D view: machines in a room, posed for the present time.
 (() => {
   const GS = GoughStewart;
   const { stand, machine, joint, steel, unit, extent, SIZE, MIDDLE, roomOf } = GS.bodies;
@@ -20,10 +20,10 @@
     const stands = firsts.map(stand);
     root.add(...stands, ...machines.map((m) => m.group));
 
-    // a hanging platform has some air below it
+    // leave space below a hanging platform
     const room = roomOf(1), hangs = GS.records.some((r) => r.pose[2] < MIDDLE[2]);
     const ground = room.low - (hangs ? 0.4 * SIZE : 2.8 * unit);
-    // no larger than shadows fall: each of its pixels is looked up in their map
+    // no larger than the shadows reach: each of its pixels costs a lookup in the shadow map
     const shade = Math.min(extent + room.aside + 0.6 * (room.high - ground), 3 * SIZE);
     const floor = new THREE.Mesh(new THREE.CircleGeometry(shade, 40), new THREE.ShadowMaterial());
     floor.position.set(MIDDLE[0], MIDDLE[1], ground);
@@ -59,12 +59,12 @@
     dress(GS.theme());
     GS.onTheme(dress);
 
-    // The camera lives in a frame whose y is up: (x, z, −y) of the room.
+    // The camera's frame has y up: (x, z, −y) of the room.
     let factor = 1;
     const places = { corner: [0.62, 0.36, 0.70], front: [0, 0.12, 1], side: [1, 0.12, 0], top: [0, 1, 0.001] };
     const away = new THREE.Vector3(), { camera, controls } = viewer;
     controls.lowest = scale * (ground + unit - MIDDLE[2]);
-    // as far in this direction that the whole motion is in sight
+    // far enough in this direction to see the whole motion
     const fit = () => {
       const { high, aside } = roomOf(factor), middle = scale * (0.5 * (ground + high) - MIDDLE[2]);
       const radius = scale * Math.hypot(Math.max(extent, 0.6 * extent + aside), 0.6 * (high - ground));
@@ -163,7 +163,7 @@
         viewer.changed();
       },
       showMachine: (k, on) => { machines[k].group.visible = on; viewer.moved(); },
-      // the first to go are pixels, the next are shadows
+      // reduce resolution first, then shadows
       simpler: () => {
         if (!viewer.coarser()) sun.castShadow = floor.visible = false;
         viewer.changed();

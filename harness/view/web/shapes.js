@@ -1,12 +1,12 @@
 "use strict";
-// Shapes of the 3-D view: tubes, plates, lines, labels, frames of axes; several of them as one geometry.
+// Shapes of the 3-D view: tubes, plates, lines, labels, coordinate frames; merges several into one geometry.
 (() => {
   const GS = GoughStewart;
   const UP = new THREE.Vector3(0, 0, 1);
   const vector = (a) => new THREE.Vector3(a[0], a[1], a[2]);
   const mean = (points) => [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / points.length);
 
-  // Light is worked out at vertices, which costs a tenth of what it does at pixels where there is no graphics card.
+  // Lighting per vertex: without a graphics card it takes a tenth of the time of lighting per pixel.
   const material = (colour, more = {}) => new THREE.MeshLambertMaterial({ color: colour, ...more });
 
   // A tube from z = 0 to z = length.
@@ -25,7 +25,7 @@
     return geometry;
   };
 
-  // Several indexed geometries as one: one call draws it. Each may have a colour of its own.
+  // Merges indexed geometries, to draw them in one call. Each may have its own colour.
   const merged = (geometries, colours = null) => {
     const parts = { position: [], normal: [], ...(colours && { color: [] }) }, index = [];
     geometries.forEach((geometry, k) => {
@@ -57,7 +57,7 @@
     return [...half(sorted), ...half([...sorted].reverse())];
   };
 
-  // A plate under (side −1) or over (side 1) the joints, its edge so far outside of them.
+  // A plate under (side −1) or over (side 1) the joints, with its edge at a margin outside them.
   const plate = (points, thickness, side, edge) => {
     const [cx, cy, cz] = mean(points), bevel = 0.25 * thickness;
     const corners = outline(points).map(([x, y]) => {
@@ -71,7 +71,7 @@
     return geometry;
   };
 
-  // A curve that is seen through bodies as well, there faintly. No body hides it whole, and none has its depth.
+  // A curve that also shows, faintly, through bodies. It is not depth-tested, so bodies never hide it fully.
   const curve = (points, colour, order, dash = null) => {
     const geometry = new THREE.BufferGeometry().setFromPoints(points), group = new THREE.Group();
     for (const [opacity, depthTest] of [[0.4, false], [1, true]]) {
@@ -85,7 +85,7 @@
     return group;
   };
 
-  // A letter that faces the camera; `paint` gives it another colour.
+  // A letter that faces the camera; `paint` changes its colour.
   const label = (text, colour, size) => {
     const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
     canvas.width = canvas.height = 64;
@@ -103,7 +103,7 @@
     return sprite;
   };
 
-  // Three axes, seen through what they stand in.
+  // Three axes, visible through bodies.
   const AXES = { light: [0xc0392b, 0x2e8b57, 0x2563a8], dark: [0xff7b6b, 0x5fca8f, 0x79b4f5] };
   const frame = (length, names, unit) => {
     const group = new THREE.Group(), bodies = [], labels = [];

@@ -1,16 +1,16 @@
 "use strict";
-// A video of the animation, from start to end once, by the browser's own recorder.
+// Records the animation once from start to end, with the browser's MediaRecorder.
 (() => {
   const GS = GoughStewart;
   const KINDS = ["video/webm;codecs=vp8", "video/webm", "video/mp4"], WIDEST = 1280, RATE = 30, HOLD = 500;
 
-  // The kind of video that this browser records; none if it records none.
+  // The video format that this browser records; undefined if none.
   GS.videoKind = () => {
     const able = window.MediaRecorder && HTMLCanvasElement.prototype.captureStream;
     return able ? KINDS.find((kind) => MediaRecorder.isTypeSupported(kind)) : undefined;
   };
 
-  // Plays and records until the player stops, at the end or by hand; `tick` is to be called at each frame.
+  // Plays and records until the player stops, at the end or by the user; call `tick` at each frame.
   GS.video = (view, player, ended) => {
     const kind = GS.videoKind(), canvas = document.createElement("canvas"), parts = [];
     const wide = Math.min(WIDEST, view.canvas.clientWidth * Math.min(window.devicePixelRatio, 2));
@@ -30,7 +30,7 @@
       if (stopped) return;
       GS.compose(view, canvas, wide, false);
       if (player.playing) return;
-      // the last picture stays for a while, in which a slow encoder catches up
+      // hold the last picture until a slow encoder has caught up
       endedAt ||= performance.now();
       stopped = performance.now() - endedAt > HOLD;
       if (stopped) recorder.stop();

@@ -4,7 +4,7 @@
   const GS = GoughStewart;
   const FOV = 36, REST = 300;
 
-  // Whether the processor draws: known by the name of what does.
+  // Whether rendering is in software, by the renderer's name.
   const software = () => {
     const gl = document.createElement("canvas").getContext("webgl"), more = gl && gl.getExtension("WEBGL_debug_renderer_info");
     const name = more ? gl.getParameter(more.UNMASKED_RENDERER_WEBGL) : "";
@@ -18,7 +18,7 @@
     const renderer = new THREE.WebGLRenderer({ antialias: !soft, alpha: true });
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = soft ? THREE.BasicShadowMap : THREE.PCFShadowMap;
-    // shadows are drawn anew where something has moved, not where the camera has
+    // shadows are redrawn if an object has moved, not if only the camera has
     renderer.shadowMap.autoUpdate = false;
     const canvas = renderer.domElement;
     canvas.tabIndex = 0;
@@ -45,12 +45,12 @@
       renderer.render(room, camera);
       stale = false;
     };
-    // Draws what has changed, and sharply what has come to rest.
+    // Draws if something has changed; at full resolution once motion has stopped.
     const render = () => {
       const rests = performance.now() - changedAt > REST && renderer.getPixelRatio() < ratios.still;
       if (stale || rests) draw(!stale);
     };
-    // Fewer pixels where something moves; false where there are few already.
+    // Reduces the resolution during motion; false if it is at its minimum.
     const coarser = () => {
       const { moving } = ratios;
       ratios.moving = Math.max(0.6, 0.75 * moving);

@@ -1,5 +1,5 @@
 "use strict";
-// Maps over two coordinates, a volume over three; every map shows the same part of the plane, and tells everything.
+// Maps over two coordinates, a volume over three; all maps share their range, and show all values at the pointer.
 (() => {
   const GS = GoughStewart, { page, numbers, quiet, short } = GS;
   const [first, second, third] = page.swept;
@@ -10,7 +10,7 @@
   const turning = { ...quiet, modeBarButtons: [["toImage", "orbitRotation", "tableRotation", "resetCameraDefault3d"]] };
   const unit = (name) => (name && name !== "°" ? ` ${name}` : name);
 
-  // Rows of the second coordinate, as plotly.js wants them.
+  // Rows along the second coordinate, as plotly.js expects.
   const plane = (k, of) => axes[1].map((_, j) => axes[0].map((_, i) => of((i * axes[1].length + j) * depth + k)));
   const axisTitle = (axis) => ({ text: `${axis.name} [${axis.unit}]`, standoff: 6 });
   const hoverTexts = (k) => axes[1].map((y, j) => axes[0].map((x, i) => {
@@ -22,21 +22,21 @@
     return lines.join("<br>");
   }));
 
-  // Of the present theme: what can be reached, and what maps of results do not show.
+  // Colours of the present theme: the reachable region, and the empty part of maps of results.
   const reachedColour = () => GS.theme().card;
   const emptyColour = () => (GS.theme().dark ? "#2a343f" : "#f0f0f0");
   const limitColours = () => page.limits.flatMap((l, k) => {
     const colour = k ? l.colour : reachedColour();
     return [[k / page.limits.length, colour], [(k + 1) / page.limits.length, colour]];
   });
-  // Colours go on beyond the border, smoothly, and are covered there: the border itself is finer than the grid.
+  // Colours extend beyond the border and are covered there, since the border is finer than the grid.
   const border = (k, isReach) => {
     const values = plane(k, (at) => clearance[at]);
     const all = { type: "contour", x: axes[0], y: axes[1], z: values, hoverinfo: "skip", showscale: false, showlegend: false };
     const line = { color: GS.theme().ink, width: 1.4 };
     const signs = new Set(values.flat().map((value) => value > 0));
     if (signs.size < 2) return { ...all, contours: { start: 0, end: 0, size: 1, coloring: "none" }, line };
-    // a constraint fills what it does not keep
+    // plotly fills the part that violates a constraint
     return isReach
       ? { ...all, contours: { type: "constraint", operation: "<", value: 0 }, fillcolor: reachedColour(), line }
       : { ...all, contours: { type: "constraint", operation: ">", value: 0 }, fillcolor: emptyColour(), line };
@@ -48,7 +48,7 @@
     if (round.length < 3) round = [0, 1, 2, 3, 4].map((s) => Number((result.low * (result.high / result.low) ** (s / 4)).toPrecision(3)));
     return { tickvals: round.map(Math.log10), ticktext: round.map(String) };
   };
-  // What is far off the scale would spoil the interpolation beside it.
+  // Values far off the scale would spoil the interpolation next to them.
   const scaled = (result) => {
     const [low, high] = [result.low - (result.high - result.low), 2 * result.high];
     const [least, most] = result.logarithmic ? [result.low / 2, 2 * result.high] : [low, high];
@@ -68,7 +68,7 @@
     type: "heatmap", x: axes[0], y: axes[1], text, hovertemplate: "%{text}<extra></extra>", z: plane(k, (at) => behind[at]),
     zmin: -0.5, zmax: page.limits.length - 0.5, colorscale: limitColours(), showscale: false,
   });
-  // A cross with an edge, so that it can be seen on any colour.
+  // A cross with an outline, visible on any colour.
   const home = (k) => [[6, GS.theme().card], [2, GS.theme().ink]].map(([width, color]) => ({
     type: "scatter", mode: "markers", hoverinfo: "skip", showlegend: false,
     x: page.home ? [page.home.place[0]] : [], y: page.home ? [page.home.place[1]] : [],
@@ -92,12 +92,12 @@
   }
   const drawMaps = () => {
     const text = hoverTexts(level), { grid } = GS.theme();
-    // colours shine through at the edge of what covers them
+    // hides colours at the edge of the cover
     const frame = { type: "rect", xref: "x domain", yref: "y domain", x0: 0, x1: 1, y0: 0, y1: 1, line: { width: 2, color: grid } };
     for (const panel of panels) {
       const layout = {
         height: 380, showlegend: false, margin: { l: 58, r: 12, t: 8, b: 46 }, plot_bgcolor: emptyColour(), shapes: [frame],
-        // a zoom stays where it is
+        // keep the zoom
         uirevision: "zoom",
         xaxis: { title: axisTitle(first), range: extent(axes[0]), zeroline: false, showgrid: false, constrain: "domain" },
         yaxis: { title: axisTitle(second), range: extent(axes[1]), zeroline: false, showgrid: false, constrain: "domain",
@@ -107,11 +107,11 @@
       GS.plot(panel.plot, [panel.trace(level, text), border(level, panel.isReach), ...home(level)], layout, name);
     }
   };
-  // when all boxes are there, and have their widths
+  // once all boxes have their widths
   drawMaps();
   GS.onTheme(drawMaps);
 
-  // A zoom of one is a zoom of all.
+  // A zoom of one map zooms all.
   let isFollowing = false;
   for (const { plot } of panels) {
     plot.on("plotly_relayout", () => {
@@ -140,10 +140,10 @@
     type: "mesh3d", x: every(vertex, 0), y: every(vertex, 1), z: every(vertex, 2),
     i: every(part, 0), j: every(part, 1), k: every(part, 2), intensity: m ? Array.from(numbers(m.colour)) : [],
     cmin: low, cmax: high, colorscale: condition.colours, flatshading: false,
-    // a triangle counts however small it is: in metres, those of a small volume are smaller than plotly's bounds
+    // keep small triangles: for a small volume in metres, they are below plotly's tolerances
     facenormalsepsilon: 0, vertexnormalsepsilon: 0,
     customdata: m ? Array.from(numbers(m.colour), (v) => short(10 ** v)) : [],
-    // what lies in the shadow is no darker than this share of its colour
+    // shaded parts keep at least this share of their colour
     lighting: { ambient: 0.8, diffuse: 0.4, specular: 0.05, roughness: 0.9, fresnel: 0 }, lightposition: { x: 3000, y: -4000, z: 8000 },
     colorbar: { title: { text: "condition<br>number" }, thickness: 14, len: 0.7, outlinewidth: 0, ...ticks(condition) },
     hovertemplate: page.swept.map((a, k) => `${a.name} %{${"xyz"[k]}:.4~g}${unit(a.unit)}`).join(", ")
