@@ -93,8 +93,8 @@ def edited(text: str, row: int, column: str, value: str) -> str:
 
 
 DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
-    "half of it": (lambda t: t[: len(t) // 2], "is empty; expected a number|has 1[01] rows, the run had 21"),
-    "rows at its end": (lambda t: "".join(t.splitlines(True)[:-3]), "has 18 rows, the run had 21"),
+    "half of it": (lambda t: t[: len(t) // 2], "is empty; expected a number|has 1[01] rows, but the run had 21"),
+    "rows at its end": (lambda t: "".join(t.splitlines(True)[:-3]), "has 18 rows, but the run had 21"),
     "all but its header": (lambda t: t.splitlines(True)[0], "has no rows"),
     "everything": (lambda _: "", "cannot be read as a record"),
     "a number": (lambda t: edited(t, 3, "position[2]", "abc"), r"position\[2\] in row 3 is 'abc'; expected a number"),
@@ -127,7 +127,7 @@ def test_a_table_that_has_lost_something_is_refused(what: str, saved: Path, tmp_
         ("platform", [], r"metadata: platform is \[\]; input should be a valid dictionary"),
         ("experiment", {"loop": 3}, "metadata: experiment.loop is 3; input should be a valid dictionary"),
         ("force_limit", "large", "metadata: force_limit is 'large'; input should be a valid number"),
-        ("rows", 22, "has 21 rows, the run had 22"),
+        ("rows", 22, "has 21 rows, but the run had 22"),
     ],
 )
 def test_metadata_of_another_kind_are_refused(

@@ -229,7 +229,7 @@ def test_a_record_without_a_finite_row_or_a_platform_is_refused(record: Record) 
         view_page([nothing], ["waves"])
     for name in ("platform", "outcome"):
         without = {key: value for key, value in record.metadata.items() if key != name}
-        with pytest.raises(RecordError, match=f"waves: the metadata hold no {name}"):
+        with pytest.raises(RecordError, match=f"waves: the metadata have no {name}"):
             view_page([Record(record.table, without)], ["waves"])
     with pytest.raises(RecordError, match="the metadata have no platform"):
         view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
