@@ -1,4 +1,4 @@
-"""Draws docs/figures/architecture.svg, what flows between the three packages: `make figures`."""
+"""Draws docs/figures/architecture.svg, the data flow between the three packages: `make figures`."""
 
 import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
@@ -9,7 +9,7 @@ from saving import save_svg
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}
 INK, FAINT = "#222222", "#5A6B7D"
 MODEL, BUILD, HARNESS, YOURS = "#E3EEF7", "#F6EAD7", "#E4F1E4", "#FFFFFF"
-# The rows: what the user brings, two of blocks, what the user gets.
+# The rows: input of the user, two rows of blocks, output to the user.
 GIVEN, UPPER, LOWER, MADE = 5.55, 3.95, 2.35, 0.55
 
 
@@ -20,7 +20,7 @@ def package(axes: Axes, left: float, right: float, title: str, colour: str) -> N
 
 
 def block(axes: Axes, x: float, y: float, text: str, width: float, yours: bool = False) -> None:
-    """A block about (x, y); dashed if it is the user's."""
+    """A block about (x, y); dashed if the user supplies it."""
     axes.add_patch(
         FancyBboxPatch(
             (x - width / 2, y - 0.36),
@@ -37,7 +37,7 @@ def block(axes: Axes, x: float, y: float, text: str, width: float, yours: bool =
 
 
 def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str = "", right: bool = True) -> None:
-    """What flows from start to end, named beside a vertical arrow or above a horizontal one."""
+    """An arrow from start to end, with its name beside it if vertical, or above it if horizontal."""
     style = {"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", end, start, arrowprops=style)
     x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
@@ -71,14 +71,14 @@ def draw(axes: Axes) -> None:
     arrow(axes, (11.05, UPPER - 0.12), (10.55, UPPER - 0.12))
     arrow(axes, (11.8, UPPER - 0.36), (11.8, LOWER + 0.36))
     arrow(axes, (9.75, UPPER - 0.36), (9.75, LOWER + 0.36))
-    # what the user brings
+    # input of the user
     block(axes, 1.0, GIVEN, "platform file, TOML", 2.0, yours=True)
     block(axes, 9.65, GIVEN, "experiment file, TOML", 2.2, yours=True)
     block(axes, 11.85, GIVEN, "your controller", 1.9, yours=True)
     arrow(axes, (1.0, GIVEN - 0.36), (1.0, UPPER + 0.36))
     arrow(axes, (9.75, GIVEN - 0.36), (9.75, UPPER + 0.36))
     arrow(axes, (11.8, GIVEN - 0.36), (11.8, UPPER + 0.36))
-    # what the user gets
+    # output to the user
     block(axes, 1.0, MADE, "your Python", 2.0, yours=True)
     block(axes, 6.4, MADE, "FMU 2.0, FMU 3.0:\nyour simulator", 2.3, yours=True)
     block(axes, 9.75, MADE, "report, figures", 1.8, yours=True)

@@ -13,11 +13,11 @@ from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform_toml import load_preset
 
 SPREADS = (0.02, 0.05, 0.1, 0.15, 0.2)  # [mm]
-WANTED = 0.1  # [mm]
+TARGET = 0.1  # [mm]
 
 
 def bands(spread: float) -> polars.DataFrame:
-    """Of the distance of Op from home, of a thousand machines with this spread of their joints [mm]."""
+    """Bands of the distance of Op from home [m], for a thousand machines with this spread of their joints [mm]."""
     joints = {"normal": f"{spread} mm"}
     varied = {"members": 1000, "seed": 1, "base_points": joints, "platform_points": joints}
     settings = {
@@ -30,7 +30,7 @@ def bands(spread: float) -> polars.DataFrame:
 
 
 def over_time(axes: Axes, found: polars.DataFrame) -> None:
-    """The bands of one ensemble."""
+    """Draw the bands of one ensemble."""
     time = found["time"].to_numpy()
     lines = {name: 1e3 * found[name].to_numpy() for name in ("q05", "q25", "q50", "q75", "q95", "highest")}
     axes.fill_between(time, lines["q05"], lines["q95"], color=COLOURS[0], alpha=0.22, linewidth=0, label="5 to 95 %")
@@ -45,7 +45,7 @@ def over_time(axes: Axes, found: polars.DataFrame) -> None:
 
 
 def over_spread(axes: Axes, found: list[polars.DataFrame]) -> None:
-    """Quantiles at rest, beside those of first-order geometry."""
+    """Draw quantiles at rest, with those of first-order geometry."""
     platform = load_preset("motion_base")
     J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
     covariance = 2 * np.linalg.inv(J.T @ J)[:3, :3]
@@ -55,8 +55,8 @@ def over_spread(axes: Axes, found: list[polars.DataFrame]) -> None:
         slope = float(np.quantile(unit, level))
         axes.plot([0, SPREADS[-1]], [0, slope * SPREADS[-1]], color=colour, linewidth=1)
         if name == "q95":
-            axes.plot([0, WANTED / slope, WANTED / slope], [WANTED, WANTED, 0], "--", color="black", linewidth=1)
-            axes.annotate(f"{WANTED / slope:.3f} mm", (WANTED / slope, 0), (4, 4), textcoords="offset points")
+            axes.plot([0, TARGET / slope, TARGET / slope], [TARGET, TARGET, 0], "--", color="black", linewidth=1)
+            axes.annotate(f"{TARGET / slope:.3f} mm", (TARGET / slope, 0), (4, 4), textcoords="offset points")
     axes.set_title("At rest: dots as run, lines first-order geometry")
     axes.set_xlabel("standard deviation of each joint coordinate [mm]")
     axes.set_xlim(0, 1.05 * SPREADS[-1])

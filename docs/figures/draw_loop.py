@@ -47,7 +47,7 @@ def name(axes: Axes, x: float, y: float, text: str, **how: str) -> None:
 
 
 def draw(axes: Axes) -> None:
-    """Reference, controller, actuators, plant, sensors; what is sampled and what is not."""
+    """Draw reference, controller, actuators, plant and sensors, in the sampled and the continuous part."""
     axes.add_patch(Rectangle((-0.9, -0.25), 7.35, 4.55, fc="none", ec="#7A8CA0", ls="--", lw=1))
     axes.text(-0.8, 4.15, "sample_time: computed", color="#5A6B7D", va="top")
     axes.add_patch(Rectangle((6.65, -0.25), 6.95, 4.55, fc="none", ec="#A08C60", ls="--", lw=1))

@@ -1,4 +1,4 @@
-"""Takes docs/figures/view.png, the picture of a page of `gough-stewart view`: `make figures`; needs Chromium."""
+"""Captures docs/figures/view.png, a screenshot of a page of `gough-stewart view`: `make figures`; needs Chromium."""
 
 import io
 import shutil
@@ -12,7 +12,7 @@ from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.view.page import view_page
 
-# Slow gains and a large motion, so that the reference is to be seen beside the platform.
+# Low gains and a large motion, so that the reference can be seen beside the platform.
 SETTINGS = [
     "title=roll, pitch and yaw at 0.5 Hz",
     "description=PD in task space of 1.2 Hz only, with gravity feedforward",
@@ -40,7 +40,7 @@ def main() -> None:
         page.wait_for_timeout(500)
         picture = Image.open(io.BytesIO(page.screenshot()))
         browser.close()
-    # a palette does for it, at a third of the bytes
+    # a palette is enough, at a third of the size
     picture.convert("RGB").quantize(224, dither=Image.Dither.NONE).save(
         Path(__file__).with_name("view.png"), optimize=True
     )

@@ -1,6 +1,7 @@
-"""Formulas as MathML when the site is built, so that browsers draw them without a script.
+"""Converts formulas to MathML when the site is built, so that browsers draw them without a script.
 
-Pages write LaTeX between dollars, which code hosts draw too. `pymdownx.arithmatex` finds it, this hook converts it.
+Pages have LaTeX between dollar signs, which code hosts also render. `pymdownx.arithmatex` finds it, and this hook
+converts it.
 """
 
 import re
@@ -13,6 +14,6 @@ BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOTA
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Every formula of a page that is HTML already."""
+    """Convert all formulas of a page after its conversion to HTML."""
     content = INLINE.sub(lambda found: mathml(found[1], "inline"), content)
     return BLOCK.sub(lambda found: f'<div class="formula">{mathml(found[1], "block")}</div>', content)

@@ -1,6 +1,6 @@
-"""Pages of runs, live: the site shows a page for the browser where a page in Markdown shows its photograph.
+"""Live reports: the site embeds the report of a run where the Markdown page shows a screenshot of it.
 
-The run is that of the page's own commands, `tools/pages/pictures.py` says which picture comes from it.
+The page's own commands make the run; `tools/pages/pictures.py` finds the picture that comes from it.
 """
 
 import re
@@ -27,17 +27,17 @@ def _live() -> list[Picture]:
 
 
 def _address(picture: Picture) -> str:
-    """Below a folder that is named after the page."""
+    """Address of a live report, in a folder named after the page."""
     return f"{Path(STORY).stem}/{picture.source}"
 
 
 def _is_not_needed(command: str) -> bool:
-    """All but the programs that write files, and the runs that leave a page."""
+    """Whether the site can skip a command: all but programs that write files, and runs with a report."""
     return not re.match(r"python \w+\.py$|gough-stewart run .*--report$", command)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Run what leaves the pages, and add them."""
+    """Run the commands that write the reports, and add these to the site."""
     with tempfile.TemporaryDirectory() as folder:
         run_page(STORY, Path(folder), printed_in_shell, left_out=_is_not_needed)
         for picture in _live():
@@ -47,7 +47,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """The live page in the place of its photograph; on phones and paper the photograph stays."""
+    """Embed the live report in place of its screenshot; phones and paper keep the screenshot."""
     if page.file.src_uri == STORY.removeprefix("docs/"):
         for picture in _live():
             photograph = picture.markdown.splitlines()[-1]

@@ -1,4 +1,4 @@
-"""Docstrings are plain text: two brackets in a row, as in K [a; b] [c; d], are no link."""
+"""Keeps docstrings as plain text: two brackets in a row, as in K [a; b] [c; d], are not a link."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from griffe import Extension, Object
 
 
 class PlainDocstrings(Extension):
-    """Sets brackets two spaces apart, which Markdown takes for text and browsers draw as one space."""
+    """Puts two spaces between brackets: Markdown reads them as text, browsers show one space."""
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
         """Called for every module, class, function and attribute."""

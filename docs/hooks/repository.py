@@ -1,6 +1,6 @@
-"""Pages that exist once, outside of docs/: CONTRIBUTING.md, CHANGELOG.md, the equations, the examples as one page.
+"""Adds pages from outside docs/: CONTRIBUTING.md, CHANGELOG.md, the equations, and the examples as one page.
 
-Links to them are written as the code host needs them, `../CONTRIBUTING.md`, and turned to these pages here.
+Links to them are written for the code host, `../CONTRIBUTING.md`; this hook changes them to these pages.
 """
 
 import ast
@@ -21,7 +21,7 @@ TARGETS |= {"../examples": "examples.md"}
 
 
 def examples_page() -> str:
-    """Every example with the first paragraph of its docstring."""
+    """All examples, each with the first paragraph of its docstring."""
     parts = [
         "# Examples\n\nThe files of the folder `examples/`. Each runs by itself, from a folder in which "
         "`gough-stewart build` was called.\n"
@@ -34,13 +34,13 @@ def examples_page() -> str:
 
 
 def inside(markdown: str, root: str) -> str:
-    """The text with links from a page of docs/ to files of the repository, or from its root into docs/, made inner."""
+    """Change links from docs/ to files of the repository, or from its root into docs/, to links within the site."""
     made = re.sub(r"\]\((docs/)([^)]*)\)", r"](\2)", markdown) if root else markdown
     return re.sub(r"\]\(([^)#\s]+)\)", lambda found: f"]({TARGETS.get(found[1], found[1])})", made)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages from outside."""
+    """Add the pages from outside docs/."""
     for page, name in PAGES.items():
         files.append(File.generated(config, page, content=inside((ROOT / name).read_text(encoding="utf-8"), "root")))
     files.append(File.generated(config, "examples.md", content=examples_page()))
@@ -48,10 +48,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Files by their paths in the repository, not by the links that make the package."""
+    """Files by their paths in the repository, not by the symbolic links of the package."""
     return re.sub(r"gough_stewart/(?=(model|fmu_build|harness)/)", "", content)
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Turn links that lead out of docs/ to the pages made here."""
+    """Change links out of docs/ to the pages of the site."""
     return markdown if page.file.generated_by else inside(markdown, "")
