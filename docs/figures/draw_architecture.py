@@ -48,7 +48,7 @@ def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], text
 
 
 def draw(axes: Axes) -> None:
-    """From platform and equations to FMU and records."""
+    """Draw the flow from platform and equations to FMU and records."""
     package(axes, 0.0, 4.1, "model", MODEL)
     package(axes, 5.1, 7.7, "fmu_build", BUILD)
     package(axes, 8.7, 12.8, "harness", HARNESS)

@@ -15,7 +15,7 @@ MAIN, ABOVE, BELOW = 2.0, 3.55, 0.45
 
 
 def block(axes: Axes, x: float, y: float, text: str, colour: str, width: float = 1.5) -> None:
-    """A block about (x, y)."""
+    """Draw a block about (x, y)."""
     axes.add_patch(
         FancyBboxPatch(
             (x - width / 2, y - 0.42), width, 0.84, boxstyle="round,pad=0,rounding_size=0.08", fc=colour, ec=INK, lw=1.2
@@ -25,12 +25,12 @@ def block(axes: Axes, x: float, y: float, text: str, colour: str, width: float =
 
 
 def joint(axes: Axes, x: float, y: float) -> None:
-    """A summing point."""
+    """Draw a summing point."""
     axes.add_patch(Circle((x, y), 0.13, fc="white", ec=INK, lw=1.2, zorder=3))
 
 
 def wire(axes: Axes, *points: tuple[float, float]) -> None:
-    """Lines from point to point with an arrow at the end."""
+    """Draw lines from point to point, with an arrow at the end."""
     for (x0, y0), (x1, y1) in pairwise(points[:-1]):
         axes.plot([x0, x1], [y0, y1], color=INK, lw=1.2, solid_capstyle="round")
     axes.annotate(
@@ -42,7 +42,7 @@ def wire(axes: Axes, *points: tuple[float, float]) -> None:
 
 
 def name(axes: Axes, x: float, y: float, text: str, **how: str) -> None:
-    """The name of a signal."""
+    """Write the name of a signal."""
     axes.text(x, y, text, ha=how.get("ha", "center"), va=how.get("va", "bottom"), color=INK, style="italic")
 
 

@@ -232,7 +232,7 @@ _LEAST = ("shortest", "first_exceeded")
 def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     """Metrics by path, one number each: "tracking.position.norm_rms", "step_response.z.rise_time".
 
-    A list by leg or axis becomes its largest value; `stroke.shortest` and `limits.….first_exceeded` their smallest.
+    A list by leg or axis is reduced to its largest value; `stroke.shortest` and `limits.….first_exceeded` to the least.
     Undefined metrics are None, also lists with an undefined element, except `first_exceeded`. The outcome is left out.
     """
     found: dict[str, float | None] = {}
