@@ -96,7 +96,7 @@ def _show(found: "MotionCheck") -> None:
 
 
 def _write_fitted(experiment: str, settings: list[str], found: "MotionCheck", fit: str) -> Path:
-    """Write the experiment with its settings and those that make it fit beside its file, where the files it names are.
+    """Write the fitted experiment beside its file, so that paths in it stay valid.
 
     A shipped experiment is written to the current folder.
     """

@@ -44,7 +44,7 @@ def reproduce_command(
     platform: PlatformOption = None,
     report: ReportOption = False,
 ) -> None:
-    """Reproduce the paper's open-loop simulation, and prove it by independent formulations.
+    """Reproduce the paper's open-loop simulation, and verify it with independent formulations.
 
     Simulates the published 1.0 s under constant actuator forces with Kane's equations as in the paper, the task-space
     kernel, the stepping model, and both FMUs, which it builds. Compares them with each other, with Newton–Euler and

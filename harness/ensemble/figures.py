@@ -102,7 +102,7 @@ def _bands(ensemble: Ensemble, columns: list[str], figure: Figure) -> None:
 
 
 def _histograms(ensemble: Ensemble, names: list[str], figure: Figure) -> None:
-    title = f"{ensemble.title}: figures of merit of {ensemble.members.height} members; 5, 50, 95 % dashed"
+    title = f"{ensemble.title}: metrics of {ensemble.members.height} members; 5, 50, 95 % dashed"
     for axes, name in zip(_panels(figure, title, len(names)), names, strict=True):
         shown = shown_metric(name)
         values = shown.factor * finite(ensemble.values(name))

@@ -23,7 +23,7 @@ def identification_figures(estimate: Estimate) -> dict[str, bytes]:
 
 
 def _parameters(figure: Figure, estimate: Estimate) -> None:
-    entitle(figure, "Parameters found: change with 95 % intervals, and correlation")
+    entitle(figure, "Identified parameters: change with 95 % intervals, and correlation")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
     at, scale = np.arange(len(estimate.names)), 100 / estimate.scale
     half = (estimate.values - estimate.interval[:, 0]) * scale
@@ -31,7 +31,7 @@ def _parameters(figure: Figure, estimate: Estimate) -> None:
     left.axvline(0.0, color="#555555", linewidth=0.9)
     left.set_yticks(at, estimate.names)
     left.invert_yaxis()
-    left.set_xlabel("found − nominal [% of scale]")
+    left.set_xlabel("identified − nominal [% of scale]")
     image = right.imshow(estimate.correlation, vmin=-1, vmax=1, cmap="RdBu", aspect="auto")
     right.set_yticks([])
     right.set_xticks(at, estimate.names, rotation=90, fontsize=7)
@@ -42,7 +42,7 @@ def _parameters(figure: Figure, estimate: Estimate) -> None:
 def _fit(figure: Figure, estimate: Estimate) -> None:
     found, residuals = estimate.details, estimate.residuals
     unit, factor = ("µm", 1e6) if residuals.unit == "m" else (residuals.unit, 1.0)
-    entitle(figure, f"{residuals.quantity.capitalize()}: measured (lines) and fitted (dots); what is left of it")
+    entitle(figure, f"{residuals.quantity.capitalize()}: measured (lines) and fitted (dots); residuals")
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=[1.4, 1, 1])
     thin = max(1, len(found["time"]) // 150)
     for k in range(found["measured"].shape[1]):
@@ -52,8 +52,8 @@ def _fit(figure: Figure, estimate: Estimate) -> None:
         middle.plot(found["time"], factor * (found["measured"] - found["before"])[:, k], **line)
         below.plot(found["time"], factor * (found["measured"] - found["fitted"])[:, k], **line)
     label(above, "measured, fitted", residuals.unit, "")
-    label(middle, "left by the nominal platform", unit, "")
-    label(below, "left by the one found", unit)
+    label(middle, "residuals, nominal platform", unit, "")
+    label(below, "residuals, identified platform", unit)
     above.legend(ncols=6, loc="upper right", fontsize=7)
     for axes in (above, middle, below):
         _shade(axes, found["validation_from"])

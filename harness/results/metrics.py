@@ -20,7 +20,7 @@ class Metrics(dict[str, Any]):
     """Metrics by name: a dict that is displayed as tables, in a terminal and in a notebook."""
 
     def __str__(self) -> str:
-        """As `gough-stewart run` prints them."""
+        """The tables that `gough-stewart run` prints."""
         from gough_stewart.harness.output.tables import text_of
         from gough_stewart.harness.results.tables import metrics_table
 

@@ -43,7 +43,7 @@
       type: "scatter", mode: "markers", name, x: of(input.data, flag), y: of(metric.data, flag), customdata: of(member, flag),
       marker: { color, size: 4, opacity: 0.6 }, hovertemplate: "member %{customdata}<br>%{x:.4~g}, %{y:.4~g}<extra></extra>",
     })) : [];
-    chart("scatter", traces, input ? `${named(metric)} against ${named(input)}` : "no number varies", input ? named(input) : "", named(metric),
+    chart("scatter", traces, input ? `${named(metric)} against ${named(input)}` : "no varied number", input ? named(input) : "", named(metric),
       { xaxis: input && axis(input.data, input), yaxis: axis(metric.data, metric) });
   };
   const bands = (signal) => {

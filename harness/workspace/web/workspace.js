@@ -76,7 +76,7 @@
     visible: Boolean(page.home) && page.home.level === k,
   }));
 
-  const panels = [{ title: "what can be reached", unit: "", trace: reach, isReach: true }];
+  const panels = [{ title: "reachable region", unit: "", trace: reach, isReach: true }];
   for (const r of results) panels.push({ title: r.title, unit: r.unit, trace: (k, text) => heat(r, k, text), isReach: false });
   const isEqual = first.unit === second.unit;
   const extent = (values) => [values[0], values.at(-1)];
