@@ -1,4 +1,4 @@
-"""The command `reproduce`: computes the paper's case, compares and reports."""
+"""The command `reproduce`: computes, compares and reports the paper's case."""
 
 from enum import StrEnum
 from pathlib import Path

@@ -86,7 +86,7 @@ class Drawing:
         return self
 
     def __call__(self, record: "Record") -> dict[str, bytes]:
-        """Figures by file name; if the process fails, they are drawn here, so that the error is raised here."""
+        """Figures by file name; if the other process fails, they are drawn in this one, which raises any error."""
         process, self._process = self._process, None
         if process is None:
             return draw_here(record)

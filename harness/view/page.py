@@ -38,8 +38,8 @@ _SCRIPTS = (
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sheet] = ()) -> bytes:
     """Create the page of one record, or of several overlaid; the same records give the same bytes.
 
-    Frames and curves are thinned out for display (`view_scene.FRAMES`, `view_charts.POINTS` for all records together),
-    which the page says; its tables are of all rows. Rows from the first on that is not finite are left out.
+    Frames and curves are reduced for display (`scene.FRAMES` and `charts.POINTS` for all records together), and the
+    page states it; tables use all rows. Rows from the first one that is not finite are left out.
 
     Parameters
     ----------
