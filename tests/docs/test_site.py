@@ -172,7 +172,7 @@ def test_axe_finds_nothing_on_the_main_pages(site: Path) -> None:
         for scheme in ("light", "dark"):
             seen = watched(browser, 1280, 900)
             seen.page.emulate_media(color_scheme=scheme)
-            for name in ("index", "getting-started", "control", "workspace", "fmu"):
+            for name in ("index", "tutorial", "control", "workspace", "fmu"):
                 seen.page.goto((site / f"{name}.html").as_uri())
                 assert violations(seen.page) == [], (name, scheme)
             seen.page.close()
