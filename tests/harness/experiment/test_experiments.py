@@ -142,7 +142,7 @@ BROKEN = {
     "a key that is there twice": (
         "title = ",
         'title = "x"\ntitle = ',
-        "is not TOML: the key 'title' in line . is there",
+        "is not TOML: the key 'title' in line . is a duplicate",
     ),
     "another unit without a space": ('duration = "2 s"', 'duration = "2kg"', "found the unit 'kg'"),
 }
