@@ -176,7 +176,7 @@ def test_axe_finds_nothing_on_any_page(site: Path) -> None:
     with chromium() as browser:
         for scheme, width in (("light", 1280), ("dark", 1280), ("light", 390), ("dark", 390)):
             seen = watched(browser, width, 900)
-            seen.page.emulate_media(color_scheme=scheme)
+            seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
             for page in pages:
                 seen.page.goto(page.as_uri())
                 assert violations(seen.page) == [], (page.stem, scheme, width)
