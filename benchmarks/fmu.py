@@ -26,7 +26,7 @@ ROUNDS = 300
 
 
 def compiled_timer(folder: Path) -> Path:
-    """`fmu_timer.c` with the whole unit."""
+    """Compile `fmu_timer.c` together with all sources of the FMU."""
     unit, target = sources(plant_component(paper_case().platform), "2.0", "timer"), native()
     for name, text in {**unit.units, **unit.headers}.items():
         (folder / name).write_text(text)

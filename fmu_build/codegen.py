@@ -39,7 +39,7 @@ def kernel_source() -> str:
 
 
 class Types(NamedTuple):
-    """The C types of a function: `real` of its arithmetic, and `of` the inputs and outputs with another type."""
+    """The C types of a function: `real` for its arithmetic, and `of` for inputs and outputs that differ from it."""
 
     real: str = "double"
     of: Mapping[str, str] = {}

@@ -62,7 +62,7 @@ def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
     """For one metric: Sobol' indices if the members are Saltelli's design, else regression.
 
     Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
-    table 2, total by (f). Confidence is by resampling members.
+    table 2, total by (f). Confidence intervals come from resampled members.
 
     Raises
     ------

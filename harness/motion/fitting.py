@@ -21,8 +21,8 @@ _MOST = 700.0  # larger than the logarithm of any share
 def factor_that_fits(share: Callable[[float], float]) -> float | None:
     """The factor x >= 1 that brings the largest share of all limits down to 1; 1 if it is there already.
 
-    Factors are increased up to a million until one fits. Between it and the last one that does not, the root of log
-    share over log x is found, with the exact share at every step.
+    The factor grows until it fits, at most to a million. The root of log share over log x is then found between that
+    factor and the last one that does not fit, with the exact share at every step.
 
     Parameters
     ----------
