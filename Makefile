@@ -53,6 +53,7 @@ check: $(VENV)/dev
 
 bench: $(VENV)/bench
 	$(BIN)/python benchmarks/start.py
+	$(BIN)/python benchmarks/first_minutes.py
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/fmu.py
 	$(BIN)/python benchmarks/controller.py
