@@ -11,7 +11,6 @@ from gough_stewart.harness.view.charts import chart_of, coinciding, difference
 from gough_stewart.harness.view.signals import SHOWN, signals_of
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.support.records import waving_record
 
@@ -25,18 +24,13 @@ def with_columns(record: Record, **columns: Any) -> Record:
 
 
 @pytest.fixture(scope="module")
-def base() -> Platform:
-    return load_preset("motion_base")
+def record(platform: Platform) -> Record:
+    return waving_record(platform, rows=4001)
 
 
 @pytest.fixture(scope="module")
-def record(base: Platform) -> Record:
-    return waving_record(base, rows=4001)
-
-
-@pytest.fixture(scope="module")
-def chart(record: Record, base: Platform) -> dict[str, Any]:
-    return chart_of([record], [base])
+def chart(record: Record, platform: Platform) -> dict[str, Any]:
+    return chart_of([record], [platform])
 
 
 @pytest.mark.parametrize(
@@ -53,7 +47,7 @@ def chart(record: Record, base: Platform) -> dict[str, Any]:
 )
 def test_points_of_a_line_are_rows_of_the_record(
     record: Record,
-    base: Platform,
+    platform: Platform,
     chart: dict[str, Any],
     signal: str,
     component: int,
@@ -64,7 +58,7 @@ def test_points_of_a_line_are_rows_of_the_record(
     """Expected: the row's own value at the row's time, first and last row, and both extremes; at most 800 points."""
     found = chart["signals"][signal]
     assert found["unit"] == unit
-    home = np.append(base.home_position, base.home_orientation)
+    home = np.append(platform.home_position, platform.home_orientation)
     at = 0.0 if "home" not in signal else home[component + 3 * ("orientation" in signal)]
     expected = factor * (record[column].astype(float) - at)
     (group,) = [k for k, members in enumerate(found["curves"]["groups"]) if component in members]
@@ -86,17 +80,17 @@ def test_power_is_force_times_velocity(record: Record, chart: dict[str, Any]) ->
     assert numbers(line["y"]) == pytest.approx(expected, rel=1e-6)
 
 
-def test_every_column_can_be_put_on_a_chart_in_the_unit_of_its_declaration(base: Platform) -> None:
+def test_every_column_can_be_put_on_a_chart_in_the_unit_of_its_declaration(platform: Platform) -> None:
     """Expected: each column of the record is a component of one signal, whose first value is the column's.
 
     Units are those of the interface, degrees in place of radians; of errors mm and mrad.
     """
-    record = waving_record(base, rows=7)
+    record = waving_record(platform, rows=7)
     extra = {f"joint_force[{leg},{k}]": np.arange(7.0) + leg / 8 + k for leg in range(1, 7) for k in range(1, 4)}
     extra |= {f"controller.state[{k}]": np.arange(7.0) * k for k in range(1, 9)}
     extra |= {"kinetic_energy": np.arange(7.0), "platform_mass": np.arange(7.0) + 9, "my_sensor": np.arange(7.0) - 4}
     record = with_columns(record, **extra)
-    signals = signals_of([record], [base])
+    signals = signals_of([record], [platform])
     found = {signal.name: signal for signal in signals}
     assert tuple(found)[: len(SHOWN)] == SHOWN
     columns = sum(len(s.components) for s in signals if "home" not in s.name and s.name not in SHOWN[-2:])
@@ -129,16 +123,16 @@ def test_components_coincide_where_none_is_further_than_the_least_span_from_the_
     assert coinciding([np.full((3, 2), np.nan)], 1e-3) == [[0, 1]]
 
 
-def test_what_rests_up_to_rounding_is_one_line_of_a_panel_with_a_least_span(base: Platform) -> None:
+def test_what_rests_up_to_rounding_is_one_line_of_a_panel_with_a_least_span(platform: Platform) -> None:
     """Expected: noise of 1e-11 m is one line for x, y, z, in a panel of a micrometre; a flag differs from another."""
-    record = waving_record(base, rows=50)
+    record = waving_record(platform, rows=50)
     noise = 1e-11 * np.random.default_rng(4).normal(size=(50, 3))
     record = with_columns(
         record,
-        **{f"position[{k + 1}]": base.home_position[k] + noise[:, k] for k in range(3)},
+        **{f"position[{k + 1}]": platform.home_position[k] + noise[:, k] for k in range(3)},
         **{f"flag.stroke_exceeded[{k}]": np.arange(50) > 40 for k in (2, 5)},
     )
-    signals = chart_of([record], [base])["signals"]
+    signals = chart_of([record], [platform])["signals"]
     curves = signals["position from home"]["curves"]
     assert curves["groups"] == [[0, 1, 2]]
     assert curves["least"] == 1e-3
@@ -164,21 +158,21 @@ def test_a_flag_holds_in_a_difference() -> None:
     assert dict(zip(time, values[:, 0], strict=True)) == {0.0: 0.0, 0.2: -1.0, 0.3: -1.0, 0.4: 0.0}
 
 
-def test_records_of_different_clocks_are_compared_where_both_have_rows(base: Platform) -> None:
+def test_records_of_different_clocks_are_compared_where_both_have_rows(platform: Platform) -> None:
     """Expected: six sines of two sizes differ by a sine; a row's straight line is off by (2π f h)²/8 of it at most."""
-    records = [waving_record(base, rows=501, size=0.04), waving_record(base, rows=251, size=0.03, step=1.7e-3)]
-    pair = chart_of(records, [base, base])["signals"]["position from home"]["differences"]["lines"]["0,1"]
+    records = [waving_record(platform, rows=501, size=0.04), waving_record(platform, rows=251, size=0.03, step=1.7e-3)]
+    pair = chart_of(records, [platform, platform])["signals"]["position from home"]["differences"]["lines"]["0,1"]
     time, values = numbers(pair[2]["x"]), numbers(pair[2]["y"])
-    amplitude = 1e3 * base.characteristic_length * (0.03 - 0.04)
+    amplitude = 1e3 * platform.characteristic_length * (0.03 - 0.04)
     assert time[-1] == pytest.approx(250 * 1.7e-3)
-    bound = 70 * base.characteristic_length * (2 * np.pi * 1.7e-3) ** 2 / 8
+    bound = 70 * platform.characteristic_length * (2 * np.pi * 1.7e-3) ** 2 / 8
     assert values == pytest.approx(amplitude * np.sin(2 * np.pi * time), abs=bound)
     assert np.ptp(values) > 100 * bound
 
 
-def test_a_reference_that_runs_share_is_kept_once(record: Record, base: Platform) -> None:
+def test_a_reference_that_runs_share_is_kept_once(record: Record, platform: Platform) -> None:
     other = with_columns(record, **{"position[1]": record["position[1]"] + 1e-3})
-    signals = chart_of([record, other], [base, base])["signals"]
+    signals = chart_of([record, other], [platform, platform])["signals"]
     assert signals["reference.position from home"]["curves"]["lines"][1] == 0
     assert len(signals["position from home"]["curves"]["lines"][1]) == 3
     changes = signals["position from home"]["differences"]

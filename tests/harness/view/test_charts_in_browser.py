@@ -11,7 +11,6 @@ from playwright.sync_api import Browser, Page
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from tests.support.browser import Watched, open_report, until
 from tests.support.records import waving_record
 
@@ -26,34 +25,9 @@ DRAWN = "path => path.getAttribute('d').split('L').length"
 
 
 @pytest.fixture(scope="module")
-def platform() -> Platform:
-    return load_preset("motion_base")
-
-
-@pytest.fixture(scope="module")
-def record(platform: Platform) -> Record:
-    return waving_record(platform)
-
-
-@pytest.fixture(scope="module")
 def other(platform: Platform) -> Record:
     """Another clock, another size, a shorter time."""
     return waving_record(platform, rows=251, size=0.02, step=1.7e-3)
-
-
-@pytest.fixture(scope="module")
-def one_path(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("charts") / "one.html"
-    path.write_bytes(view_page([record], ["waves"]))
-    return path
-
-
-@pytest.fixture(scope="module")
-def one(browser: Browser, one_path: Path) -> Iterator[Watched]:
-    found = open_report(browser, one_path, 0.0)
-    yield found
-    assert found.errors == []
-    assert [address for address in found.requests if not address.startswith(one_path.as_uri())] == []
 
 
 @pytest.fixture(scope="module")
@@ -269,11 +243,11 @@ def test_titles_keys_and_plots_stand_clear_of_each_other(one: Watched, width: in
                 assert apart, parts
 
 
-def test_fingers_scroll_the_page_over_a_chart_and_a_tap_goes_to_its_time(browser: Browser, one_path: Path) -> None:
+def test_fingers_scroll_the_page_over_a_chart_and_a_tap_goes_to_its_time(browser: Browser, report: Path) -> None:
     """Expected: a swipe up by 150 pixels scrolls down, time and range stay; a tap at 60 % of 0.5 s is 0.3 s."""
     context = browser.new_context(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
     page = context.new_page()
-    page.goto(one_path.as_uri() + "#t=0.0")
+    page.goto(report.as_uri() + "#t=0.0")
     until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
     chart = page.locator('[data-signal="error.position"] .plot')
     chart.scroll_into_view_if_needed()

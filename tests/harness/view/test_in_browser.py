@@ -1,6 +1,5 @@
 """The page of a record in a real browser: it loads in silence, plays, scrubs, and shows what the record says."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,34 +16,6 @@ from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.browser import Watched, open_report, until
 from tests.support.records import waving_record
-
-
-@pytest.fixture(scope="module")
-def platform() -> Platform:
-    return load_preset("motion_base")
-
-
-@pytest.fixture(scope="module")
-def record(platform: Platform) -> Record:
-    """Half a second; few enough rows that every row is a frame."""
-    return waving_record(platform)
-
-
-@pytest.fixture(scope="module")
-def report(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("view") / "report.html"
-    path.write_bytes(view_page([record], ["waves"]))
-    return path
-
-
-@pytest.fixture(scope="module")
-def still(browser: Browser, report: Path) -> Iterator[Watched]:
-    """The page at its beginning, not playing."""
-    found = open_report(browser, report, 0.0)
-    yield found
-    # whatever the tests did to it, it did in silence, and asked nobody
-    assert found.errors == []
-    assert found.requests == [report.as_uri() + "#t=0.0"] or found.requests == [report.as_uri()]
 
 
 def drawn(page: Page, record: int = 0) -> dict[str, Any]:
@@ -84,10 +55,10 @@ def test_the_page_plays_by_itself_in_silence(browser: Browser, report: Path) -> 
 
 
 @pytest.mark.parametrize("row", [0, 1, 137, 250, 499, 500])
-def test_the_pose_shown_is_the_pose_of_the_row(still: Watched, record: Record, platform: Platform, row: int) -> None:
+def test_the_pose_shown_is_the_pose_of_the_row(one: Watched, record: Record, platform: Platform, row: int) -> None:
     """Expected: position and R of the row, joints where kinematics has them, legs from B_i to P_i and of its length."""
-    scrub(still.page, record["time"][row])
-    shown = drawn(still.page)
+    scrub(one.page, record["time"][row])
+    shown = drawn(one.page)
     position, orientation = record["position"][row], record["orientation"][row]
     assert shown["position"] == pytest.approx(position, abs=1e-9)
     assert np.array(shown["rotation"]) == pytest.approx(matrix_from_orientation(orientation), abs=1e-9)
@@ -101,22 +72,22 @@ def test_the_pose_shown_is_the_pose_of_the_row(still: Watched, record: Record, p
         assert np.linalg.norm(np.subtract(leg["head"], leg["foot"])) == pytest.approx(record["leg_length"][row, k])
 
 
-def test_between_two_frames_is_a_straight_line(still: Watched, record: Record) -> None:
+def test_between_two_frames_is_a_straight_line(one: Watched, record: Record) -> None:
     """Expected: the mean of both positions at half time."""
-    still.page.evaluate("time => GoughStewart.player.seek(time)", float(record["time"][100:102].mean()))
-    assert drawn(still.page)["position"] == pytest.approx(record["position"][100:102].mean(axis=0), abs=1e-12)
+    one.page.evaluate("time => GoughStewart.player.seek(time)", float(record["time"][100:102].mean()))
+    assert drawn(one.page)["position"] == pytest.approx(record["position"][100:102].mean(axis=0), abs=1e-12)
 
 
-def test_the_clock_and_the_table_tell_the_moment(still: Watched, record: Record) -> None:
-    scrub(still.page, record["time"][200])
-    assert still.page.inner_text("#clock").startswith("0.2")
-    said = still.page.inner_text("#now").replace("−", "-")
+def test_the_clock_and_the_table_tell_the_moment(one: Watched, record: Record) -> None:
+    scrub(one.page, record["time"][200])
+    assert one.page.inner_text("#clock").startswith("0.2")
+    said = one.page.inner_text("#now").replace("−", "-")
     for number in (f"{record['position'][200, 0]:.4f}", f"{record['leg_length'][200, 5]:.4f}"):
         assert number in said
 
 
-def test_arrows_go_frame_by_frame_and_space_plays(still: Watched, record: Record) -> None:
-    page = still.page
+def test_arrows_go_frame_by_frame_and_space_plays(one: Watched, record: Record) -> None:
+    page = one.page
     scrub(page, record["time"][300])
     page.evaluate("document.activeElement.blur()")
     for key, row in (("ArrowRight", 301), ("ArrowRight", 302), ("ArrowLeft", 301), ("ArrowLeft", 300)):
@@ -128,9 +99,9 @@ def test_arrows_go_frame_by_frame_and_space_plays(still: Watched, record: Record
     assert not page.evaluate("GoughStewart.player.playing")
 
 
-def test_legs_change_colour_with_force_and_with_nearness(still: Watched, record: Record) -> None:
+def test_legs_change_colour_with_force_and_with_nearness(one: Watched, record: Record) -> None:
     """Expected: pushing legs are more red than blue, pulling ones the other way round; plain legs are all alike."""
-    page = still.page
+    page = one.page
     row = int(np.abs(record["actuator_force"]).min(axis=1).argmax())
     scrub(page, record["time"][row])
     page.select_option("#colour", "force")
@@ -146,27 +117,27 @@ def test_legs_change_colour_with_force_and_with_nearness(still: Watched, record:
     assert len({tuple(leg["colour"]) for leg in drawn(page)["legs"]}) == 1
 
 
-def test_flags_have_a_key(still: Watched) -> None:
+def test_flags_have_a_key(one: Watched) -> None:
     """Expected: the one flag that the record raises, and not the others."""
-    assert still.page.inner_text("#flag-key") == "force limited"
+    assert one.page.inner_text("#flag-key") == "force limited"
 
 
 @pytest.mark.parametrize("by", ["left", "right", "wheel"])
-def test_dragging_and_the_wheel_change_the_view(still: Watched, by: Literal["left", "right", "wheel"]) -> None:
+def test_dragging_and_the_wheel_change_the_view(one: Watched, by: Literal["left", "right", "wheel"]) -> None:
     """Expected: another picture of the same scene, turned, moved, and nearer."""
-    view = still.page.locator("#view")
-    before, pose = view.screenshot(), drawn(still.page)
+    view = one.page.locator("#view")
+    before, pose = view.screenshot(), drawn(one.page)
     box = view.bounding_box()
     assert box is not None
-    still.page.mouse.move(box["x"] + 200, box["y"] + 150)
+    one.page.mouse.move(box["x"] + 200, box["y"] + 150)
     if by == "wheel":
-        still.page.mouse.wheel(0, -300)
+        one.page.mouse.wheel(0, -300)
     else:
-        still.page.mouse.down(button=by)
-        still.page.mouse.move(box["x"] + 330, box["y"] + 170, steps=4)
-        still.page.mouse.up(button=by)
-    assert drawn(still.page) == pose
-    still.page.wait_for_timeout(100)
+        one.page.mouse.down(button=by)
+        one.page.mouse.move(box["x"] + 330, box["y"] + 170, steps=4)
+        one.page.mouse.up(button=by)
+    assert drawn(one.page) == pose
+    one.page.wait_for_timeout(100)
     assert view.screenshot() != before
 
 

@@ -50,14 +50,8 @@ def data_of(page: bytes) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def base() -> Platform:
-    """A platform with all limits."""
-    return load_preset("motion_base")
-
-
-@pytest.fixture(scope="module")
-def record(base: Platform) -> Record:
-    return waving_record(base, rows=4001)
+def record(platform: Platform) -> Record:
+    return waving_record(platform, rows=4001)
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +71,8 @@ def test_frames_are_evenly_spaced_rows_with_first_and_last(rows: int, frames: in
         assert len(kept) == rows
 
 
-def test_frames_hold_the_bits_of_their_rows(record: Record, base: Platform) -> None:
-    scene = scene_of(record, base, "waves", frames=101)
+def test_frames_hold_the_bits_of_their_rows(record: Record, platform: Platform) -> None:
+    scene = scene_of(record, platform, "waves", frames=101)
     rows = frame_rows(record.table.height, 101)
     assert np.array_equal(numbers(scene["time"]), record["time"][rows])
     assert np.array_equal(numbers(scene["pose"], 7)[:, :3], record["position"][rows])
@@ -87,21 +81,21 @@ def test_frames_hold_the_bits_of_their_rows(record: Record, base: Platform) -> N
     assert np.array_equal(numbers(scene["reference"], 7)[:, :3], record["reference.position"][rows])
 
 
-def test_quaternions_turn_as_the_orientation_does(record: Record, base: Platform) -> None:
+def test_quaternions_turn_as_the_orientation_does(record: Record, platform: Platform) -> None:
     """Expected: R = Rz Ry Rx of the record's own orientation; the quaternion comes from SciPy, its matrix from here."""
-    scene = scene_of(record, base, "waves", frames=101)
+    scene = scene_of(record, platform, "waves", frames=101)
     orientation = numbers(scene["orientation"], 3)
     turned = matrix_from_quaternion(numbers(scene["pose"], 7)[:, 3:])
     assert np.abs(turned - matrix_from_orientation(orientation)).max() < 1e-14
 
 
-def test_a_flag_between_two_frames_is_not_lost(record: Record, base: Platform) -> None:
+def test_a_flag_between_two_frames_is_not_lost(record: Record, platform: Platform) -> None:
     """Expected: nine rows in frames 0, 4, 8; a flag of row 3 holds until row 4, so in the first interval only."""
     few = record.table.head(9).with_columns(**{f"flag.force_limited[{leg}]": np.zeros(9, bool) for leg in range(1, 7)})
     for row, said in ((0, "10"), (3, "10"), (4, "01"), (7, "01"), (8, "00")):
         flag = np.arange(9) == row
         one = Record(few.with_columns(**{"flag.force_limited[2]": flag}), record.metadata)
-        assert scene_of(one, base, "waves", frames=3)["flags"]["force_limited"] == said
+        assert scene_of(one, platform, "waves", frames=3)["flags"]["force_limited"] == said
 
 
 @given(st.floats(0.05, 5), st.floats(1.0, 1.85), st.floats(0.0, 1.0))
@@ -115,19 +109,19 @@ def test_the_parts_of_a_leg_overlap_and_stay_within_it(shortest: float, ratio: f
     assert max(lower, upper) < length
 
 
-def test_nearness_is_one_at_each_limit(base: Platform) -> None:
+def test_nearness_is_one_at_each_limit(platform: Platform) -> None:
     """Expected: 0 in the middle of the stroke, 1 at both ends; |F|/limit; the joint angles' own ratio at home is 0."""
-    low, high = base.leg_length_min, base.leg_length_max
+    low, high = platform.leg_length_min, platform.leg_length_max
     assert low is not None
     assert high is not None
-    home = waving_record(base, rows=3, size=0.0)
+    home = waving_record(platform, rows=3, size=0.0)
     table = home.table
     for row, length in enumerate((low, (low + high) / 2, high)):
         for leg in range(1, 7):
             values = table[f"leg_length[{leg}]"].to_numpy().copy()
             values[row] = length
             table = table.with_columns(**{f"leg_length[{leg}]": values})
-    near = nearness_to_limits(Record(table, home.metadata), base)
+    near = nearness_to_limits(Record(table, home.metadata), platform)
     assert near["stroke"][:, 0] == pytest.approx([1, 0, 1])
     assert np.array_equal(near["force"], np.abs(home["actuator_force"]) / 100)
     assert np.abs(near["joint angle"]).max() < 1e-7
@@ -164,9 +158,9 @@ def test_frames_are_thinned_and_the_page_says_so(page: bytes) -> None:
 
 
 @pytest.mark.parametrize("records", [1, 6])
-def test_ten_seconds_at_a_kilohertz_make_at_most_eight_megabytes(base: Platform, records: int) -> None:
+def test_ten_seconds_at_a_kilohertz_make_at_most_eight_megabytes(platform: Platform, records: int) -> None:
     """Expected: the bound that was set; several records share the frames and points of one."""
-    long = waving_record(base, rows=10_001)
+    long = waving_record(platform, rows=10_001)
     page = view_page([long] * records, [f"run {k}" for k in range(records)])
     assert len(page) <= 8e6
 
@@ -191,11 +185,11 @@ def test_a_trimesh_that_has_three_js_elsewhere_is_refused_by_name(
             archive.writestr("viewer.html.template", "<script>\nlet x = 0;\n</script>")
 
 
-def test_text_of_the_user_stays_text(base: Platform) -> None:
+def test_text_of_the_user_stays_text(platform: Platform) -> None:
     """Expected: markup in a title, name or cause is shown, not obeyed."""
     bad = "</script><script>alert(1)</script><b>%{x}"
     ended = {"status": "diverged", "time": 0.1, "cause": bad}
-    named = replace(base, name=bad)
+    named = replace(platform, name=bad)
     record = waving_record(named, rows=5, title=bad, outcome=ended, experiment={"description": bad})
     for page in (view_page([record], [bad]), view_page([record, record], [bad, "b"])):
         assert elements(page, "//script[contains(., 'alert(1)') and not(@type)] | //b") == []
@@ -211,8 +205,8 @@ def test_rows_from_a_value_that_is_not_finite_on_are_left_out(record: Record) ->
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
-def test_very_short_records_have_a_page(base: Platform, rows: int) -> None:
-    data = data_of(view_page([waving_record(base, rows=rows)], ["short"]))
+def test_very_short_records_have_a_page(platform: Platform, rows: int) -> None:
+    data = data_of(view_page([waving_record(platform, rows=rows)], ["short"]))
     assert len(numbers(data["scenes"][0]["time"])) == rows
 
 
@@ -252,11 +246,11 @@ def test_the_head_tells_records_apart_by_colour(record: Record) -> None:
     assert len(set(swatches)) == 2
 
 
-def test_poses_are_drawn_from_home(record: Record, base: Platform) -> None:
+def test_poses_are_drawn_from_home(record: Record, platform: Platform) -> None:
     """Expected: the position of home as it is, and a quaternion whose matrix is R = Rz Ry Rx of its orientation."""
-    tilted = replace(base, home_orientation=np.array([0.1, -0.2, 0.3]))
+    tilted = replace(platform, home_orientation=np.array([0.1, -0.2, 0.3]))
     home = np.array(scene_of(record, tilted, "waves", frames=3)["home"])
-    assert home[:3] == pytest.approx(base.home_position)
+    assert home[:3] == pytest.approx(platform.home_position)
     assert matrix_from_quaternion(home[3:]) == pytest.approx(matrix_from_orientation(tilted.home_orientation))
 
 

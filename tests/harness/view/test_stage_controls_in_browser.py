@@ -3,7 +3,6 @@
 import base64
 import re
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,33 +12,9 @@ from playwright.sync_api import Browser
 
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
-from tests.support.browser import Watched, open_report, until
-from tests.support.records import waving_record
+from tests.support.browser import Watched, until
 from tests.support.stage import at, drawn, seek, seen, stage
-
-
-@pytest.fixture(scope="module")
-def platform() -> Platform:
-    return load_preset("motion_base")
-
-
-@pytest.fixture(scope="module")
-def record(platform: Platform) -> Record:
-    return waving_record(platform)
-
-
-@pytest.fixture(scope="module")
-def one(browser: Browser, record: Record, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
-    """The page of one record, at its beginning."""
-    path = tmp_path_factory.mktemp("stage") / "report.html"
-    path.write_bytes(view_page([record], ["waves"]))
-    found = open_report(browser, path, 0.0)
-    yield found
-    assert found.errors == []
-    found.page.close()
 
 
 def test_keys_turn_the_view_where_it_has_the_focus_and_step_elsewhere(one: Watched, record: Record) -> None:

@@ -14,7 +14,6 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.browser import Watched, open_report, until
 from tests.support.colour_vision import BLIND, delta_e_76, delta_e_2000, lab, rgb_of
@@ -23,27 +22,6 @@ from tests.support.stage import at, drawn, pixels, seek, seen, stage
 
 # Later, the external force draws an arrow over the platform.
 QUIET_ROW = 60
-
-
-@pytest.fixture(scope="module")
-def platform() -> Platform:
-    return load_preset("motion_base")
-
-
-@pytest.fixture(scope="module")
-def record(platform: Platform) -> Record:
-    return waving_record(platform)
-
-
-@pytest.fixture(scope="module")
-def one(browser: Browser, record: Record, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
-    """The page of one record, at its beginning."""
-    path = tmp_path_factory.mktemp("stage") / "report.html"
-    path.write_bytes(view_page([record], ["waves"]))
-    found = open_report(browser, path, 0.0)
-    yield found
-    assert found.errors == []
-    found.page.close()
 
 
 @pytest.fixture(scope="module")
