@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gough_stewart.harness.output.decimation import decimated
-from gough_stewart.harness.results.figures import run_figures
+from gough_stewart.harness.results.figures import _told_apart, run_figures
 from gough_stewart.harness.results.record import Record, columns
 
 VARIABLES = {"position": 3, "orientation": 3, "leg_length": 6}
@@ -135,3 +135,11 @@ def test_gap_of_a_whole_bucket_stays_a_gap() -> None:
     values = np.ones(1000)
     values[400:600] = np.nan
     assert np.isnan(decimated(np.arange(1000.0), values, 100)[1]).any()
+
+
+@pytest.mark.parametrize(("apart", "lines"), [(0.0, 1), (1e-5, 6)])
+def test_legs_share_a_line_of_errors_only_where_they_coincide_all_along(apart: float, lines: int) -> None:
+    """Expected: errors alike to rounding make one line; errors 10 µm apart in half of the rows make six."""
+    columns = np.sin(np.arange(60))[:, None] * np.ones(6) + 1e-12 * np.arange(6)
+    columns[30:] += apart * np.arange(6)
+    assert len(_told_apart(1e3 * columns, 1e-3, tuple(f"leg {k}" for k in range(1, 7)))) == lines

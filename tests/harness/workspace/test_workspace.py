@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 from PIL import Image
+from scipy.spatial.transform import Rotation
 from typer.testing import Result
 
 from gough_stewart.harness.errors import ReachError
@@ -24,6 +25,7 @@ from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.figures import workspace_figures
 from gough_stewart.harness.workspace.isosurface import Surface, isosurface
 from gough_stewart.harness.workspace.page import workspace_page
+from gough_stewart.harness.workspace.surface import surface_of
 from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform_toml import load_preset
@@ -288,3 +290,25 @@ def test_the_folder_is_checked_before_anything_is_computed(tmp_path: Path) -> No
     done = run("--points", "3", "--out", str(tmp_path / "file"))
     assert done.exit_code == 1
     assert "is a file; expected a folder" in done.stderr
+
+
+def test_the_refined_surface_lies_where_a_leg_reaches_its_limit() -> None:
+    """Expected: inside the box, |p + R b − B| of some leg is its limit: to 20 µm, at edges to a fine cell of 2 mm."""
+    platform = replace(DESKTOP, joint_angle_max=None)
+    over = {"x": (-0.06, 0.06), "z": (0.1, 0.2), "pitch": (-0.3, 0.3)}
+    workspace = sweep(platform, over, {"y": 0.004, "roll": 0.02, "yaw": -0.05}, points=7)
+    surface = surface_of(workspace)
+    assert surface is not None
+    low, high = np.array(list(over.values())).T
+    inside = surface.vertices[((surface.vertices > low + 1e-9) & (surface.vertices < high - 1e-9)).all(axis=1)]
+    assert len(inside) > 1000
+    angles = np.column_stack([np.full(len(inside), 0.02), inside[:, 2], np.full(len(inside), -0.05)])
+    turned = Rotation.from_euler("xyz", angles)
+    position = np.column_stack([inside[:, 0], np.full(len(inside), 0.004), inside[:, 1]])
+    arms = np.einsum("nij,kj->nki", turned.as_matrix(), platform.platform_points)
+    length = np.linalg.norm(position[:, None] + arms - platform.base_points, axis=2)
+    assert platform.leg_length_min is not None
+    assert platform.leg_length_max is not None
+    margin = np.minimum(length - platform.leg_length_min, platform.leg_length_max - length).min(axis=1)
+    assert np.quantile(np.abs(margin), 0.9) < 2e-5
+    assert np.abs(margin).max() < 2e-3
