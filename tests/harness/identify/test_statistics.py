@@ -44,7 +44,7 @@ def test_fitted_and_validating_samples_have_residuals_of_their_own() -> None:
     sign = np.where(np.arange(n)[:, None] % 2, 1.0, -1.0) * np.ones(6)
     residual = sign * np.where(np.arange(n) < fitted, 1.0, 3.0)[:, None]
     measured = 50 + 5 * np.sin(np.arange(n))[:, None] + residual
-    channels = Channels("force of leg", "N", 0.01 * np.arange(n), measured, residual, measured, fitted)
+    channels = Channels("force of leg", "N", np.linspace(0, 0.99, n), measured, residual, measured, fitted)
     regression = (np.ones((fitted, 6, 1)), residual[:fitted])
     found = estimate_of(
         "linear", ("mass",), np.ones(1), np.ones(1), BestFit(np.ones(1), ("mass",)), regression, channels, ()
