@@ -117,7 +117,7 @@ def _errors(figure: Figure, record: Drawable) -> None:
     values = [_shown(record[f"error.{name}"], 1e3) for name, _, _ in parts]
     least = [least_span("mrad" if name == "orientation" else "mm") for name, _, _ in parts]
     panels = [(title, _view(each, span)) for (_, title, _), each, span in zip(parts, values, least, strict=True)]
-    all_axes = _panels(figure, record, "errors, reference − actual", panels, columns=1, right=1.0, foot=0.5)
+    all_axes = _panels(figure, record, "errors, reference − actual", panels, columns=1, right=1.25, foot=0.5)
     for axes, each, span, (_, _, names) in zip(all_axes, values, least, parts, strict=True):
         for k, name in enumerate(_told_apart(each, span, names)):
             style = {"color": COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.3, "label": name}

@@ -93,6 +93,8 @@ def test_an_interrupt_while_modules_load_is_one_line(name: str) -> None:
     """Expected: exit code 130; the signal comes while the command line itself is imported."""
     lines = [
         "import builtins, os, signal",
+        # nohup ignores it, and processes inherit that
+        "signal.signal(signal.SIGHUP, signal.SIG_DFL)",
         "load = builtins.__import__",
         "def interrupted(name, *more):",
         "    if name == 'gough_stewart.harness.cli.app' or name.endswith('.cli') and 'app' in (more[2] or ()):",

@@ -1,5 +1,6 @@
 """Pictures of runs: files of the right kind, the same twice, and no record that breaks them."""
 
+from io import BytesIO
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -8,6 +9,7 @@ import polars
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.results.figures import _told_apart, run_figures
@@ -143,3 +145,13 @@ def test_legs_share_a_line_of_errors_only_where_they_coincide_all_along(apart: f
     columns = np.sin(np.arange(60))[:, None] * np.ones(6) + 1e-12 * np.arange(6)
     columns[30:] += apart * np.arange(6)
     assert len(_told_apart(1e3 * columns, 1e-3, tuple(f"leg {k}" for k in range(1, 7)))) == lines
+
+
+def test_the_legend_of_coinciding_legs_is_within_the_picture() -> None:
+    """Expected: a white edge of 5 pixels, which no text crosses."""
+    record = record_of()
+    first = polars.col("error.leg_length[1]")
+    alike = record.table.with_columns(**{f"error.leg_length[{k}]": first for k in range(2, 7)})
+    picture = run_figures(Record(alike, record.metadata), ["errors"])["errors.png"]
+    pixels = np.asarray(Image.open(BytesIO(picture)).convert("L"))
+    assert pixels[:, -5:].min() == 255
