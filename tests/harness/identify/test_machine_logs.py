@@ -1,0 +1,173 @@
+"""The machine whose logs test identification: its Lagrangian, motion and sensors against other formulations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.identify.checks import force_of
+from gough_stewart.harness.identify.linear import identify_linear
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import (
+    angular_acceleration_from_orientation_rates,
+    angular_velocity_from_orientation_rate,
+    matrix_from_orientation,
+)
+from gough_stewart.model.state import State
+from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.machine_logs import (
+    MACHINE,
+    NAMES,
+    NOMINAL,
+    Course,
+    Sensing,
+    Swing,
+    clipped,
+    frozen,
+    held,
+    machine_log,
+    random_machine,
+    tilted,
+    with_spikes,
+    without_rows,
+    wrong_log,
+)
+from tests.support.uneven import UNEVEN
+
+SMOOTH = replace(UNEVEN, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
+NOISELESS = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
+
+
+def motion_of(pose: Pose) -> tuple[State, Acceleration]:
+    """The same motion with angular velocities in place of the rates of angles."""
+    angles, rate = pose.q[:, 3:], pose.rate[:, 3:]
+    omega = angular_velocity_from_orientation_rate(angles, rate)
+    alpha = angular_acceleration_from_orientation_rates(angles, rate, pose.acceleration[:, 3:])
+    return State(pose.q[:, :3], angles, pose.rate[:, :3], omega), Acceleration(pose.acceleration[:, :3], alpha)
+
+
+def random_pose(machine: Platform, n: int = 40) -> Pose:
+    rng = np.random.default_rng(4)
+    home = np.concatenate([machine.home_position, machine.home_orientation])
+    return Pose(home + 0.15 * rng.standard_normal((n, 6)), rng.standard_normal((n, 6)), 3 * rng.standard_normal((n, 6)))
+
+
+def test_forces_of_the_lagrangian_give_newton_and_eulers_bodies_the_motion_s_accelerations() -> None:
+    """Expected: the accelerations of the motion, by thirteen free bodies with these forces."""
+    pose = random_pose(SMOOTH)
+    state, wanted = motion_of(pose)
+    force, none = forces_along(SMOOTH, pose), np.zeros((len(pose.q), 3))
+    R = matrix_from_orientation(state.orientation)
+    found = newton_euler.solve(SMOOTH, state.position, R, state.velocity, state.angular_velocity, force, none, none)
+    np.testing.assert_allclose(found.linear, wanted.linear, atol=1e-9)
+    np.testing.assert_allclose(found.angular, wanted.angular, atol=1e-9)
+
+
+@pytest.mark.parametrize("machine", [UNEVEN, MACHINE, random_machine(5, equal_friction=False)[0]])
+def test_a_noiseless_log_has_the_forces_of_the_project_s_physics(machine: Platform) -> None:
+    """Expected: inverse dynamics of the same motion, friction of each leg included, to 1e-8 of the forces."""
+    course = Course(Swing(seed=8), duration=4.0)
+    log = machine_log(machine, course, NOISELESS)
+    assert log.time is not None
+    state, acceleration = motion_of(course.swing.along(machine, log.time, course.duration))
+    expected = np.asarray(inverse_dynamics(machine, state, acceleration))
+    np.testing.assert_allclose(force_of(log), expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_the_motion_s_rates_are_those_of_differences_and_it_starts_and_ends_at_rest() -> None:
+    """Expected: central differences of the pose; home, no velocity and no acceleration at both ends."""
+    swing, h = Swing(), 1e-5
+    time = np.linspace(0.05, 3.95, 40)
+    before, at, after = (swing.along(UNEVEN, time + e, 4.0) for e in (-h, 0.0, h))
+    np.testing.assert_allclose(at.rate, (after.q - before.q) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(at.acceleration, (after.rate - before.rate) / (2 * h), atol=1e-6)
+    ends = swing.along(UNEVEN, np.array([-0.01, 0.0, 4.0, 4.01]), 4.0)
+    np.testing.assert_allclose(
+        ends.q, np.tile(np.r_[UNEVEN.home_position, UNEVEN.home_orientation], (4, 1)), atol=1e-12
+    )
+    np.testing.assert_allclose(np.r_[ends.rate, ends.acceleration], 0.0, atol=1e-12)
+
+
+def test_velocities_of_legs_are_those_of_differences() -> None:
+    pose, h = random_pose(UNEVEN), 1e-6
+    after, before = (legs_along(UNEVEN, pose._replace(q=pose.q + e * pose.rate))[0] for e in (h, -h))
+    np.testing.assert_allclose(legs_along(UNEVEN, pose)[1], (after - before) / (2 * h), atol=1e-8)
+
+
+def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() -> None:
+    """Expected: 1 % noise within the filter's band, 10 to 11 N; without noise and reversals of legs, 1e-6 of forces."""
+    found = identify_linear(machine_log(), NOMINAL, NAMES)
+    assert 9.0 < found.residuals.rms.mean() < 12.0
+    sliding = replace(MACHINE, leg_coulomb_friction=0.0)
+    names = [name for name in NAMES if name != "leg_coulomb_friction"]
+    exact = identify_linear(machine_log(sliding, sensing=NOISELESS), replace(NOMINAL, leg_coulomb_friction=0.0), names)
+    assert exact.residuals.rms.max() < 0.01
+    np.testing.assert_allclose(exact["platform_mass"], MACHINE.platform_mass, rtol=1e-6)
+
+
+def test_a_late_force_is_the_earlier_one() -> None:
+    """Expected: the column of forces, three rows up; between rows, halves of neighbours' sums to their curvature."""
+    at, late = (machine_log(UNEVEN, Course(duration=3.0), replace(NOISELESS, delay=d)) for d in (0.0, 3e-3))
+    np.testing.assert_allclose(force_of(late)[3:], force_of(at)[:-3], rtol=1e-9)
+    np.testing.assert_array_equal(late.leg_length, at.leg_length)
+
+
+def test_a_tilted_base_weighs_sideways() -> None:
+    """Expected: turned about X, gravity pulls to −Y of the base; turned about Y, to its +X."""
+    g = tilted(np.array([0.0, 0.0, -9.81]), 0.01, 0.0)
+    np.testing.assert_allclose(g, [0.0, -9.81 * np.sin(0.01), -9.81 * np.cos(0.01)], rtol=1e-12)
+    g = tilted(np.array([0.0, 0.0, -9.81]), 0.0, 0.01)
+    np.testing.assert_allclose(g, [9.81 * np.sin(0.01), 0.0, -9.81 * np.cos(0.01)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("corner", [None, 2.0])
+def test_noise_has_its_size_and_colour(corner: float | None) -> None:
+    """Expected: 1 % of each leg's RMS; a correlation of exp(−2π f h) from row to row, 0 if white."""
+    course = Course(duration=20.0)
+    noisy = machine_log(UNEVEN, course, replace(NOISELESS, force_noise=0.01, coloured=corner), seed=3)
+    clean = machine_log(UNEVEN, course, NOISELESS)
+    noise = force_of(noisy) - force_of(clean)
+    noise /= np.sqrt((force_of(clean) ** 2).mean(axis=0))
+    # 240 independent pieces of coloured noise, 20,000 rows of white noise, of six legs
+    np.testing.assert_allclose(np.sqrt((noise**2).mean()), 0.01, rtol=0.15 if corner else 0.02)
+    correlation = (noise[1:] * noise[:-1]).mean() / (noise**2).mean()
+    np.testing.assert_allclose(correlation, np.exp(-2 * np.pi * 2.0 / 1000) if corner else 0.0, atol=0.02)
+
+
+def test_faults_of_data_are_where_and_as_many_as_asked() -> None:
+    log = machine_log(MACHINE, Course(duration=2.0))
+    spikes = with_spikes(log, "leg_length", 0.02, 2).leg_length - log.leg_length
+    assert sorted(np.abs(spikes[spikes != 0]).round(9)) == [0.02, 0.02]
+    assert not np.array_equal(force_of(clipped(log)), force_of(log))
+    lost = without_rows(log, 700, 2, renumbered=True)
+    assert lost.time is not None
+    assert np.ptp(np.diff(lost.time)) < 1e-12
+    np.testing.assert_array_equal(lost.leg_length[700], log.leg_length[702])
+    gap = without_rows(log, 700, 2).time
+    assert gap is not None
+    assert np.diff(gap).max() > 2.9e-3
+    stuck = frozen(log, "leg_length", 500, 100, slice(2, 3)).leg_length
+    assert np.ptp(stuck[500:600, 2]) == 0 < np.ptp(stuck[500:600, 1])
+    twice = held(log).leg_length
+    np.testing.assert_array_equal(twice[1::2], log.leg_length[::2])
+
+
+def test_sixty_random_machines_differ() -> None:
+    """Expected: no two masses alike; every machine differs from what is believed of it in what is estimated only."""
+    pairs = [random_machine(seed) for seed in range(60)]
+    assert len({machine.platform_mass for machine, _ in pairs}) == 60
+    machine, believed = pairs[7]
+    np.testing.assert_array_equal(machine.base_points, believed.base_points)
+    assert machine.leg_upper_mass == believed.leg_upper_mass
+    assert machine.platform_mass != believed.platform_mass
+
+
+def test_one_leg_s_gain_shows_in_the_residuals_and_a_common_one_in_the_mass() -> None:
+    """Expected: a common gain of 1.02 is 2 % of all masses, legs' included; one leg's fits nothing."""
+    common = identify_linear(wrong_log("gain of all legs"), NOMINAL, NAMES)
+    legs_too = 0.02 * (1 + 6 * (NOMINAL.leg_upper_mass + NOMINAL.leg_lower_mass) / MACHINE.platform_mass)
+    assert 0.02 < common["platform_mass"][0] / MACHINE.platform_mass - 1 < legs_too
+    one = identify_linear(wrong_log("gain of leg 1"), NOMINAL, NAMES)
+    assert one.residuals.rms.max() > 50.0

@@ -1,0 +1,113 @@
+"""Inverse dynamics by a Lagrangian, for logs of machines: independent of the physics and of every fit.
+
+Only the places of the bodies and their energies are written down; velocities, momenta and forces follow by automatic
+differentiation. Coordinates q are those of the pose: position, roll, pitch, yaw.
+
+    d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = (∂L/∂q)ᵀ F
+
+with one rigid body for the platform and two for each leg, of which the lower one turns about its base joint, and the
+rotor's inertia along the leg.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import casadi
+import numpy as np
+
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+
+class Pose(NamedTuple):
+    """A motion of the pose, each (n, 6): position [m], roll, pitch, yaw [rad], and derivatives."""
+
+    q: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+
+
+def legs_along(machine: Platform, pose: Pose) -> tuple[FloatArray, FloatArray]:
+    """Lengths [m] and velocities [m/s] of the legs along a motion, each (n, 6)."""
+    length, velocity = _functions()[0](np.concatenate(pose[:2], axis=1).T, _numbers(machine))
+    return np.array(length).T, np.array(velocity).T
+
+
+def forces_along(machine: Platform, pose: Pose) -> FloatArray:
+    """Actuator forces (n, 6) that a motion needs without friction [N]."""
+    generalized, jacobian = _functions()[1](np.concatenate(pose, axis=1).T, _numbers(machine))
+    # of each row a 6 × 6 block of columns
+    transposed = np.array(jacobian).reshape(6, len(pose.q), 6).transpose(1, 2, 0)
+    return np.asarray(np.linalg.solve(transposed, np.array(generalized).T[..., None])[..., 0], dtype=float)
+
+
+def _numbers(machine: Platform) -> FloatArray:
+    return np.concatenate([np.ravel(getattr(machine, name)) for name in _SIZES])
+
+
+_SIZES = {
+    "base_points": 18,
+    "platform_points": 18,
+    "platform_mass": 1,
+    "platform_com": 3,
+    "platform_inertia": 9,
+    "leg_lower_mass": 1,
+    "leg_upper_mass": 1,
+    "leg_lower_com": 1,
+    "leg_upper_com": 1,
+    "leg_lower_inertia": 1,
+    "leg_upper_inertia": 1,
+    "leg_armature": 1,
+    "gravity": 3,
+}
+
+
+@cache
+def _functions() -> tuple[casadi.Function, casadi.Function]:
+    """CasADi Functions: ((q, q̇), parameters) -> L, L̇; ((q, q̇, q̈), parameters) -> generalized forces, ∂L/∂q."""
+    q, rate, acceleration = (casadi.SX.sym(name, 6) for name in ("q", "rate", "acceleration"))
+    parameters = casadi.SX.sym("p", sum(_SIZES.values()))
+    ends = np.cumsum([0, *_SIZES.values()])
+    p = {name: parameters[int(a) : int(b)] for name, a, b in zip(_SIZES, ends[:-1], ends[1:], strict=True)}
+
+    def moving(x: casadi.SX) -> casadi.SX:
+        return casadi.jtimes(x, q, rate)
+
+    position = q[:3]
+    R = _turn(2, q[5]) @ _turn(1, q[4]) @ _turn(0, q[3])
+    spin = R.T @ casadi.reshape(moving(casadi.vec(R)), 3, 3)
+    omega = casadi.vertcat(spin[2, 1], spin[0, 2], spin[1, 0])
+    centre = position + R @ p["platform_com"]
+    kinetic = p["platform_mass"] * casadi.sumsqr(moving(centre)) / 2
+    kinetic += omega.T @ casadi.reshape(p["platform_inertia"], 3, 3) @ omega / 2
+    potential = -p["platform_mass"] * casadi.dot(p["gravity"], centre)
+    lengths = []
+    for i in range(6):
+        B = p["base_points"][3 * i : 3 * i + 3]
+        P = position + R @ p["platform_points"][3 * i : 3 * i + 3]
+        length = casadi.norm_2(P - B)
+        u = (P - B) / length
+        lower, upper = B + p["leg_lower_com"] * u, P - p["leg_upper_com"] * u
+        for name, body in (("lower", lower), ("upper", upper)):
+            kinetic += p[f"leg_{name}_mass"] * casadi.sumsqr(moving(body)) / 2
+            kinetic += p[f"leg_{name}_inertia"] * casadi.sumsqr(moving(u)) / 2
+            potential -= p[f"leg_{name}_mass"] * casadi.dot(p["gravity"], body)
+        kinetic += p["leg_armature"] * moving(length) ** 2 / 2
+        lengths.append(length)
+    L = casadi.vertcat(*lengths)
+    momentum = casadi.gradient(kinetic, rate)
+    both, its_rate = casadi.vertcat(q, rate), casadi.vertcat(rate, acceleration)
+    generalized = casadi.jtimes(momentum, both, its_rate) - casadi.gradient(kinetic - potential, q)
+    lengths_of = casadi.Function("lengths", [both, parameters], casadi.cse([L, moving(L)]))
+    outputs = casadi.cse([generalized, casadi.jacobian(L, q)])
+    return lengths_of, casadi.Function("forces", [casadi.vertcat(both, acceleration), parameters], outputs)
+
+
+def _turn(axis: int, angle: casadi.SX) -> casadi.SX:
+    """A rotation about a fixed axis."""
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    R = casadi.SX.eye(3)
+    R[j, j] = R[k, k] = casadi.cos(angle)
+    R[k, j] = casadi.sin(angle)
+    R[j, k] = -casadi.sin(angle)
+    return R
