@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from inspect import cleandoc
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from gough_stewart.model import platform_checks
 from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
+from gough_stewart.model.joint_order import joint_order_hints
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
 from gough_stewart.model.platform_display import platform_html, platform_text
 from gough_stewart.model.real import real_array
@@ -80,6 +82,63 @@ class Platform(PlatformFields):
     def home_actuator_force(self) -> FloatArray:
         """Actuator forces (6,) [N] that hold the home pose at rest: the start values of plant and FMU."""
         return np.asarray(static_leg_forces(self, self.home_position, self.home_orientation))
+
+    @property
+    def hints(self) -> tuple[str, ...]:
+        """What looks like a mistake but is possible: legs that nearly touch at home, joints in a bad order."""
+        return joint_order_hints(self)
+
+    @classmethod
+    def from_radii(
+        cls,
+        base_radius: float,
+        platform_radius: float,
+        base_angle: float,
+        platform_angle: float,
+        *,
+        home_leg_length: float,
+        pairing: Pairing = "near",
+        **parameters: Any,
+    ) -> Self:
+        """A symmetric platform whose joints are in pairs on two circles, level above its base at home.
+
+        Pairs of base joints at the azimuths 120° k ± a/2, of platform joints at 60° + 120° k ± b/2, from X towards Y;
+        each leg goes to the "near" or the "far" joint of the pair beside it. The height of the home pose follows from
+        the leg length L: z² = L² − R² − r² + 2 R r cos Δ, with the turn Δ = 60° − (a + b)/2, or 60° − (a − b)/2 if far.
+
+        Parameters
+        ----------
+        base_radius, platform_radius
+            Radii R and r of the circles of joints [m].
+        base_angle, platform_angle
+            Angles a and b between the two joints of a pair [rad], above 0 and below 120°.
+        home_leg_length
+            Length L of the legs in the home pose [m].
+        pairing
+            "near" or "far".
+        parameters
+            The other parameters of the platform, by name.
+
+        Raises
+        ------
+        PlatformError
+            A number out of its range, legs that are too short to reach, or an invalid parameter.
+
+        Examples
+        --------
+        >>> preset = gs.load_preset("liu2000").as_dict()
+        >>> needed = ("leg_", "platform_mass", "platform_inertia")
+        >>> others = {name: value for name, value in preset.items() if name.startswith(needed)}
+        >>> angle = np.radians(30)
+        >>> platform = gs.Platform.from_radii(2.0, 1.0, angle, angle, home_leg_length=3.2459, **others)
+        """
+        given = [name for name in REPLACED if name in parameters]
+        if given:
+            raise PlatformError(given[0], "is determined by the radii and angles; leave it out")
+        joints: dict[str, Any] = dict(
+            joints_on_circles(base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing)
+        )
+        return cls(**joints, **parameters)
 
     def as_dict(self) -> dict[str, Any]:
         """All fields by name, in file order: texts, floats, arrays; without limits that are not set."""

@@ -18,7 +18,7 @@ COINCIDENCE = 1e-6
 _BOUNDED = [name for name, row in TABLE.items() if row.lower_bound is not None]
 
 
-class _Joints(NamedTuple):
+class Joints(NamedTuple):
     """The parameters that the leg geometry needs."""
 
     base_points: FloatArray
@@ -169,7 +169,7 @@ def _home_pose(platform: PlatformFields) -> tuple[FloatArray, float]:
 
 @lru_cache(_REMEMBERED)
 def _pose(base: bytes, platform: bytes, position: bytes, orientation: bytes) -> tuple[FloatArray, float]:
-    joints: Any = _Joints(_points(base), _points(platform))  # all that the geometry needs
+    joints: Any = Joints(_points(base), _points(platform))  # all that the geometry needs
     legs = leg_geometry(joints, np.frombuffer(position), np.frombuffer(orientation))
     return np.asarray(legs.length), float(conditioning_of_legs(legs).condition_number)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from gough_stewart.model import shipped
+from gough_stewart.model import joint_circles, shipped
 from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.files import write_whole
@@ -20,6 +20,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.toml import toml_values
 
 KEYS = (*TEXTS, *TABLE)
+_FILE_KEYS = (*KEYS, *joint_circles.KEYS)
 _PRESETS = ("gough_stewart.model", "presets")
 
 
@@ -42,13 +43,17 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
             where, "is an experiment; expected a platform file, as printed by `gough-stewart presets`"
         )
     for key in values:
-        if key not in KEYS:
-            raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, KEYS)}")
+        if key not in _FILE_KEYS:
+            raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, _FILE_KEYS)}")
+    try:
+        values = joint_circles.joints_of_keys(values)
+    except PlatformError as error:
+        raise PlatformFileError(where, str(error)) from error
     missing = [name for name, row in TABLE.items() if name not in values and not row.has_default]
     if missing:
         raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
     for key, value in values.items():
-        if key in TABLE and _holds_other_than_numbers(value):
+        if key in TABLE and not isinstance(value, np.ndarray) and _holds_other_than_numbers(value):
             raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
     try:
         return Platform(**by_leg(values))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gough_stewart.harness.cli.terminal import errors, preparing
+from gough_stewart.harness.cli.terminal import errors, preparing, warn
 from gough_stewart.harness.errors import ExperimentError, UsageError
 
 if TYPE_CHECKING:
@@ -130,9 +130,12 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
         from gough_stewart.model.formulations import cases
         from gough_stewart.model.platform_toml import load_platform, load_preset
 
-        if platform is not None:
-            return load_platform(platform)
-        return load_preset(cases.PAPER_PRESET if preset is None else preset)
+        if platform is None:
+            return load_preset(cases.PAPER_PRESET if preset is None else preset)
+        chosen = load_platform(platform)
+        for hint in chosen.hints:
+            warn(f"{platform}: {hint}")
+        return chosen
 
 
 def chosen_experiment(experiment: str, settings: list[str] | None, no_python: bool) -> "Experiment":

@@ -18,6 +18,7 @@ from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import TUNABLE, nearest
+from gough_stewart.model.joint_circles import joints_of_keys
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
@@ -32,7 +33,7 @@ _TUNABLE = tuple(v.name for v in TUNABLE)
 
 def platform_of(choice: schema.PlatformChoice, folder: Path) -> Platform:
     platform = load_preset(choice.preset_name) if choice.file is None else load_platform(folder / choice.file)
-    return changed(platform, choice.parameters)
+    return changed(platform, joints_of_keys({**choice.circles, **choice.parameters}))
 
 
 def changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:

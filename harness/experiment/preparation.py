@@ -52,7 +52,7 @@ class Prepared:
     legs: LegMotion | None  # its leg lengths and velocities
     controller: Controller | None  # None for feedforward alone
     jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
-    warnings: tuple[str, ...] = ()  # limits that the reference exceeds with permission
+    warnings: tuple[str, ...] = ()  # limits exceeded with permission, hints at the platform
     reference: Reference | None = None  # the motion at any time
 
     def law(self, reference: FloatArray, measured: FloatArray) -> Law:
@@ -92,7 +92,8 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     ReachError
         A reference that the platform cannot follow.
     """
-    return Preparation().prepare(experiment, controller, injection)
+    prepared = Preparation().prepare(experiment, controller, injection)
+    return replace(prepared, warnings=(*prepared.warnings, *prepared.platform.hints))
 
 
 class _Planned(NamedTuple):

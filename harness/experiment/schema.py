@@ -15,6 +15,7 @@ from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import (
     ZEROS,
+    Angle,
     AngularVelocity,
     Force,
     Number,
@@ -32,7 +33,9 @@ from gough_stewart.harness.quantities import (
 )
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, Section
+from gough_stewart.model import joint_circles
 from gough_stewart.model.formulations.cases import PAPER_PRESET
+from gough_stewart.model.joint_circles import Pairing
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
 # Smaller noise and steps are rounding, and their inverse overflows.
@@ -41,10 +44,17 @@ _SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
 class PlatformChoice(Section):
-    """`[platform]`: the nominal model; a preset, or a file; single parameters may be changed."""
+    """`[platform]`: the nominal model; a preset, or a file; joints on two circles; single parameters may be changed."""
 
     preset: str | None = None
     file: str | None = None
+    # joints in pairs on two circles and the home pose above them, instead of those of the preset or file
+    base_radius: PositiveLength | None = None
+    platform_radius: PositiveLength | None = None
+    base_angle: Angle | None = None
+    platform_angle: Angle | None = None
+    pairing: Pairing | None = None
+    home_leg_length: PositiveLength | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -52,6 +62,11 @@ class PlatformChoice(Section):
         if self.preset is not None and self.file is not None:
             raise ValueError("expected preset or file, not both")
         return self
+
+    @property
+    def circles(self) -> dict[str, Any]:
+        """The given ones of the keys that place the joints on circles."""
+        return {key: value for key in joint_circles.KEYS if (value := getattr(self, key)) is not None}
 
     @property
     def preset_name(self) -> str:
