@@ -217,7 +217,7 @@ def _noise(rng: np.random.Generator, n: int, corner: float | None, rate: float) 
 def with_spikes(log: Log, signal: str, height: float, number: int, *, seed: int = 0) -> Log:
     """Single rows of "leg_length" or "actuator_force" are off by ± height, at random rows and legs."""
     rng = np.random.default_rng(seed)
-    values = np.array(getattr(log, signal))
+    values: Any = np.array(getattr(log, signal))
     rows = rng.choice(np.arange(len(log) // 20, len(log) - len(log) // 20), number, replace=False)
     values[rows, rng.integers(0, 6, number)] += height * rng.choice([-1.0, 1.0], number)
     return replace(log, **{signal: values})
@@ -240,7 +240,7 @@ def without_rows(log: Log, first: int, number: int = 1, *, renumbered: bool = Fa
 
 def frozen(log: Log, signal: str, first: int, number: int, legs: slice = slice(None)) -> Log:
     """Readings of some legs stay what they are at a row, for a number of rows."""
-    values = np.array(getattr(log, signal))
+    values: Any = np.array(getattr(log, signal))
     values[first : first + number, legs] = values[first, legs]
     return replace(log, **{signal: values})
 
