@@ -59,12 +59,12 @@ def _add_scalars(variables: etree._Element, row: Row, component: Component) -> N
         if row.role is Role.STATE:
             real.set("nominal", shared.number(component.nominal))
         if row.derivative_of is not None:
-            real.set("derivative", str(_index(component.layout.by_name[row.derivative_of].first + k)))
+            real.set("derivative", str(_index(component, component.layout.by_name[row.derivative_of].first + k)))
 
 
-def _index(slot: int) -> int:
-    """Position among the scalar variables, which are in slot order, from 1."""
-    return slot + 1
+def _index(component: Component, slot: int) -> int:
+    """Position among the scalar variables, which are in slot order but without time, from 1."""
+    return slot + 1 if slot < component.layout.time.first else slot
 
 
 def _add_structure(root: etree._Element, component: Component) -> None:
@@ -81,10 +81,10 @@ def _add_structure(root: etree._Element, component: Component) -> None:
         if slots:
             element = etree.SubElement(structure, name)
             for slot in slots:
-                _add_unknown(element, slot, dependencies.of_slot(component, slot, knowns))
+                _add_unknown(element, component, slot, dependencies.of_slot(component, slot, knowns))
 
 
-def _add_unknown(parent: etree._Element, slot: int, knowns: Mapping[int, Kind]) -> None:
-    unknown = etree.SubElement(parent, "Unknown", index=str(_index(slot)))
-    unknown.set("dependencies", " ".join(str(_index(known)) for known in knowns))
+def _add_unknown(parent: etree._Element, component: Component, slot: int, knowns: Mapping[int, Kind]) -> None:
+    unknown = etree.SubElement(parent, "Unknown", index=str(_index(component, slot)))
+    unknown.set("dependencies", " ".join(str(_index(component, known)) for known in knowns))
     unknown.set("dependenciesKind", " ".join(knowns.values()))

@@ -1,7 +1,8 @@
 """Variables of a component in the order of their slots: inputs, results, parameters, state derivatives, time.
 
 A slot is one number. FMI 2.0 refers to slots, FMI 3.0 to rows; the C core works on slots. Results begin with the
-states; outputs come before locals.
+states; outputs come before locals. Variables that were added later stand after time, so that all value references
+before them stay.
 """
 
 from collections.abc import Iterable, Mapping
@@ -66,17 +67,23 @@ class Layout:
         """Number of slots."""
         return self.rows[-1].slots.stop
 
-    @property
+    @cached_property
     def time(self) -> Row:
         """The row of the independent variable."""
-        return self.rows[-1]
+        (found,) = self.of_role(Role.INDEPENDENT)
+        return found
+
+    @property
+    def in_order(self) -> tuple[Row, ...]:
+        """The rows before time, whose roles follow each other."""
+        return self.rows[: self.time.reference]
 
     def described(self, fmi_version: str) -> tuple[Row, ...]:
         """The rows in the model description: FMI 2.0 without time.
 
         Time is optional there, and the FMI Library reports a missing start value for it.
         """
-        return self.rows if fmi_version == "3.0" else self.rows[:-1]
+        return self.rows if fmi_version == "3.0" else tuple(row for row in self.rows if row is not self.time)
 
     def of_role(self, *roles: Role) -> tuple[Row, ...]:
         """The rows of some roles, in slot order."""
@@ -87,13 +94,22 @@ class Layout:
         return tuple(r for r in self.of_role(Role.STATE, Role.RESULT) if r.variable.causality == "output")
 
 
-def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str]) -> Layout:
-    """The layout of variables in this order; `rate_units` are the units of the state derivatives by state name."""
+def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str], appended: Iterable[Variable] = ()) -> Layout:
+    """The layout of variables in this order.
+
+    Parameters
+    ----------
+    rate_units
+        Units of the state derivatives by state name.
+    appended
+        Variables after time, in this order.
+    """
     variables = tuple(variables)
     described: list[tuple[Variable, Role, str | None]] = [(v, _role(v), None) for v in variables]
     described += [(_derivative(v, rate_units[v.name]), Role.DERIVATIVE, v.name) for v in variables if v.is_state]
     time = Variable("time", (), "s", "local", "continuous", "simulation time")
     described.append((time, Role.INDEPENDENT, None))
+    described += [(v, _role(v), None) for v in appended]
     rows: list[Row] = []
     first = 0
     for reference, (variable, role, derivative_of) in enumerate(described):

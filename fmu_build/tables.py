@@ -25,8 +25,8 @@ def model_header(component: Component) -> str:
     sizes = {
         "N_INPUTS": _size(layout.of_role(Role.INPUT)),
         "N_STATES": _size(layout.of_role(Role.STATE)),
-        "N_OUTPUTS": _size(layout.outputs()),
-        "N_RESULTS": _size(layout.of_role(Role.STATE, Role.RESULT)),
+        "N_OUTPUTS": _size(row for row in layout.outputs() if row in layout.in_order),
+        "N_RESULTS": _size(row for row in layout.of_role(Role.STATE, Role.RESULT) if row in layout.in_order),
         "N_PARAMETERS": _size(_parameters(component)),
         "N_SLOTS": layout.n_slots,
         "N_VARIABLES": len(layout.rows),
@@ -51,7 +51,7 @@ def model_header(component: Component) -> str:
 
 {defines(sizes)}
 
-/* slots: inputs, results (states first), parameters, others, derivatives, time */
+/* slots: inputs, results (states first), parameters, others, derivatives, time, what was added later */
 {defines(slots)}
 
 /* tolerance of an experiment without one; largest value that is accepted */

@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 
 from gough_stewart.fmu_build.component import Code, Component, Kind, Terminal, terminals_of
-from gough_stewart.fmu_build.controller.controller import Controller, Parameter
+from gough_stewart.fmu_build.controller.controller import OUTPUT_DELAY, Controller, Parameter
 from gough_stewart.fmu_build.controller.documentation import documentation_page
 from gough_stewart.fmu_build.controller.tables import controller_header
 from gough_stewart.fmu_build.layout import Layout
@@ -31,6 +31,7 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
     layout = controller.layout
     starts = {row.variable.name: _zeros(row.variable) for row in layout.rows if row.variable.causality == "input"}
     starts |= {p.variable.name: _start(p) for p in controller.parameters}
+    starts[OUTPUT_DELAY] = np.array(float(controller.output_delay))
     own = c_folder("controller")
     texts = "".join((*controller.code.units.values(), *controller.code.headers.values()))
     return Component(
@@ -53,8 +54,9 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
         icon=controller.icon,
         terminals=lambda fmi_version: _terminals(layout, fmi_version),
         documents=lambda fmi_version: {"documentation/index.html": documentation_page(controller, starts, fmi_version)},
+        settings=frozenset({OUTPUT_DELAY}),
         # the plain C defines the meaning of the memory
-        saved_form=hashlib.sha256(texts.encode()).hexdigest(),
+        saved_form=hashlib.sha256(f"{texts}{controller.most_output_delay}".encode()).hexdigest(),
     )
 
 

@@ -8,6 +8,10 @@ from gough_stewart.fmu_build.layout import Layout, laid_out
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.vectors import Array
 
+# [samples]; a unit has memory for it from the beginning. One that starts with a longer delay has memory for that.
+MOST_OUTPUT_DELAY = 16
+OUTPUT_DELAY = "output_delay"
+
 OUTPUTS = (
     Variable("actuator_force", (6,), "N", "output", "continuous", "force of each actuator, positive extends the leg"),
     Variable("force_limited", (6,), "", "output", "continuous", "1 if the force limit is active, else 0"),
@@ -36,13 +40,29 @@ class Controller:
     parameters: tuple[Parameter, ...]  # in the order of the struct; sample_time and start_force are among them
     code: Code  # controller.c and controller.h
     icon: Icon
+    output_delay: int = 1  # start value of the unit's parameter [samples]
+
+    @property
+    def most_output_delay(self) -> int:
+        """The largest value of `output_delay` for which the unit has memory [samples]."""
+        return max(MOST_OUTPUT_DELAY, self.output_delay)
 
     @cached_property
     def layout(self) -> Layout:
-        """Inputs, outputs, parameters, time."""
+        """Inputs, outputs, parameters, time; what was added later, so that older value references stay."""
         inputs = [_input(v, v.name, v.description) for v in self.measured]
         inputs += [_input(v, f"reference_{v.name}", f"reference: {v.description}") for v in self.reference]
-        return laid_out((*inputs, *OUTPUTS, *map(_described, self.parameters)), {})
+        delay = Variable(
+            OUTPUT_DELAY,
+            (),
+            "",
+            "parameter",
+            "fixed",
+            "samples from the inputs to the forces that they determine, a whole number from 1 to "
+            f"{self.most_output_delay}",
+            lower_bound="> 0",
+        )
+        return laid_out((*inputs, *OUTPUTS, *map(_described, self.parameters)), {}, (delay,))
 
 
 def _input(variable: Variable, name: str, description: str) -> Variable:

@@ -50,8 +50,11 @@ def _time(controller: Controller, fmi_version: str) -> str:
 <ul>
 <li>Samples are taken at the start time + k · <code>sample_time</code>, {controller.sample_time:.6g} s by design, and
 at no other time. A sample at a communication point reads the inputs that were set there before the step.</li>
-<li>The forces of sample k are the outputs from sample k + 1 on. Outputs have no direct feedthrough from the inputs, so
-the delay of one sample is the same with every importer. Until sample 1 the outputs are <code>start_force</code>.</li>
+<li>The forces of sample k are the outputs from sample k + <code>output_delay</code> on, {controller.output_delay} by
+design; before them the outputs are <code>start_force</code>. Outputs have no direct feedthrough from the inputs, so the
+delay is the same with every importer. <code>output_delay</code> is a whole number from 1 to
+{controller.most_output_delay}. The parameter <code>delay</code> delays nothing: for this many samples ahead the
+feedforward is computed.</li>
 <li>Communication steps can be any fraction or multiple of the sample time, or neither. For samples within a step,
 the inputs are held from its beginning, or {between}.</li>
 <li>While all inputs are exactly zero, as with importers that do not propagate start values, the forces are

@@ -95,13 +95,14 @@ def export(
     if "c" in requested:
         report("C")
         files |= c_files(law, f"{name}_controller")
-    # the forces of an FMU act at least one sample late; an SSP adds no further delay
+    # the forces of an FMU act at least one sample late; only in an SSP all of the delay is the unit's
     duration = chosen.loop.duration
     if "fmu" in requested:
         late = replace(law, delay=max(1, law.delay))
         files |= unit_archives(component_of(late, f"{name}_controller", duration), versions, systems, report)
     if "ssp" in requested:
-        unit = component_of(replace(law, delay=1), f"{name}_controller", duration)
+        late = replace(law, delay=max(1, law.delay))
+        unit = component_of(late, f"{name}_controller", duration, output_delay=late.delay)
         prepared = prepare(chosen, controller)
         plant = plant_component(
             prepared.machine,

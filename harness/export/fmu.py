@@ -11,8 +11,10 @@ from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.settings import Setting
 
 
-def component_of(designed: Designed, name: str = "controller", stop_time: float = 1.0) -> Component:
-    """The controller as input of the FMU builder."""
+def component_of(
+    designed: Designed, name: str = "controller", stop_time: float = 1.0, *, output_delay: int = 1
+) -> Component:
+    """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
     plain = controller_sources(designed)
     controller = Controller(
         title=designed.title or name,
@@ -23,6 +25,7 @@ def component_of(designed: Designed, name: str = "controller", stop_time: float 
         parameters=tuple(_parameter(setting, designed) for setting in designed.settings),
         code=Code(plain.units, plain.headers),
         icon=Icon(icon_png(designed.platform), icon_svg(designed.platform)),
+        output_delay=output_delay,
     )
     return controller_component(controller, name)
 

@@ -36,6 +36,7 @@ void component_reset(component *c)
 {
     memset(c, 0, sizeof *c);
     c->s.stop_time = INFINITY;
+    c->s.output_delay = START_OUTPUT_DELAY;
     for (int k = 0; k < N_INPUTS; k++)
         c->s.inputs[k] = START_INPUTS[k];
     for (int k = 0; k < N_PARAMETERS; k++)
@@ -47,20 +48,29 @@ const char *component_message(const component *c)
     return c->message;
 }
 
+static int is_output_delay(double value)
+{
+    return value >= 1 && value <= MOST_OUTPUT_DELAY && floor(value) == value;
+}
+
 outcome component_check(component *c, int slot, double value)
 {
     char name[NAME_SIZE];
-    const char *expected = expected_of_slot(slot, value);
+    const char *expected = slot == OUTPUT_DELAY && !is_output_delay(value) ? EXPECTED_OUTPUT_DELAY
+                                                                           : expected_of_slot(slot, value);
     if (!expected)
         return DONE;
     write_slot_name(slot, name);
-    write_message(c->message, "%s = %g %s rejected; expected %s", name, value, variable_of(slot)->unit, expected);
+    const char *unit = variable_of(slot)->unit;
+    write_message(c->message, "%s = %g%s%s rejected; expected %s", name, value, *unit ? " " : "", unit, expected);
     return NOT_POSSIBLE;
 }
 
 void component_put(component *c, int slot, double value)
 {
-    if (!is_parameter(slot))
+    if (slot == OUTPUT_DELAY)
+        c->s.output_delay = value;
+    else if (!is_parameter(slot))
         c->s.inputs[slot - FIRST_INPUT] = value;
     else if (get_parameter(c, slot) != value)
         put_parameter(c, slot, value);
@@ -75,6 +85,8 @@ outcome component_get(component *c, int slot, double *value)
 {
     if (slot == TIME)
         *value = c->s.time;
+    else if (slot == OUTPUT_DELAY)
+        *value = c->s.output_delay;
     else if (is_parameter(slot))
         *value = get_parameter(c, slot);
     else if (slot < FIRST_RESULT)
@@ -159,7 +171,7 @@ int component_can_restore(const double saved[])
     for (int slot = FIRST_PARAMETER; slot < FIRST_PARAMETER + N_PARAMETERS; slot++)
         if (expected_of_slot(slot, get_parameter(&c, slot)))
             return 0;
-    return c.s.memory.samples >= 0;
+    return is_output_delay(c.s.output_delay) && c.s.memory.samples >= 0;
 }
 
 void component_restore(component *c, const double saved[])

@@ -1,9 +1,10 @@
 /* A sampled controller as a component: shared declarations. The controller itself is generated plain C,
    controller.h and controller.c; controller_table.h has the slots of its variables.
 
-   Samples are due at start_time + k sample_time. The inputs at sample k determine the forces from sample k + 1 on,
-   independent of the communication steps: outputs have no direct feedthrough. A sample at a communication point belongs
-   to the step that begins there, after the importer has set the inputs. */
+   Samples are due at start_time + k sample_time. The inputs at sample k determine the forces from sample
+   k + output_delay on, independent of the communication steps: output_delay is at least 1, so outputs have no direct
+   feedthrough. A sample at a communication point belongs to the step that begins there, after the importer has set the
+   inputs. */
 #ifndef SAMPLED_H
 #define SAMPLED_H
 
@@ -15,6 +16,8 @@
 #include "model.h"
 
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
+/* The outputs that wait in the delay line: actuator_force and force_limited. */
+#define N_DELAYED 12
 
 /* The complete state. It has doubles only, since a saved state is a copy of them in this order. */
 typedef struct {
@@ -23,8 +26,9 @@ typedef struct {
     double stop_time; /* infinite if there is none */
     double inputs[AT_LEAST_ONE(N_INPUTS)];
     double input_rates[AT_LEAST_ONE(N_INPUTS)]; /* du/dt from the current time on */
-    double acting[N_RESULTS];                   /* the outputs since the last sample */
-    double planned[N_RESULTS];                  /* the outputs from the next sample on */
+    double output_delay;                        /* samples from the inputs to the outputs, 1 to MOST_OUTPUT_DELAY */
+    double acting[N_DELAYED];                   /* the outputs since the last sample */
+    double planned[MOST_OUTPUT_DELAY][N_DELAYED]; /* the outputs of sample k at k modulo MOST_OUTPUT_DELAY */
     controller_memory memory;                   /* with the number of samples taken */
     controller_parameters p;
 } controller_state;

@@ -48,9 +48,15 @@ static outcome check_inputs(component *c)
     return NOT_POSSIBLE;
 }
 
+/* The outputs that a sample determines; samples count from 0. */
+static double *planned_at(component *c, double sample)
+{
+    return c->s.planned[(size_t)fmod(sample, MOST_OUTPUT_DELAY)];
+}
+
 static outcome take_sample(component *c)
 {
-    double force[6];
+    double force[6], *planned = planned_at(c, c->s.memory.samples);
     unsigned char limited[6];
     if (check_inputs(c) != DONE)
         return NOT_POSSIBLE;
@@ -70,8 +76,8 @@ static outcome take_sample(component *c)
         return NOT_POSSIBLE;
     }
     for (int k = 0; k < 6; k++) {
-        c->s.planned[k] = force[k];
-        c->s.planned[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];
+        planned[k] = force[k];
+        planned[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];
     }
     return DONE;
 }
@@ -81,8 +87,9 @@ static void advance(component *c, double time)
     for (int k = 0; k < N_INPUTS; k++)
         c->s.inputs[k] += c->s.input_rates[k] * (time - c->s.time);
     c->s.time = time;
-    if (c->s.memory.samples > 0 && is_due(c))
-        memcpy(c->s.acting, c->s.planned, sizeof c->s.acting);
+    /* until the first command has passed the delay line, the start forces act */
+    if (c->s.memory.samples >= c->s.output_delay && is_due(c))
+        memcpy(c->s.acting, planned_at(c, c->s.memory.samples - c->s.output_delay), sizeof c->s.acting);
 }
 
 static outcome run(component *c, double end, const step_observer *observer)

@@ -178,7 +178,72 @@ def test_numbers_that_no_state_has_are_refused(unit: Plant, sampled_thrice: byte
             may_be_infinite += [value] if accepted and bad == np.inf else []
             not_negative += [value] if not accepted and bad == -1.0 else []
     assert sorted(may_be_infinite) == [FORCE_LIMIT, 4000.0, np.inf]
-    assert sorted(not_negative) == [T, 1.0, 3.0, FORCE_LIMIT, 4000.0]  # with delay and samples
+    assert sorted(not_negative) == [T, 1.0, 1.0, 3.0, FORCE_LIMIT, 4000.0]  # with delays and samples
+
+
+@pytest.mark.parametrize("delay", [2, 3, 16])
+def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plant, units: Units, delay: int) -> None:
+    """Expected: the closed form of sample k from sample k + delay on; start forces before; steps of three quarters."""
+    positions = np.random.default_rng(delay).uniform(-1, 9, (40, 3))
+    expected = [
+        np.array([force(k, np.abs(p)), np.abs(force(k, np.abs(p))) == FORCE_LIMIT]) for k, p in enumerate(positions)
+    ]
+    assert 40 <= sum(flags.sum() for _, flags in expected) <= 200
+    unit.set("output_delay", float(delay))
+    unit.initialise()
+    for quarter in range(0, 4 * 39, 3):
+        if quarter == 81:
+            middle = unit.serialized()
+        # the sample is at the beginning of its quarter, and nobody looks at the inputs of the others
+        unit.set("position", np.abs(positions[-(-quarter // 4)]))
+        unit.do_step(quarter * T / 4, 3 * T / 4)
+        sample = (quarter + 3) // 4 - delay
+        forces, flags = expected[sample] if sample >= 0 else (units.start_force, np.zeros(6))
+        assert_force(unit, forces)
+        np.testing.assert_array_equal(unit.get("force_limited"), flags)
+    with Plant(unit.of, layout=units.layout) as other:
+        other.restore(middle)
+        assert other.get("output_delay") == delay
+        for k in range(delay):  # what was in the line then, and not what has passed through it since
+            other.set("position", np.abs(positions[21 + k]))
+            other.do_step(81 * T / 4 + k * T, T)
+            assert_force(other, expected[21 + k - delay][0])
+
+
+def test_an_output_delay_is_a_whole_number_of_samples_up_to_a_limit(unit: Plant) -> None:
+    """Expected: 1 to 16, and another after the start is misuse."""
+    for wrong in (0.0, -1.0, 1.5, 17.0, 1e9):
+        assert refused(unit.set, "output_delay", wrong) == DISCARD
+        message = f"output_delay = {wrong:g} rejected; expected a whole number of samples from 1 to 16"
+        assert message in unit.take_messages()
+    assert unit.get("output_delay") == 1
+    unit.initialise()
+    assert refused(unit.set, "output_delay", 2.0) != OK
+    assert "output_delay: not allowed in step mode" in unit.take_messages()
+
+
+def test_a_delay_line_that_no_state_has_is_refused(unit: Plant) -> None:
+    """Expected: where the one delay is that a unit starts with, nothing but whole numbers from 1 to 16."""
+    unit.set("output_delay", 13.0)
+    unit.initialise()
+    own = unit.serialized()
+    numbers = numbers_of(own)
+    (place,) = np.flatnonzero(numbers == 13.0)
+    for value in (0.0, 0.5, 17.0, 2.25):
+        changed = numbers.copy()
+        changed[place] = value
+        assert not accepts(unit, with_numbers(own, changed))
+
+
+def test_older_value_references_stay(units: Units) -> None:
+    """Expected: in the order of inputs, outputs, parameters of the plain C, time; what is younger comes after it."""
+    for version, file in units.items():
+        found = {v.name: int(v.valueReference) for v in file.description.modelVariables}
+        older = [row.variable for row in units.layout.rows if row.variable.name not in ("output_delay", "time")]
+        names = [v.name for v in older] if version == "3.0" else [name for v in older for name in v.scalar_names]
+        assert [found[name] for name in names] == list(range(len(names)))
+        assert found["output_delay"] == len(names) + 1
+        assert version == "2.0" or found["time"] == len(names)
 
 
 EARLY = [(0.0, 2 * T, 2), (2.5 * T, 2.5 * T, 2), (9 * T, 7 * T, 7), (np.nan, 7 * T, 7)]

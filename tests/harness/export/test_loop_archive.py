@@ -44,6 +44,19 @@ def test_fmpy_runs_it_as_the_harness_does(ssp: Path) -> None:
     assert np.abs(lengths - expected["leg_length"][1:]).max() <= 1e-9
 
 
+@pytest.mark.parametrize("delay", [2, 3])
+def test_fmpy_runs_it_with_the_delay_of_the_experiment(delay: int, tmp_path: Path) -> None:
+    """Expected: the harness with that delay; the loop with another is a tenth of a millimetre away."""
+    settings = EXPORTED | {"loop.delay": delay}
+    step = settings["loop.sample_time"]
+    found = simulate_ssp(
+        str(exported_loop(tmp_path, settings)), stop_time=settings["loop.duration"] - step / 2, step_size=step
+    )
+    lengths = np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
+    assert np.abs(lengths - gs.run("heave_step", settings)["leg_length"][1:]).max() <= 1e-9
+    assert np.abs(lengths - gs.run("heave_step", EXPORTED)["leg_length"][1:]).max() > 1e-4
+
+
 def test_the_same_archive_comes_out_twice(ssp: Path, tmp_path: Path) -> None:
     assert exported_loop(tmp_path).read_bytes() == ssp.read_bytes()
 

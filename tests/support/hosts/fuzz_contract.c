@@ -95,7 +95,7 @@ static int get(host *h, uint32_t reference, double *values, size_t n)
 double time_of(host *h)
 {
     double time = NAN;
-    int status = get(h, h->version == 2 ? TIME : N_VARIABLES - 1, &time, 1);
+    int status = get(h, h->version == 2 ? TIME : VARIABLE_OF_SLOT[TIME], &time, 1);
     require(status == OK && isfinite(time), "the time can always be read");
     return time;
 }
