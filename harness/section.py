@@ -1,7 +1,8 @@
 """Tables of an experiment, from a file or from Python, and the messages for invalid ones."""
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema
@@ -10,6 +11,15 @@ from pydantic_core.core_schema import tagged_union_schema
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import nearest
+
+
+@dataclass(frozen=True)
+class _NamesFile:
+    """Annotates a key that names a file."""
+
+
+# The name of a file; relative names are relative to the experiment's folder.
+FileName = Annotated[str, _NamesFile()]
 
 
 class Section(BaseModel):
@@ -47,6 +57,25 @@ class Kind(Section):
     def model_post_init(self, _context: Any, /) -> None:
         """Mark the type as set, also where Python code has left it to the class."""
         self.model_fields_set.add("type")
+
+
+def file_names(table: Section) -> dict[tuple[str, ...], str]:
+    """The files that a table and the tables in it name, by the path of the key; elements of lists count from 1."""
+    found = dict[tuple[str, ...], str]()
+    for name, field in type(table).model_fields.items():
+        value = getattr(table, name)
+        if isinstance(value, str) and _names_file(field.annotation, *field.metadata):
+            found[name,] = value
+        elements = enumerate(value, 1) if isinstance(value, list) else [(None, value)]
+        for k, each in elements:
+            if isinstance(each, Section):
+                place = (name,) if k is None else (name, str(k))
+                found |= {(*place, *path): file for path, file in file_names(each).items()}
+    return found
+
+
+def _names_file(*annotations: object) -> bool:
+    return any(isinstance(each, _NamesFile) or _names_file(*get_args(each)) for each in annotations)
 
 
 class ByType:

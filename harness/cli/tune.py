@@ -85,12 +85,15 @@ def tune_command(
         folder = out or results_folder(experiment, "_tuned")
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=None)
+            from gough_stewart.harness.experiment.setting_file import text_with_settings
             from gough_stewart.harness.results.metric_names import shown_metric
             from gough_stewart.harness.tuning.files import FILES, tuning_files
             from gough_stewart.harness.tuning.tune import tune
             from gough_stewart.model.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
+            # before a long search: whether its result can be written as a file
+            text_with_settings(experiment, settings or (), folder=folder)
 
             def status(found: "Search") -> None:
                 shown, best = shown_metric(found.goal.metric), found.best

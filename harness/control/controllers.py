@@ -29,7 +29,7 @@ from gough_stewart.harness.quantities import (
     PositiveTime,
     ProportionalGains,
 )
-from gough_stewart.harness.section import Kind
+from gough_stewart.harness.section import FileName, Kind
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -229,7 +229,7 @@ class PythonController(ControllerChoice):
     """A controller from a Python file: a discrete python-control system, a LinearController, or a function."""
 
     type: Literal["python"] = "python"
-    file: str
+    file: FileName
     name: str = "controller"
 
     @property
@@ -246,7 +246,7 @@ class UnitChoice(ControllerChoice):
     """A controller FMU, of this project or a third party; `names` maps the names of variables where they differ."""
 
     type: Literal["fmu"] = "fmu"
-    file: str
+    file: FileName
     names: dict[str, str] = Field(default_factory=dict)
     parameters: dict[str, Any] = Field(default_factory=dict)
 

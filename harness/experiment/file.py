@@ -44,7 +44,7 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
     --------
     >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
     """
-    if _is_shipped(name):
+    if is_shipped(name):
         return shipped_experiment(str(name), settings)
     text, where = experiment_text(name)
     values = with_settings(_parsed(text, where), settings)
@@ -59,7 +59,7 @@ def experiment_text(name: Path | str) -> tuple[str, str]:
     ExperimentError
         It cannot be read.
     """
-    if _is_shipped(name):
+    if is_shipped(name):
         return shipped_text(str(name)), f"experiment '{name}'"
     path = Path(name)
     try:
@@ -75,7 +75,7 @@ def experiment_text(name: Path | str) -> tuple[str, str]:
         raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}; {hint}") from error
 
 
-def _is_shipped(name: Path | str) -> bool:
+def is_shipped(name: Path | str) -> bool:
     """Whether it is a shipped name; a file of the same name takes precedence."""
     return str(name) in experiment_names() and not Path(name).is_file()
 

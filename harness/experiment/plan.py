@@ -15,6 +15,7 @@ from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import LANES, batch_of, prepared_members
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.loop import observe_all
@@ -106,29 +107,17 @@ def plan_without_substeps(experiment: Experiment) -> Plan:
     members = Members(experiment)
     _check_varies(members)
     folder = str(experiment.folder.absolute())
-    return Plan(values, experiment.where, folder, members.count, members.seed, 1, _digests(experiment))
+    return Plan(values, experiment.where, folder, members.count, members.seed, 1, digests(experiment))
 
 
 @lru_cache(2)
 def _members_of(text: str) -> Members:
     plan = plan_from(text)
     experiment = experiment_from(plan.experiment, plan.where).from_file(plan.where, Path(plan.folder))
-    if (found := _digests(experiment)) != plan.files:
+    if (found := digests(experiment)) != plan.files:
         names = sorted(name for name in {*found, *plan.files} if found.get(name) != plan.files.get(name))
         raise ExperimentError(plan.where, "", f"names {', '.join(names)}, which has changed since the run began")
     return Members(experiment)
-
-
-def _digests(experiment: Experiment) -> dict[str, str]:
-    """Hashes of the files that an experiment names, in its folder."""
-    names = [getattr(table, "file", None) for table in (experiment.platform, experiment.plant, experiment.controller)]
-    names.append(getattr(experiment.reference, "file", None))
-    found = {}
-    for name in sorted({str(name) for name in names if name is not None}):
-        path = experiment.folder / name
-        if path.is_file():
-            found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
-    return found
 
 
 def _check_varies(members: Members) -> None:

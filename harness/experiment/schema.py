@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
@@ -32,10 +33,11 @@ from gough_stewart.harness.quantities import (
     positive_or_word,
 )
 from gough_stewart.harness.sampling.choice import EnsembleChoice
-from gough_stewart.harness.section import ByType, Section
+from gough_stewart.harness.section import ByType, FileName, Section
 from gough_stewart.model import joint_circles
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.joint_circles import Pairing
+from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
 
 # Smaller noise and steps are rounding, and their inverse overflows.
@@ -43,11 +45,35 @@ _FINEST = 1e-15
 _SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
+def _by_parameter(value: Any) -> Any:
+    """Quantities with a unit as numbers in SI units; all else as it is, since the platform checks its parameters."""
+    if not isinstance(value, dict):
+        return value
+    return {name: _in_si(name, each, TABLE[name].unit) if name in TABLE else each for name, each in value.items()}
+
+
+def _in_si(name: str, value: Any, unit: str) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_in_si(name, each, unit) for each in value]
+    if not isinstance(value, str):
+        return value
+    try:
+        return number(value, unit)
+    except ValueError as error:
+        raise ValueError(f"{name} is {value!r}; {error}") from None
+
+
+# Parameters of a platform by name: numbers in SI units, or strings with a unit, also as elements of lists.
+PlatformParameters = Annotated[dict[str, Any], BeforeValidator(_by_parameter)]
+
+
 class PlatformChoice(Section):
     """`[platform]`: the nominal model; a preset, or a file; joints on two circles; single parameters may be changed."""
 
     preset: str | None = None
-    file: str | None = None
+    file: FileName | None = None
     # joints in pairs on two circles and the home pose above them, instead of those of the preset or file
     base_radius: PositiveLength | None = None
     platform_radius: PositiveLength | None = None
@@ -55,7 +81,7 @@ class PlatformChoice(Section):
     platform_angle: Angle | None = None
     pairing: Pairing | None = None
     home_leg_length: PositiveLength | None = None
-    parameters: dict[str, Any] = Field(default_factory=dict)
+    parameters: PlatformParameters = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_of_both(self) -> "PlatformChoice":
@@ -78,10 +104,10 @@ class PlantChoice(Section):
     """`[plant]`: the machine, where it differs from the nominal model, and how it is simulated."""
 
     kind: PlantKind = "model"
-    fmu: str | None = None
+    fmu: FileName | None = None
     # the machine's platform: another file, other values of single parameters
-    file: str | None = None
-    parameters: dict[str, Any] = Field(default_factory=dict)
+    file: FileName | None = None
+    parameters: PlatformParameters = Field(default_factory=dict)
     tolerance: Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])] = DEFAULT_TOLERANCE
     fixed_step_size: Time = 0.0
 
@@ -161,7 +187,7 @@ class ChangeChoice(Section):
     """`[[change]]`: new values of tunable parameters from a time on, or factors on the present ones."""
 
     at: Time
-    parameters: dict[str, Any] = Field(default_factory=dict)
+    parameters: PlatformParameters = Field(default_factory=dict)
     factors: dict[str, Number] = Field(default_factory=dict)
 
     @model_validator(mode="after")

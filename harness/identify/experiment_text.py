@@ -1,5 +1,7 @@
 """The text of an experiment file with an optimised excitation."""
 
+import tomlkit
+
 from gough_stewart.harness.identify.excite import Excited
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -17,9 +19,9 @@ description = "motion for identification, computed torque"
 
 [reference]
 type = "excitation"
-frequency = "{frequency:g} Hz"
-duration = "{duration:g} s"
-fade = "{fade:g} s"
+frequency = "{frequency!r} Hz"
+duration = "{duration!r} s"
+fade = "{fade!r} s"
 # a row for each harmonic: x, y, z [m]; roll, pitch, yaw [rad]
 {coefficients}
 
@@ -30,7 +32,7 @@ damping_ratio = 0.8
 feedforward = "computed_torque"
 
 [loop]
-duration = "{duration:g} s"
+duration = "{duration!r} s"
 sample_time = "1 ms"
 
 [sensors]
@@ -51,16 +53,16 @@ def experiment_text(found: Excited, platform: Platform, chosen: str, names: str,
         seed=seed,
         names=names,
         number=found.condition_number,
-        title='"' + title.replace("\\", "\\\\").replace('"', '\\"') + '"',
+        title=tomlkit.item(title).as_string(),
         platform=chosen,
-        frequency=reference.frequency,
-        duration=reference.duration,
-        fade=reference.fade,
+        frequency=float(reference.frequency),
+        duration=float(reference.duration),
+        fade=float(reference.fade),
         coefficients="\n".join(f"{name} = {_rows(values)}" for name, values in parts.items()),
         bandwidth=max(1.0, _ABOVE * reference.highest_frequency),
     )
 
 
 def _rows(values: FloatArray) -> str:
-    rows = "".join(f"    [{', '.join(f'{v:.6g}' for v in row)}],\n" for row in values)
+    rows = "".join(f"    [{', '.join(map(repr, row))}],\n" for row in values.tolist())
     return f"[\n{rows}]"

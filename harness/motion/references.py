@@ -34,7 +34,7 @@ from gough_stewart.harness.quantities import (
     PositiveTime,
     Time,
 )
-from gough_stewart.harness.section import Kind
+from gough_stewart.harness.section import FileName, Kind
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -271,7 +271,7 @@ class FromFile(ReferenceChoice):
     """
 
     type: Literal["file"] = "file"
-    file: str
+    file: FileName
     columns: str | dict[str, str] = ""
     largest_gap: PositiveTime | None = None
     start_time: AnyTime | None = None

@@ -16,6 +16,7 @@ from gough_stewart.harness.motion.shares import shares_along
 from gough_stewart.harness.motion.time_law import Quintic, Stretched, TimeLaw
 from gough_stewart.harness.motion.timed_path import TimedPath
 from gough_stewart.harness.quantities import Share, Time, positive_or_word, vector
+from gough_stewart.harness.section import FileName
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
@@ -61,7 +62,7 @@ class ViaPath(ReferenceChoice):
 
     type: Literal["path"] = "path"
     poses: Annotated[Any, BeforeValidator(_poses)] = ()
-    file: str | None = None
+    file: FileName | None = None
     relative_to: Literal["world", "home"] = "world"
     interpolation: Literal["quintic", "cubic"] = "quintic"
     timing: Annotated[float | str, BeforeValidator(_timing)]

@@ -1,32 +1,27 @@
 """The files of a search: an experiment file that runs, all candidates, and a figure."""
 
 import json
-import os
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomlkit
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.harness.experiment.file import Settings, experiment_names, shipped_text, with_settings
-from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.file import Settings
+from gough_stewart.harness.experiment.setting_file import text_with_settings
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, pictures
 from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.quantities import PLAIN
 from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.search import Search
 from gough_stewart.harness.tuning.tune import Tuning
-from gough_stewart.model.toml import toml_values
 
 TUNED = "tuned.toml"
 FILES = (TUNED, "tuning.json", "candidates.csv", "search.png", "search.svg")
-# Keys of tables that name files.
-_NAMED = (("platform", "file"), ("plant", "file"), ("plant", "fmu"), ("controller", "file"), ("reference", "file"))
 
 
 def tuning_files(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> dict[str, bytes]:
@@ -52,19 +47,13 @@ def tuning_files(found: Tuning, name: Path | str | None, folder: Path, settings:
 
 def tuned_toml(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> str:
     """An experiment file with the values found."""
-    if name is None:
-        document = tomlkit.parse(tomlkit.dumps(found.experiment.model_dump(mode="json", exclude_unset=True)))
-    else:
-        is_shipped = str(name) in experiment_names() and not Path(name).is_file()
-        text = shipped_text(str(name)) if is_shipped else Path(name).read_text(encoding="utf-8-sig")
-        document = tomlkit.parse(text)
-        plain = toml_values(text)
-        _merge(document, plain, with_settings(plain, settings))
-    for axis in found.search.axes:
-        value = found.values[axis.key]
-        _set(document, axis.place.path, f"{value!r} {axis.unit}" if axis.unit else value)
-    _point_at_files(document, found.experiment, folder)
-    return tomlkit.dumps(document)
+    values = {".".join(axis.place.path): _written(found.values[axis.key], axis.unit) for axis in found.search.axes}
+    return text_with_settings(found.experiment if name is None else name, settings, values, folder=folder)
+
+
+def _written(value: float | int, unit: str) -> float | int | str:
+    """With its unit, for a reader; plain numbers and shares have none."""
+    return value if unit in (PLAIN, "1") else f"{value!r} {unit}"
 
 
 def summary(found: Tuning) -> dict[str, Any]:
@@ -99,36 +88,6 @@ def summary(found: Tuning) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
-
-
-def _merge(document: Any, old: Mapping[str, Any], new: Mapping[str, Any], path: tuple[str, ...] = ()) -> None:
-    """Change what differs in a document, and keep its comments."""
-    for key, value in new.items():
-        before = old.get(key)
-        if isinstance(value, Mapping) and isinstance(before, Mapping):
-            _merge(document, before, value, (*path, key))
-        elif before != value:
-            _set(document, (*path, key), value)
-
-
-def _set(document: Any, path: tuple[str, ...], value: Any) -> None:
-    table = document
-    for name in path[:-1]:
-        if isinstance(table, list):
-            table = table[int(name) - 1]
-            continue
-        if name not in table:
-            table[name] = tomlkit.table()
-        table = table[name]
-    table[path[-1]] = value
-
-
-def _point_at_files(document: Any, experiment: Experiment, folder: Path) -> None:
-    for section, key in _NAMED:
-        name = document.get(section, {}).get(key)
-        if isinstance(name, str) and not Path(name).is_absolute():
-            target = (experiment.folder / name).absolute()
-            document[section][key] = Path(os.path.relpath(target, folder.absolute())).as_posix()
 
 
 def _draw(found: Search, figure: Figure) -> None:

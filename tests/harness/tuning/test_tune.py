@@ -1,5 +1,6 @@
 """The search against an exhaustive one with another plant; what it writes; what it refuses."""
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -78,6 +79,17 @@ def test_the_files_run_and_keep_the_comments(found: Tuning, tmp_path: Path) -> N
     assert [sheet.title for sheet in tuning_sheets(found)] == ["Tuned", "Worth"]
     assert repr(found).splitlines()[-1] == statement(found)
     assert found._repr_html_().count("<table>") == 2
+
+
+@pytest.mark.parametrize("table", ["platform", "plant"])
+def test_a_tuned_parameter_of_a_platform_is_written_with_its_unit_and_runs(tmp_path: Path, table: str) -> None:
+    """Expected: the same value by a run of the file alone."""
+    key = f"{table}.platform_mass"
+    tuned = tune("heave_step", [f"{key}=900..1100kg"], RMS, {"loop.duration": 0.1}, generations=1, population=5)
+    path = tmp_path / "tuned.toml"
+    path.write_bytes(tuning_files(tuned, "heave_step", tmp_path, {"loop.duration": 0.1})["tuned.toml"])
+    assert tomllib.loads(path.read_text())[table]["parameters"]["platform_mass"] == f"{tuned.values[key]!r} kg"
+    assert flattened(metrics(run(path)))[RMS] == pytest.approx(tuned.seen.value, rel=1e-6)
 
 
 def test_files_that_an_experiment_names_are_found_from_where_the_tuned_one_is(found: Tuning, tmp_path: Path) -> None:

@@ -1,0 +1,55 @@
+"""The files that an experiment names: what is in them, and their names from another folder."""
+
+import hashlib
+import os
+from pathlib import Path
+
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.motion.recording import recording_path
+from gough_stewart.harness.motion.references import FromFile
+from gough_stewart.harness.section import file_names
+
+
+def digests(experiment: Experiment) -> dict[str, str]:
+    """SHA-256 of the files that an experiment names in its folder, by name; shipped files have none."""
+    paths = {name: experiment.folder / name for name in sorted(set(file_names(experiment).values()))}
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items() if path.is_file()}
+
+
+def names_from(experiment: Experiment, folder: Path) -> dict[tuple[str, ...], str]:
+    """The names, by key, under which an experiment file in a folder finds the same files.
+
+    Absolute names, and names of shipped recordings, stay as they are.
+
+    Raises
+    ------
+    ExperimentError
+        The folder has a file of its own under the name of a shipped one.
+    """
+    return {key: _name_from(experiment, key, Path(name), folder) for key, name in file_names(experiment).items()}
+
+
+def _name_from(experiment: Experiment, key: tuple[str, ...], name: Path, folder: Path) -> str:
+    if name.is_absolute():
+        return str(name)
+    if _is_shipped(experiment, key, name):
+        if (folder / name).exists():
+            raise ExperimentError(
+                experiment.where,
+                ".".join(key),
+                f"is the shipped {name}, but {folder} has a file of this name, which an experiment there would read; "
+                "choose another folder",
+            )
+        return str(name)
+    # resolved first: ".." leads elsewhere from a folder that is a link
+    target, there = (experiment.folder / name.parent).resolve() / name.name, folder.resolve()
+    try:
+        return Path(os.path.relpath(target, there)).as_posix()
+    except ValueError:  # on another drive
+        return target.as_posix()
+
+
+def _is_shipped(experiment: Experiment, key: tuple[str, ...], name: Path) -> bool:
+    is_recording = key[0] == "reference" and isinstance(experiment.reference, FromFile)
+    return is_recording and recording_path(experiment.folder, str(name)) != experiment.folder / name
