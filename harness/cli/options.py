@@ -30,10 +30,16 @@ def choices(kind: type[StrEnum]) -> str:
 
 
 def path(text: str) -> Path:
-    """A path; refuses an empty text, which pathlib reads as the current folder."""
+    """A path; refuses an empty text, which pathlib reads as the current folder.
+
+    A leading ~ is the home folder: shells leave it as it is in `--out=~/x`.
+    """
     if not text:
         raise typer.BadParameter("is empty; expected a path, or . for the current folder")
-    return Path(text)
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # of an unknown user, or without a home folder
+        return Path(text)
 
 
 # Shell completions; where none fits, the shell completes file names.

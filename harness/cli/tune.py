@@ -101,6 +101,11 @@ def tune_command(
                 done = found.generation[-1] + 1
                 progress.update(task, description=f"best {so_far}", completed=done, total=generations)
 
+            if over_ensemble is not None and chosen.ensemble is None:
+                raise UsageError(
+                    f"--over-ensemble {over_ensemble}: {experiment} has no [ensemble], so there are no machines that "
+                    "differ; add one, or leave the option out"
+                )
             if over_ensemble is None and chosen.ensemble is not None:
                 chosen = chosen.model_copy(update={"ensemble": None})
             found = tune(

@@ -160,6 +160,8 @@ class _SixChannels(ControllerChoice):
             raise ValueError("expected a bandwidth or gains, not both")
         if self.bandwidth is None and self.damping_ratio is not None:
             raise ValueError("damping_ratio needs a bandwidth; remove it, or replace the gains by a bandwidth")
+        if self.bandwidth is None:
+            Gains(np.array(self.proportional_gain), np.array(self.derivative_gain))  # refuses negative ones
         return self
 
 

@@ -25,7 +25,7 @@ _MOST_CAUSES = 50
 
 def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path) -> Ensemble:
     """Write members.parquet, bands.parquet and ensemble.json from the chunks; the last one marks completion."""
-    rows = polars.concat([polars.scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
+    rows = polars.concat([polars.scan_parquet(files.rows(first), glob=False) for first, _ in ranges], how="diagonal")
 
     def write(path: Path) -> None:
         rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
@@ -33,7 +33,7 @@ def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: S
     write_whole(folder / MEMBERS, write)
     bands = bands_frame(together(files.bands(first) for first, _ in ranges))
     write_whole(folder / BANDS, lambda path: bands.write_parquet(path, statistics=False))
-    members = polars.scan_parquet(folder / MEMBERS)
+    members = polars.scan_parquet(folder / MEMBERS, glob=False)
     write_whole(folder / METADATA, json.dumps(_metadata(plan, members, features), indent=1).encode())
     return read_ensemble(folder)
 
@@ -49,7 +49,9 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     folder = Path(folder)
     try:
         metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
-        return Ensemble(polars.read_parquet(folder / MEMBERS), polars.read_parquet(folder / BANDS), metadata)
+        return Ensemble(
+            polars.read_parquet(folder / MEMBERS, glob=False), polars.read_parquet(folder / BANDS, glob=False), metadata
+        )
     except (OSError, ValueError, polars.exceptions.PolarsError) as error:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
 

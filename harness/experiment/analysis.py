@@ -118,7 +118,8 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     >>> found.disk.alpha, min(leg.phase for leg in found.legs)
     """
     chosen = experiment_of(experiment, settings)
-    prepared = prepare(chosen, controller)
+    # the loop at rest has its margins however fast its reference is
+    prepared = prepare(experiment_of(chosen, {"limits.reference": "warn"}), controller)
     linear = prepared.controller
     if not isinstance(linear, LinearController):
         what = "an open loop has no margins" if linear is None else "a function has no transfer function"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gough_stewart.harness.experiment.static_error import static_error
 from gough_stewart.harness.results.drawing import FIGURES, draw_here
 from gough_stewart.harness.results.metrics import Metrics, metrics, metrics_json
 from gough_stewart.harness.results.record import Record
@@ -93,8 +94,8 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
 
 
 def warnings_of(record: Record) -> list[str]:
-    """Limits that a completed run exceeded; a stroke that it was to ignore is left out."""
-    found = []
+    """Limits that a run exceeded, and a static error at its end; a stroke that it was to ignore is left out."""
+    found = static_error(record)
     feedforward, limit = np.abs(record["controller.feedforward"]), record.metadata["force_limit"]
     if limit is not None and feedforward.max() > limit:
         row, leg = (int(k) for k in np.unravel_index(feedforward.argmax(), feedforward.shape))

@@ -12,6 +12,7 @@ from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.control.laws import Controller, Law, controller_of, law_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError
+from gough_stewart.harness.experiment.hints import hints_of
 from gough_stewart.harness.experiment.parts import (
     Injection,
     changed,
@@ -93,7 +94,7 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
         A reference that the platform cannot follow.
     """
     prepared = Preparation().prepare(experiment, controller, injection)
-    return replace(prepared, warnings=(*prepared.warnings, *prepared.platform.hints))
+    return replace(prepared, warnings=(*prepared.warnings, *hints_of(experiment, prepared.platform)))
 
 
 class _Planned(NamedTuple):

@@ -26,7 +26,8 @@ def tuning_sheets(found: Tuning) -> list[Sheet]:
     worth.add(_named(goal.metric), *(_cell(goal.metric, each, None) for each in evaluations))
     for k, condition in enumerate(goal.conditions):
         worth.add(_named(condition.metric), *(_cell(condition.metric, each, k) for each in evaluations))
-    worth.add("members that failed", *("–" if each is None else str(each.failed) for each in evaluations))
+    failed = "members that failed" if found.search_is_over_members else "runs that failed"
+    worth.add(failed, *("–" if each is None else str(each.failed) for each in evaluations))
     return [values, worth]
 
 

@@ -8,6 +8,7 @@ import polars
 
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.hints import too_late
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.conditions import check_metric, condition_of
@@ -143,6 +144,8 @@ def tune(
     for name, number in (("members", members), ("fresh", fresh), ("generations", generations)):
         if number is not None and number < 1:
             raise TuningError(f"{name} is {number}; expected at least 1")
+    for hint in too_late(chosen):
+        raise TuningError(hint)
     here = Candidates(chosen, _number(chosen, members, MEMBERS if chosen.ensemble is not None else 1))
     axes = axes_of(vary, here.members)
     conditions = tuple(condition_of(text) for text in subject_to)
