@@ -1,15 +1,13 @@
 """Atomic writing of files and of sets of files: written to temporary places, then moved."""
 
 import os
-import shutil
-import tempfile
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from gough_stewart.model.errors import OutputError
+from gough_stewart.model.temporary import remove_leftovers, temporary_file, temporary_folder
 
 # The content of a file, or a function that writes it to a path.
 Content = bytes | Callable[[Path], None]
@@ -17,6 +15,8 @@ Content = bytes | Callable[[Path], None]
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
     """Check that files of these names can be written to a folder, before anything is computed.
+
+    Temporary files of processes that were killed there are removed.
 
     Raises
     ------
@@ -34,24 +34,21 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         if (folder / name).is_dir():
             raise OutputError(f"output folder {folder}: {name} is a folder there; expected a file or nothing")
+    remove_leftovers(folder)
 
 
 def write_whole(path: Path, content: Content) -> None:
     """Create or replace a file atomically; an interrupted write leaves the old file unchanged."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
-        if isinstance(content, bytes):
-            temporary.write_bytes(content)
-        else:
-            content(temporary)
-        temporary.replace(path)
+        with temporary_file(path) as temporary:
+            if isinstance(content, bytes):
+                temporary.write_bytes(content)
+            else:
+                content(temporary)
+            temporary.replace(path)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         # report the target to the user, not the temporary file
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 @dataclass(frozen=True)
@@ -90,21 +87,22 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
     """
     expected = tuple(names)
     folder.mkdir(parents=True, exist_ok=True)
-    files = FileSet(folder, Path(tempfile.mkdtemp(prefix=".", suffix=".part", dir=folder)))
-    try:
-        yield files
-    except BaseException as error:
-        missing = [name for name in expected if name not in files.names]
-        if files.names and missing:
-            error.add_note(f"{folder} has {', '.join(files.names)}; missing: {', '.join(missing)}")
-        raise
-    finally:
-        older = {*expected, *owned} if files.names else set()
+    with temporary_folder(folder) as temporary:
+        files = FileSet(folder, temporary)
         try:
-            _swap_in(files, older)
-        except KeyboardInterrupt:  # finish first: an incomplete set is worse than a short delay
-            _swap_in(files, older)
+            yield files
+        except BaseException as error:
+            missing = [name for name in expected if name not in files.names]
+            if files.names and missing:
+                error.add_note(f"{folder} has {', '.join(files.names)}; missing: {', '.join(missing)}")
             raise
+        finally:
+            older = {*expected, *owned} if files.names else set()
+            try:
+                _swap_in(files, older)
+            except KeyboardInterrupt:  # finish first: an incomplete set is worse than a short delay
+                _swap_in(files, older)
+                raise
 
 
 def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str] = ()) -> None:
@@ -124,6 +122,7 @@ def _swap_in(files: FileSet, older: set[str]) -> None:
         for name in new:
             (files.temporary / name).replace(files.folder / name)
     except OSError as error:
-        error.add_note(f"the new files are in {files.temporary}")
+        # under a name that the next command does not take for a leftover
+        kept = files.temporary.rename(files.temporary.with_name(f"not-moved{files.temporary.stem}"))
+        error.add_note(f"the new files are in {kept}")
         raise
-    shutil.rmtree(files.temporary, ignore_errors=True)

@@ -1,5 +1,6 @@
 """Runs a command to its closing lines, or to one line that states the error."""
 
+import logging
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -27,6 +28,10 @@ class Command:
     started: float = field(default_factory=time.perf_counter)
     written: list[Path] = field(default_factory=list)
 
+    def whereabouts(self) -> str:
+        """What an interrupt says of the files."""
+        return f"the files are in {', '.join(map(str, self.written))}" if self.written else "nothing written"
+
     def close(
         self,
         files: Iterable[str | Path],
@@ -52,6 +57,24 @@ class Command:
             terminal.say(f"Next: {then}")
 
 
+class _Remarks(logging.Handler):
+    """Shows what functions remark, such as leftovers that they have removed."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        errors.say((record.getMessage(), "dim"))
+
+
+_remarks = logging.getLogger("gough_stewart.model.temporary")
+_remarks.addHandler(_Remarks())
+_remarks.setLevel(logging.INFO)
+_latest = [Command()]
+
+
+def whereabouts() -> str:
+    """The same of the command that runs or has just ended."""
+    return _latest[0].whereabouts()
+
+
 def duration_text(seconds: float) -> str:
     """A duration as text, such as 0.8 s or 2 min 5 s."""
     if seconds < 60:
@@ -74,7 +97,7 @@ def _size(path: Path) -> int:
 @contextmanager
 def clear_errors() -> Iterator[Command]:
     """Turn an error into one clear line and an exit code instead of a traceback."""
-    command = Command()
+    _latest[:] = [command := Command()]
     try:
         yield command
     except GoughStewartError as error:
@@ -87,7 +110,7 @@ def clear_errors() -> Iterator[Command]:
         _say_error("not enough memory; make the run shorter, its plant_step longer, or the grid coarser", error)
         raise typer.Exit(EXIT_ERROR) from error
     except KeyboardInterrupt as error:
-        errors.say((f"interrupted; {_notes(error) or _whereabouts(command.written)}", "bold red"))
+        errors.say((f"interrupted; {_notes(error) or command.whereabouts()}", "bold red"))
         raise typer.Exit(EXIT_INTERRUPTED) from None
 
 
@@ -98,7 +121,3 @@ def _say_error(message: str, error: BaseException) -> None:
 def _notes(error: BaseException) -> str:
     """Notes that were added to the error, such as which files were written anyway."""
     return "; ".join(getattr(error, "__notes__", ()))
-
-
-def _whereabouts(folders: list[Path]) -> str:
-    return f"the files are in {', '.join(map(str, folders))}" if folders else "nothing written"

@@ -1,63 +1,142 @@
 """Entry point of the console script; it imports little, so that interrupts are handled from the start."""
 
-# only modules that Python has loaded already
+# only modules that Python has loaded already, or loads in a moment
+import _thread
 import io
 import os
+import signal
 import sys
+import time
+from types import FrameType
 
 _INTERRUPTED = "interrupted; nothing written"
 _EXIT_ERROR = 1
 _EXIT_INTERRUPTED = 130  # 128 + SIGINT, the shells' convention
+_COMMAND = "gough_stewart.harness.cli.command"
+
+
+class _Interrupts:
+    """Turns Ctrl-C, SIGTERM and SIGHUP into `KeyboardInterrupt`, where that is safe.
+
+    While modules load, extension modules turn it into errors of their own, and in a finaliser it is lost; there the
+    signal comes again a little later. Before `main` it waits, after `main` it has no effect.
+    """
+
+    _AGAIN = 0.02  # [s]
+    _PATIENCE = 10.0  # longer than any import here; then the import is interrupted [s]
+
+    def __init__(self) -> None:
+        self.begun = self.ended = False
+        self._since: float | None = None  # the first signal that waits
+        self._main = _thread.get_ident()
+
+    def watch(self, *names: str) -> None:
+        """Handle these signals, except those with handlers of others, such as nohup's."""
+        for name in names:
+            number = getattr(signal, name, None)
+            if number is None or signal.getsignal(number) not in (signal.SIG_DFL, signal.default_int_handler):
+                continue
+            try:
+                signal.signal(number, self._handle)
+            except ValueError:  # not the main thread, which has no signals
+                return
+
+    def lost(self, unraisable: "sys.UnraisableHookArgs") -> None:
+        """For `sys.unraisablehook`: an interrupt that nobody can catch comes again."""
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            self._later(signal.SIGINT)
+        else:
+            sys.__unraisablehook__(unraisable)
+
+    def ignore(self) -> None:
+        """Let no signal disturb the end of the process."""
+        self.ended = True
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.ended:
+            return
+        now = time.monotonic()
+        self._since = self._since or now
+        if (not self.begun or _is_importing(frame)) and now - self._since < self._PATIENCE:
+            self._later(number)
+            return
+        self._since = None
+        raise KeyboardInterrupt
+
+    def _later(self, number: int) -> None:
+        def again() -> None:
+            time.sleep(self._AGAIN)
+            if hasattr(signal, "pthread_kill"):
+                signal.pthread_kill(self._main, number)  # wakes a call that waits, too
+            else:
+                _thread.interrupt_main(signal.Signals(number))
+
+        _thread.start_new_thread(again, ())
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    """Whether the import system is at work, within `main`."""
+    while frame is not None and frame.f_code is not main.__code__:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+_interrupts = _Interrupts()
+_interrupts.watch("SIGINT")
 
 
 def main() -> None:
     """Run the command line; Ctrl-C, SIGTERM, SIGHUP and a full output stream give one line each."""
     code: str | int | None = 0
     try:
-        if isinstance(sys.stderr, io.TextIOWrapper):
-            sys.stderr = _ErrorStream(sys.stderr)
-        _end_as_by_ctrl_c()
-        from gough_stewart.harness.cli import app
+        try:
+            sys.unraisablehook = _interrupts.lost
+            if isinstance(sys.stderr, io.TextIOWrapper):
+                sys.stderr = _ErrorStream(sys.stderr)
+            # these end the process like Ctrl-C: keep rows, remove temporary files, end compilers
+            _interrupts.watch("SIGTERM", "SIGHUP")
+            _interrupts.begun = True
+            from gough_stewart.harness.cli import app
 
-        app.main()
+            app.main()
+        finally:
+            _interrupts.ended = True
     except SystemExit as ended:
         code = ended.code
         # Typer exits silently if it is itself interrupted
         if isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt):
-            _say(_INTERRUPTED)
-    except KeyboardInterrupt:
-        _say(_INTERRUPTED)
-        code = _EXIT_INTERRUPTED
+            _say(_whereabouts())
+    except KeyboardInterrupt as interrupt:
+        # an interrupt of the very end changes nothing
+        if isinstance(interrupt.__context__, SystemExit):
+            code = interrupt.__context__.code
+        else:
+            _say(_whereabouts())
+            code = _EXIT_INTERRUPTED
     except OSError as error:  # the help cannot be printed
         _say(f"error: {error.strerror or error}")
         code = _EXIT_ERROR
     sys.exit(_flushed(code))
 
 
-def _end_as_by_ctrl_c() -> None:
-    """Handle signals that end the process like Ctrl-C: keep rows, remove temporary files, end compilers."""
-    import signal
-
-    def interrupt(_number: int, _frame: object) -> None:
-        raise KeyboardInterrupt
-
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if (
-            number is not None and signal.getsignal(number) is signal.SIG_DFL
-        ):  # keep handlers of others, such as nohup's
-            signal.signal(number, interrupt)
+def _whereabouts() -> str:
+    """What an interrupt says outside of a command: its files may be written already."""
+    command = sys.modules.get(_COMMAND)
+    return _INTERRUPTED if command is None else f"interrupted; {command.whereabouts()}"
 
 
 def _flushed(code: str | int | None) -> str | int | None:
     """The exit code, or 1 if the results could not be printed, where Python would end with a traceback."""
     import gc
-    import signal
 
+    _interrupts.ignore()
     # a last garbage collection would take up to half a second
     gc.freeze()
-    # nothing is left to interrupt
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         sys.stdout.flush()
     except OSError as error:

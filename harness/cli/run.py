@@ -21,7 +21,6 @@ from gough_stewart.harness.cli.options import (
 )
 from gough_stewart.harness.cli.terminal import errors, progress_bar, show, warn
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
-from gough_stewart.harness.results.drawing import Drawing
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
@@ -92,7 +91,7 @@ def run_command(
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder(experiment, "" if member is None else f"_member_{member}")
         # each refresh takes as long as a hundred steps of the run
-        with progress_bar(refresh_per_second=4) as progress, Drawing() as draw:
+        with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=chosen.loop.duration)
             from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
             from gough_stewart.harness.experiment.run import run
@@ -116,7 +115,7 @@ def run_command(
                     warn=warn,
                 )
             progress.update(task, total=None, description="files and figures")
-            files, measured = write_results(record, folder, report, draw)
+            files, measured = write_results(record, folder, report)
         command.written.append(folder)
         show(*metrics_sheets(measured))
         for warning in warnings_of(record):

@@ -23,6 +23,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.files import check_output_folder, write_whole
 from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.temporary import remove_leftovers
 
 PLAN = "plan.json"
 # Called with the number of finished members, and the total.
@@ -87,6 +88,7 @@ def ensemble(
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
             return _run(chosen, Path(folder), False, workers, scheduler, progress, status)
     check_output_folder(Path(out), (MEMBERS, BANDS, METADATA, PLAN))
+    remove_leftovers(ChunkFiles(Path(out)).folder)
     return _run(chosen, Path(out), resume, workers, scheduler, progress, status)
 
 

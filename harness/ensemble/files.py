@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from gough_stewart.harness.ensemble.drawing import figures_aside
 from gough_stewart.harness.ensemble.page import PAGE, ensemble_page
 from gough_stewart.harness.ensemble.result import Ensemble, metric_name
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
@@ -30,12 +29,14 @@ def write_report(found: Ensemble, folder: Path) -> tuple[list[str], list[Sheet]]
     OSError
         They cannot be written.
     """
+    # its import takes as long as some of the pictures
+    from gough_stewart.harness.ensemble.figures import ensemble_figures
+
     by = worst_by(found)
     known = _sensitivity(found, by)
-    with figures_aside(found, by, known) as pictures:
-        worst = _write_worst(found, by, folder)
-        page = ensemble_page(found, by, worst, () if known is None else (known,))
-        files = {**pictures(), PAGE: page}
+    worst = _write_worst(found, by, folder)
+    page = ensemble_page(found, by, worst, () if known is None else (known,))
+    files = {**ensemble_figures(found, by, known), PAGE: page}
     write_files(folder, files)
     sheets = ensemble_sheets(found)
     return [*files, *([WORST] if worst else [])], sheets if known is None else [*sheets, sensitivity_sheet(known)]

@@ -1,21 +1,19 @@
 """The files of a run: record, metadata, metrics, figures, page; written as one set."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from gough_stewart.harness.experiment.static_error import static_error
-from gough_stewart.harness.results.drawing import FIGURES, draw_here
 from gough_stewart.harness.results.metrics import Metrics, metrics, metrics_json
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.files import Content, FileSet, check_output_folder, file_set
 
-# Functions that make figures of a record, by file name.
-Draw = Callable[[Record], dict[str, bytes]]
-_FIGURE_FILES = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")]
+# Those of `run_figures`, whose module takes long to import.
+_FIGURE_FILES = [f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")]
 # The record is written first, beginning with its smallest complete form.
 _FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json", *_FIGURE_FILES]
 
@@ -25,9 +23,7 @@ def names_of_files() -> list[str]:
     return [*_FILES, PAGE]
 
 
-def write_results(
-    record: Record, folder: Path, report: bool = False, draw: Draw = draw_here
-) -> tuple[list[str], Metrics]:
+def write_results(record: Record, folder: Path, report: bool = False) -> tuple[list[str], Metrics]:
     """Write all files of a run as one set, optionally with the page; returns their names, and the metrics.
 
     If something fails, the files before it are complete, beginning with the record, and no file of an older run
@@ -38,7 +34,7 @@ def write_results(
         ThreadPoolExecutor(1) as aside,  # polars releases the GIL
     ):
         written = aside.submit(_add, files, _record_files(record))
-        more, measured = _result_files(record, report, draw)
+        more, measured = _result_files(record, report)
         written.result()
         _add(files, more)
     return files.names, measured
@@ -57,10 +53,12 @@ def _record_files(record: Record) -> dict[str, Content]:
     }
 
 
-def _result_files(record: Record, report: bool, draw: Draw) -> tuple[dict[str, bytes], Metrics]:
+def _result_files(record: Record, report: bool) -> tuple[dict[str, bytes], Metrics]:
     """Metrics, figures and, if requested, the page by file name; and the metrics themselves."""
+    from gough_stewart.harness.results.figures import run_figures
+
     measured = metrics(record)
-    files = {"metrics.json": metrics_json(measured), **draw(record)}
+    files = {"metrics.json": metrics_json(measured), **run_figures(record)}
     if report:
         files[PAGE] = view_page([record], [record.metadata["title"]])
     return files, measured

@@ -17,6 +17,7 @@ from typing import IO, Any
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
@@ -66,7 +67,8 @@ class Isolated:
         self._folder = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
         self._printed = Path(self._folder.name, "printed")
         try:
-            with self._printed.open("wb") as printed:
+            # an interrupt inside of Popen would lose sight of the process
+            with self._printed.open("wb") as printed, interrupts_held_back():
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", _program()],
                     stdin=subprocess.PIPE,

@@ -57,11 +57,11 @@ def test_progress_shows_before_slow_imports(arguments: list[str], tmp_path: Path
     assert loaded_after(MAIN_UNTIL_PROGRESS, *arguments, *options) <= {"numpy", "pydantic"}
 
 
-def test_a_run_through_the_fmu_does_without_python_control_casadi_scipy_and_matplotlib(
+def test_a_run_through_the_fmu_does_without_python_control_casadi_and_scipy(
     fmus: dict[str, Fmu], tmp_path: Path
 ) -> None:
     fmu = str(fmus["3.0"].path)
     arguments = ["run", "heave_step", "--plant", "fmu3", "--fmu", fmu, "--set", "loop.duration=0.5"]
     loaded = loaded_after(MAIN, *arguments, "--out", str(tmp_path))
     assert (tmp_path / "pose.png").is_file()
-    assert not loaded & {"casadi", "control", "matplotlib", "plotly", "scipy"}
+    assert not loaded & {"casadi", "control", "plotly", "scipy"}

@@ -108,6 +108,57 @@ def test_an_interrupt_while_modules_load_is_one_line(name: str) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted; nothing written\n")
 
 
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_an_interrupt_in_a_module_that_turns_it_into_an_error_of_its_own_waits(name: str, tmp_path: Path) -> None:
+    """Expected: one line, exit code 130; extension modules say "initialization failed", as this module does."""
+    brittle = ["import os, signal, time", "try:", f"    os.kill(os.getpid(), signal.{name})", "    time.sleep(0.05)"]
+    brittle += ["except KeyboardInterrupt as error:", "    raise ImportError('initialization failed') from error"]
+    (tmp_path / "brittle.py").write_text("\n".join(brittle))
+    lines = ["import builtins, sys, time", f"sys.path.insert(0, {str(tmp_path)!r})", "load = builtins.__import__"]
+    lines += ["def loading(name, *more):", "    if name.endswith('.cli') and 'app' in (more[2] or ()):"]
+    lines += ["        builtins.__import__ = load", "        import brittle", "    return load(name, *more)"]
+    lines += ["builtins.__import__ = loading", MAIN]
+    done = started("\n".join(lines), "presets")
+    assert (done.returncode, done.stderr) == (130, "interrupted; nothing written\n")
+
+
+def test_an_interrupt_in_a_finaliser_is_not_lost() -> None:
+    """Expected: one line, exit code 130, although Python can only ignore what a finaliser raises."""
+    lines = ["import os, signal, time", "class Held:", "    def __del__(self):"]
+    lines += ["        os.kill(os.getpid(), signal.SIGINT)", "        time.sleep(0.01)"]
+    lines += ["from gough_stewart.harness.cli import app, entry", "def work():", "    Held()", "    time.sleep(5)"]
+    lines += ["app.main = work", "entry.main()"]
+    done = started("\n".join(lines))
+    assert (done.returncode, done.stderr) == (130, "interrupted; nothing written\n")
+
+
+def test_an_interrupt_between_import_and_start_is_one_line() -> None:
+    lines = ["import os, signal", "from gough_stewart.harness.cli.entry import main"]
+    lines += ["os.kill(os.getpid(), signal.SIGINT)", "main()"]
+    done = started("\n".join(lines), "experiments")
+    assert done.returncode in (0, 130)
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_while_the_process_ends_changes_nothing(name: str) -> None:
+    """Expected: the code and output of the command; the signal comes after its last line is flushed."""
+    lines = ["import os, signal", "from gough_stewart.harness.cli import entry", "end = entry._flushed"]
+    lines += [f"entry._flushed = lambda code: (end(code), os.kill(os.getpid(), signal.{name}))[0]", "entry.main()"]
+    done = started("\n".join(lines), "--version")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("gough-stewart ")
+
+
+def test_a_run_starts_no_process(tmp_path: Path) -> None:
+    """Expected: all files, though no process can be started: none can be left behind."""
+    lines = ["import os, subprocess", "def refused(*_, **__):", "    raise AssertionError('started a process')"]
+    lines += ["subprocess.Popen = os.fork = refused", MAIN]
+    done = started("\n".join(lines), "run", "heave_step", *SHORT, "--out", str(tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "legs.svg").is_file()
+
+
 def test_a_wish_to_end_keeps_what_ran_so_far(tmp_path: Path) -> None:
     """Expected: as after Ctrl-C: exit code 130, and a record that says so."""
     lines = ["import os, signal", "def controller(sample):", "    if sample.time > 0.0195:"]

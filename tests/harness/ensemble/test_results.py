@@ -9,9 +9,7 @@ import pytest
 from rich.console import Console
 from scipy.stats import sobol_indices
 
-from gough_stewart.harness.ensemble import drawing
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
-from gough_stewart.harness.ensemble.drawing import figures_aside
 from gough_stewart.harness.ensemble.figures import ensemble_figures
 from gough_stewart.harness.ensemble.page import ensemble_page
 from gough_stewart.harness.ensemble.result import Ensemble
@@ -20,7 +18,6 @@ from gough_stewart.harness.ensemble.statistics import failures, quantiles, worst
 from gough_stewart.harness.ensemble.tables import ensemble_sheets, sensitivity_sheet
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import to_terminal
-from gough_stewart.harness.plants.isolated import Isolated
 from gough_stewart.harness.sampling.design import Design
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, SLOPES, ensemble_of
@@ -203,25 +200,7 @@ def test_figures_are_the_same_bytes_each_time_and_leave_out_what_is_not_there() 
     assert all(file.startswith(b"\x89PNG") for file in files.values())
     bare = ensemble.members.select([name for name in ensemble.members.columns if not name.startswith("varied.")])
     rest = Ensemble(bare, ensemble.bands.clear(), {})
-    drawn = ensemble_figures(rest, PEAK)
-    assert set(drawn) == {"histograms.png"}
-    with figures_aside(rest, PEAK, None) as pictures:
-        assert pictures() == drawn
-
-
-def test_figures_whose_process_dies_are_drawn_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: what drawing in this process gives; the process is there, and ends in its first call."""
-    ensemble = failing()
-    monkeypatch.setattr(drawing, "_drawn_here", lambda *arguments: {str(arguments[1]): b"drawn here"})
-    monkeypatch.setattr(Isolated, "call", _dies)
-    with figures_aside(ensemble, PEAK, None) as pictures:
-        assert pictures() == {PEAK: b"drawn here"}
-
-
-def _dies(process: Isolated, method: str, *_: object) -> None:
-    if method != "start":
-        process.kill()
-        raise process._error("pictures: killed")
+    assert set(ensemble_figures(rest, PEAK)) == {"histograms.png"}
 
 
 def test_differences_of_the_same_members_are_far_surer_than_those_of_other_members() -> None:

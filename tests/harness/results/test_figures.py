@@ -152,6 +152,6 @@ def test_the_legend_of_coinciding_legs_is_within_the_picture() -> None:
     record = record_of()
     first = polars.col("error.leg_length[1]")
     alike = record.table.with_columns(**{f"error.leg_length[{k}]": first for k in range(2, 7)})
-    picture = run_figures(Record(alike, record.metadata), ["errors"])["errors.png"]
+    picture = run_figures(Record(alike, record.metadata))["errors.png"]
     pixels = np.asarray(Image.open(BytesIO(picture)).convert("L"))
     assert pixels[:, -5:].min() == 255

@@ -1,0 +1,117 @@
+"""Temporary files and folders beside what they become: each is locked as long as its process lives.
+
+A process that is killed leaves its temporary files, without the lock; the next command in the folder removes them.
+"""
+
+import logging
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows: nothing is locked, and nothing is removed
+    fcntl = None  # type: ignore[assignment]
+
+# `.NAME.TOKEN.part`, in release 0.2 `.NAME.PROCESS.THREAD.part`
+_NAME = re.compile(r"\.(?:.+\.)?[a-z0-9_]{8}\.part|\..+\.(?P<process>\d+)\.\d+\.part")
+_log = logging.getLogger(__name__)
+
+
+@contextmanager
+def temporary_file(path: Path) -> Iterator[Path]:
+    """A new, empty file beside a path, removed at the end unless it was renamed."""
+    with _locked(path.parent, f".{path.name}", Path.touch) as temporary:
+        yield temporary
+
+
+@contextmanager
+def temporary_folder(folder: Path) -> Iterator[Path]:
+    """A new folder in a folder, removed at the end unless it was renamed."""
+    with _locked(folder, "", Path.mkdir) as temporary:
+        yield temporary
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
+    if fcntl is None or not folder.is_dir():
+        return
+    removed = [path.name for path in sorted(folder.glob(".*.part")) if _NAME.fullmatch(path.name) and _remove(path)]
+    if removed:
+        _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
+
+
+@contextmanager
+def _locked(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[Path]:
+    """Make a temporary file or folder, hold its lock, and remove it."""
+    while True:
+        path, descriptor = folder / f"{stem}.{secrets.token_hex(4)}.part", None
+        try:
+            make(path)
+            if fcntl is not None:
+                descriptor = os.open(path, os.O_RDONLY)
+            # in the moment before its lock, another process may have removed it
+            if descriptor is None or (_lock(descriptor) is not False and _is_there(path, descriptor)):
+                yield path
+                return
+        finally:
+            if descriptor is not None:
+                os.close(descriptor)
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.exists():
+                path.unlink()
+
+
+def _lock(descriptor: int) -> bool | None:
+    """Whether the lock is ours now; None on file systems without locks."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
+def _is_there(path: Path, descriptor: int) -> bool:
+    with suppress(OSError):
+        return os.path.samestat(path.stat(), os.fstat(descriptor))
+    return False
+
+
+def _remove(path: Path) -> bool:
+    """Remove a file or folder that nobody holds."""
+    matched = _NAME.fullmatch(path.name)
+    if matched is not None and matched["process"] is not None and _lives(int(matched["process"])):
+        return False
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        if not _lock(descriptor) or not _is_there(path, descriptor):
+            return False
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    except OSError:  # belongs to somebody else
+        return False
+    finally:
+        os.close(descriptor)
+    return True
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,0 +1,114 @@
+"""What a killed process leaves is removed by the next one; what a living process writes never is."""
+
+import json
+import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gough_stewart.model.files import check_output_folder, file_set, write_files
+from gough_stewart.model.temporary import remove_leftovers, temporary_file
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks are POSIX's")
+
+# Holds a set with one file, and another file that is half written, until it is killed.
+_WRITER = """
+import sys, time
+from pathlib import Path
+from gough_stewart.model.files import file_set
+from gough_stewart.model.temporary import temporary_file
+with file_set(Path("."), ["table"]) as new, temporary_file(Path("figure")) as figure:
+    new.add("table", b"whole")
+    figure.write_bytes(b"ha")
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def writer(tmp_path: Path) -> subprocess.Popen[str]:
+    process = subprocess.Popen([sys.executable, "-c", _WRITER], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_what_a_killed_process_left_is_removed_and_said(
+    tmp_path: Path, writer: subprocess.Popen[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Expected: both temporary places go when their process is dead, not before; other hidden files stay."""
+    for other in (".mine.part", ".hidden", "table.part", ".download.12345678.part.txt"):
+        (tmp_path / other).write_bytes(b"mine")
+    both = {name for name in names(tmp_path) if name not in (".mine.part", "table.part") and name.endswith(".part")}
+    assert len(both) == 2
+    with caplog.at_level(logging.INFO):
+        check_output_folder(tmp_path, ["table"])
+        write_files(tmp_path, {"other": b"1"})
+        assert both <= names(tmp_path)
+        assert not caplog.messages
+        writer.kill()
+        writer.communicate()
+        check_output_folder(tmp_path, ["table"])
+    assert names(tmp_path) == {".mine.part", ".hidden", "table.part", ".download.12345678.part.txt", "other"}
+    assert len(caplog.messages) == 1
+    assert all(name in caplog.messages[0] for name in both)
+
+
+def test_what_this_process_writes_stays(tmp_path: Path) -> None:
+    """Expected: a thread that begins a command there takes nothing from another."""
+    with file_set(tmp_path, ["a", "b"]) as new:
+        new.add("a", b"1")
+        with temporary_file(tmp_path / "c"):
+            before = names(tmp_path)
+            remove_leftovers(tmp_path)
+            assert names(tmp_path) == before
+        new.add("b", b"2")
+    assert names(tmp_path) == {"a", "b"}
+
+
+def test_leftovers_of_release_0_2_go_if_their_process_has_ended(tmp_path: Path) -> None:
+    """Expected: the number in the name decides: that of a child that has ended, and that of the parent of this one."""
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    (tmp_path / f".record.csv.{ended.pid}.140.part").touch()
+    living = f".record.csv.{os.getppid()}.140.part"
+    (tmp_path / living).touch()
+    remove_leftovers(tmp_path)
+    assert names(tmp_path) == {living}
+
+
+def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
+    """Expected: a run that is killed while it writes; the next one names what is gone, and is otherwise the same."""
+    command = [sys.executable, "-m", "gough_stewart", "check", "heave_step", "--out", "out"]
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".check.json.0a1b2c3d.part").write_bytes(b"{")
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "removed from out what a command left that was killed: .check.json.0a1b2c3d.part" in done.stderr
+    assert not [name for name in names(tmp_path / "out") if name.endswith(".part")]
+    assert json.loads((tmp_path / "out" / "check.json").read_bytes())
+
+
+def test_a_race_between_writing_and_removing_loses_nothing(tmp_path: Path) -> None:
+    """Expected: every file is written, though another process removes leftovers all the time."""
+    lines = ["from pathlib import Path", "from gough_stewart.model.temporary import remove_leftovers"]
+    lines += ["print('ready', flush=True)", "while True: remove_leftovers(Path('.'))"]
+    command = [sys.executable, "-c", "\n".join(lines)]
+    sweeper = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert sweeper.stdout is not None
+    sweeper.stdout.readline()
+    try:
+        for k in range(200):
+            write_files(tmp_path, {"a": str(k).encode()})
+            assert (tmp_path / "a").read_bytes() == str(k).encode()
+    finally:
+        sweeper.kill()
+        sweeper.communicate()
+    assert names(tmp_path) == {"a"}
