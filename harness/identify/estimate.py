@@ -55,6 +55,8 @@ class Estimate:
     rank: int
     residuals: Residuals
     notes: tuple[str, ...] = ()
+    # reasons not to trust the values and their intervals, one sentence each; the command ends with exit code 3
+    alarms: tuple[str, ...] = ()
     # data for pages and figures
     details: dict[str, Any] = field(default_factory=dict)
 
@@ -120,6 +122,7 @@ class Estimate:
             "combinations": [self.combination(k) for k in range(len(self.singular_values))],
             "rank": self.rank,
             "residuals": vars(self.residuals),
+            "alarms": self.alarms,
             "notes": self.notes,
         }
         return (json.dumps(parts, indent=2, ensure_ascii=False, default=_plain) + "\n").encode()

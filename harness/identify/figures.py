@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gough_stewart.harness.identify.estimate import Estimate
@@ -56,10 +55,6 @@ def _fit(figure: Figure, estimate: Estimate) -> None:
     label(below, "residuals, identified platform", unit)
     above.legend(ncols=6, loc="upper right", fontsize=7)
     for axes in (above, middle, below):
-        _shade(axes, found["validation_from"])
-
-
-def _shade(axes: Axes, start: float | None) -> None:
-    """Shade the part of the log held out for validation."""
-    if start is not None:
-        axes.axvspan(start, axes.get_xlim()[1], color="#000000", alpha=0.06, linewidth=0)
+        # what validates the fit
+        for start, end in found["validating"]:
+            axes.axvspan(start, end, color="#000000", alpha=0.06, linewidth=0)

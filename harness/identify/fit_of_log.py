@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text
@@ -13,22 +14,21 @@ from gough_stewart.harness.identify.statistics import uncertainty, whiteness
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Share of the samples, taken from the end, that validates the fit.
-VALIDATION = 0.2
 # A combination whose standard error exceeds this share of its scale is not identifiable.
 _UNSEEN = 1.0
 
 
 class Channels(NamedTuple):
-    """Signals that a fit explains (n, 6); the first `fitted` samples are fitted, the others validate the fit."""
+    """Signals (n, 6) that a fit explains, of all parts; some samples are fitted, others validate the fit."""
 
     quantity: str
     unit: str
-    time: FloatArray  # (n,) [s]
+    time: FloatArray  # (n,) of all parts on one axis [s]
     measured: FloatArray
     residual: FloatArray  # measured − fitted
     before: FloatArray  # what the nominal parameters predict
-    fitted: int
+    is_fitted: NDArray[np.bool_]  # (n,)
+    validating: list[tuple[float, float]]  # spans of time that are not fitted [s]
 
 
 def estimate_of(
@@ -40,6 +40,7 @@ def estimate_of(
     regression: tuple[FloatArray, FloatArray],
     channels: Channels,
     notes: Sequence[str],
+    alarms: Sequence[str] = (),
 ) -> Estimate:
     """The estimate of a fit, with its covariance and its residuals.
 
@@ -51,6 +52,8 @@ def estimate_of(
         Whitened regressor (m, 6, p) in units of `scale`, and whitened residuals (m, 6), of the fitted samples.
     notes
         Remarks on the fit; one on active bounds is added.
+    alarms
+        Reasons not to trust the estimate, one sentence each.
 
     Raises
     ------
@@ -61,8 +64,7 @@ def estimate_of(
     _check_identifiable(sigma, directions, names)
     if fit.at_bound:
         notes = [*notes, f"at the bound of what is physical: {', '.join(fit.at_bound)}"]
-    n = channels.fitted
-    fitted, validating = channels.residual[:n], channels.residual[n:]
+    fitted, validating = channels.residual[channels.is_fitted], channels.residual[~channels.is_fitted]
     return Estimate(
         method=method,
         names=names,
@@ -78,16 +80,17 @@ def estimate_of(
             channels.unit,
             rms(fitted),
             rms(validating) if len(validating) else None,
-            np.std(channels.measured[:n], axis=0),
+            np.std(channels.measured[channels.is_fitted], axis=0),
             whiteness(fitted),
         ),
         notes=tuple(notes),
+        alarms=tuple(alarms),
         details={
             "time": channels.time,
             "measured": channels.measured,
             "fitted": channels.measured - channels.residual,
             "before": channels.before,
-            "validation_from": float(channels.time[n]) if len(validating) else None,
+            "validating": channels.validating,
         },
     )
 

@@ -7,7 +7,7 @@ from scipy.linalg import qr
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
-from gough_stewart.harness.identify.fit_of_log import VALIDATION, Channels, estimate_of, rms, scales
+from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, rms, scales
 from gough_stewart.harness.identify.linear_parameters import (
     FRICTION,
     SIZE,
@@ -18,8 +18,9 @@ from gough_stewart.harness.identify.linear_parameters import (
 )
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
 from gough_stewart.harness.identify.physical import BestFit, best_fit
-from gough_stewart.harness.identify.regression import Rows, rows_of
+from gough_stewart.harness.identify.regression import Rows, joined, rows_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -31,7 +32,12 @@ _REWEIGHTINGS = 3
 
 
 def identify_linear(
-    log: Log, platform: Platform, names: Sequence[str], *, cutoff: float | None = None, validation: float = VALIDATION
+    log: Log | Sequence[Part],
+    platform: Platform,
+    names: Sequence[str],
+    *,
+    cutoff: float | None = None,
+    validation: float = VALIDATION,
 ) -> Estimate:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
 
@@ -42,12 +48,14 @@ def identify_linear(
 
     Parameters
     ----------
+    log
+        A log, or parts of logs, each of which says what of it is fitted.
     names
         Parameters or elements of them.
     cutoff
         Cut-off of the filter [Hz]; from the log by default.
     validation
-        Share of the log, at its end, reserved for validation.
+        Share of a log, at its end, reserved for validation.
 
     Raises
     ------
@@ -67,15 +75,20 @@ def identify_linear(
                 [name],
             )
     elements = with_estimated(elements, names, nominal.tolist())
-    rows = rows_of(log, platform, cutoff)
-    fitted = len(rows.time) - int(validation * len(rows.time))
+    parts = parts_of(log, validation)
+    each = [rows_of(part.log, platform, cutoff) for part in parts]
+    rows = joined(each)
+    is_fitted = np.concatenate([part.is_fitted(own.time) for part, own in zip(parts, each, strict=True)])
+    fitted = int(is_fitted.sum())
     if 6 * fitted < 3 * len(names):
-        raise LogError(f"{log.where}: only {fitted} rows after the filter of {rows.cutoff:.3g} Hz; record longer")
+        raise LogError(
+            f"{parts[0].log.where}: only {fitted} rows after the filter of {rows.cutoff:.3g} Hz; record longer"
+        )
     scale = scales_of(rows, platform, names)
-    W, F = rows.regressor[:fitted], rows.force[:fitted]
+    W, F = rows.regressor[is_fitted], rows.force[is_fitted]
     _check_excitation(W, elements, names, scale)
 
-    used = rows.sliding[:fitted] if _has_coulomb(platform, names) else np.ones((fitted, 6))
+    used = rows.sliding[is_fitted] if _has_coulomb(platform, names) else np.ones((fitted, 6))
     weights = used / max(float(np.abs(F).max()), 1e-300)
     for _ in range(_REWEIGHTINGS):
         R, z = _compressed(weights[..., None] * W, weights * F)
@@ -83,15 +96,15 @@ def identify_linear(
         found = with_estimated(elements, names, fit.values)
         phi, G = linear_parameters(found), gradient(found, names)
         residual = rows.force - rows.regressor @ phi
-        power = (used * residual[:fitted] ** 2).sum(axis=0) / np.maximum(used.sum(axis=0), 1.0)
+        power = (used * residual[is_fitted] ** 2).sum(axis=0) / np.maximum(used.sum(axis=0), 1.0)
         weights = used / np.sqrt(power + 1e-24 * (F**2).mean(axis=0) + np.finfo(float).tiny)
-    _check_explained(residual[:fitted], F)
+    _check_explained(residual[is_fitted], F)
     D = weights[..., None] * (W @ (G * scale))
     notes = [f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept for validation"]
-    channels = Channels(
-        "force of leg", "N", rows.time, rows.force, residual, rows.regressor @ linear_parameters(elements), fitted
-    )
-    return estimate_of("linear", names, nominal, scale, fit, (D, weights * residual[:fitted]), channels, notes)
+    time, validating = on_one_axis(parts, [own.time for own in each])
+    before = rows.regressor @ linear_parameters(elements)
+    channels = Channels("force of leg", "N", time, rows.force, residual, before, is_fitted, validating)
+    return estimate_of("linear", names, nominal, scale, fit, (D, weights * residual[is_fitted]), channels, notes)
 
 
 def _fitted(

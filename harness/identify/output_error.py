@@ -5,15 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, sample_time_of
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
-from gough_stewart.harness.identify.fit_of_log import VALIDATION, Channels, estimate_of, scales
+from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, scales
 from gough_stewart.harness.identify.linear import whitening_of
 from gough_stewart.harness.identify.linear_parameters import elements_of
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.movement import motion_of_lengths
 from gough_stewart.harness.identify.names import OF_LOGS, PER_LEG, expanded
+from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
 from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regression import cutoff_of
 from gough_stewart.harness.identify.simulation import Course, Innovations, kernel_parameters, simulated
@@ -38,7 +39,7 @@ _SPREAD = 0.3  # of starts, relative to the scale
 
 
 def identify_output_error(
-    log: Log,
+    log: Log | Sequence[Part],
     platform: Platform,
     names: Sequence[str],
     *,
@@ -51,12 +52,14 @@ def identify_output_error(
 
     Parameters
     ----------
+    log
+        A log, or parts of logs, each of which says what of it is fitted.
     names
         Parameters or elements of them.
     cutoff
         Cut-off of the filter for forces and lengths [Hz]; from the log by default.
     validation
-        Share of the log, at its end, reserved for validation.
+        Share of a log, at its end, reserved for validation.
     starts
         Number of starting values: the nominal ones, and random ones about them, tried on part of the log.
     seed
@@ -73,21 +76,28 @@ def identify_output_error(
     foreign = [name for name in names if name.partition("[")[0] in OF_LOGS]
     if foreign:
         raise IdentificationError(f"{', '.join(foreign)}: not a parameter of the plant; use method geometry", foreign)
-    course, time = course_of(log, platform, cutoff)
-    n = len(course.length) - int(validation * len(course.length))
+    parts = parts_of(log, validation)
+    courses, times = zip(*(course_of(part.log, platform, cutoff) for part in parts), strict=True)
+    steps = [int(part.is_fitted(time).sum()) for part, time in zip(parts, times, strict=True)]
     nominal = nominal_values(names, platform)
     p, directions = kernel_parameters(platform, names)
-    force = float(np.std(course.force, axis=0).mean())
-    velocity = float(np.std(np.diff(course.length, axis=0)).mean()) / course.step
+    force = float(np.mean([np.std(course.force, axis=0).mean() for course in courses]))
+    velocity = float(np.mean([np.std(np.diff(course.length, axis=0)) / course.step for course in courses]))
     scale = scales(platform, names, force, velocity)
     elements = {**elements_of(platform), **dict(zip(names, nominal.tolist(), strict=True))}
 
-    def run(theta: FloatArray, to: int) -> Innovations:
-        part = course._replace(length=course.length[:to])
-        found = simulated(part, p + directions @ (theta - nominal), directions)
-        return Innovations(found.values[_SETTLING:], found.sensitivity[_SETTLING:])
+    def run(theta: FloatArray, to: Sequence[int]) -> Innovations:
+        """The first steps of every part, after the filter has settled."""
+        moved, found = p + directions @ (theta - nominal), []
+        for course, n in zip(courses, to, strict=True):
+            if n > _SETTLING:
+                found.append(simulated(course._replace(length=course.length[:n]), moved, directions))
+        return Innovations(
+            np.concatenate([each.values[_SETTLING:] for each in found]),
+            np.concatenate([each.sensitivity[_SETTLING:] for each in found]),
+        )
 
-    def fit(start: FloatArray, to: int, whitening: FloatArray, tolerance: float) -> tuple[BestFit, float]:
+    def fit(start: FloatArray, to: Sequence[int], whitening: FloatArray, tolerance: float) -> tuple[BestFit, float]:
         last: dict[bytes, Innovations] = {}
 
         def at(theta: FloatArray) -> Innovations:
@@ -105,28 +115,33 @@ def identify_output_error(
         found = best_fit(residual, jacobian, elements, names, scale, start, tolerance)
         return found, float((residual(found.values) ** 2).sum())
 
-    first = run(nominal, min(n, _SETTLING + 100))
+    if max(steps) <= _SETTLING:
+        raise LogError(f"{parts[0].log.where}: only {max(steps)} steps after the filter; record longer")
+    first = run(nominal, [min(n, _SETTLING + 100) for n in steps])
     whitening = np.eye(6) / max(float(np.abs(first.values).max()), 1e-15)
-    short = max(int(_OF_STARTS * n), min(n, _SETTLING + 50))
+    short = [max(int(_OF_STARTS * n), min(n, _SETTLING + 50)) for n in steps]
     rng = np.random.default_rng(seed)
     tried = [fit(start, short, whitening, 1e-3) for start in _starts(nominal, scale, starts, rng)]
     best, least = min(tried, key=lambda each: each[1])
     agree = sum(cost < 1.01 * least for _, cost in tried)
     whitening = whitening_of(run(best.values, short).values)
-    best, _ = fit(best.values, n, whitening, 1e-6)
-    whole = run(best.values, len(course.length))
-    fitted = n - _SETTLING
-    whitening = whitening_of(whole.values[:fitted])
-    D = np.einsum("ij,tjp->tip", whitening, whole.sensitivity[:fitted]) * scale
+    best, _ = fit(best.values, steps, whitening, 1e-6)
+    kept = [time[_SETTLING:] for time in times]
+    whole = run(best.values, [len(course.length) for course in courses])
+    is_fitted = np.concatenate([part.is_fitted(time) for part, time in zip(parts, kept, strict=True)])
+    whitening = whitening_of(whole.values[is_fitted])
+    D = np.einsum("ij,tjp->tip", whitening, whole.sensitivity[is_fitted]) * scale
     notes = [
-        f"{fitted} steps of {1e3 * course.step:.3g} ms fitted, {len(course.length) - n} kept for validation",
+        f"{is_fitted.sum()} steps of {1e3 * courses[0].step:.3g} ms fitted, {(~is_fitted).sum()} kept for validation",
         f"{agree} of {starts} starts converge to the same values",
     ]
-    kept = slice(_SETTLING, None)
-    measured = course.length[kept]
-    before = measured - simulated(course, p, directions[:, :0]).values[kept]
-    channels = Channels("predicted length of leg", "m", time[kept], measured, whole.values, before, fitted)
-    regression = (D, whole.values[:fitted] @ whitening.T)
+    time, validating = on_one_axis(parts, kept)
+    measured = np.concatenate([course.length[_SETTLING:] for course in courses])
+    before = measured - np.concatenate(
+        [simulated(course, p, directions[:, :0]).values[_SETTLING:] for course in courses]
+    )
+    channels = Channels("predicted length of leg", "m", time, measured, whole.values, before, is_fitted, validating)
+    regression = (D, whole.values[is_fitted] @ whitening.T)
     return estimate_of("output_error", names, nominal, scale, best, regression, channels, notes)
 
 

@@ -52,7 +52,7 @@ def _data(estimate: Estimate) -> dict[str, Any]:
         "measured": packed(found["measured"], "f8"),
         "fitted": packed(found["fitted"], "f8"),
         "before": packed(found["before"], "f8"),
-        "aside": found["validation_from"],
+        "aside": [list(span) for span in found["validating"]],
         "quantity": estimate.residuals.quantity,
         "unit": estimate.residuals.unit,
         "least": least_span(estimate.residuals.unit, float(np.nanmax(np.abs(found["measured"])))),

@@ -1,6 +1,7 @@
 """The rows of the linear regression from a log: the same low-pass on forces and on the regressor."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,6 +80,16 @@ def rows_of(log: Log, platform: Platform, cutoff: float | None = None) -> Rows:
     fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
     assert log.time is not None  # checked by sample_time_of
     return Rows(log.time[at], force, W.reshape(len(W), 6, SIZE), cutoff, np.asarray(slowest > fast, dtype=float))
+
+
+def joined(rows: Sequence[Rows]) -> Rows:
+    """The rows of all parts of logs, one part after the other."""
+
+    def all_of(name: str) -> FloatArray:
+        return np.concatenate([getattr(each, name) for each in rows])
+
+    cutoff = max(each.cutoff for each in rows)
+    return Rows(all_of("time"), all_of("force"), all_of("regressor"), cutoff, all_of("sliding"))
 
 
 def cutoff_of(leg_length: FloatArray, sample_time: float) -> float:

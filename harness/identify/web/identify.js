@@ -33,9 +33,9 @@
   const measured = channels(page.measured), of = { fitted: channels(page.fitted), before: channels(page.before) };
   const line = (k) => ({ color: page.colours[k % page.colours.length], width: 1.4 });
   const over = () => ({
-    xaxis: { title: { text: page.aside === null ? "time [s]" : "time [s]; shaded: held out" } },
-    shapes: page.aside === null ? [] : [{ type: "rect", xref: "x", yref: "paper", x0: page.aside, x1: time.at(-1), y0: 0, y1: 1,
-      fillcolor: GS.theme().ink, opacity: 0.07, line: { width: 0 } }],
+    xaxis: { title: { text: page.aside.length ? "time [s]; shaded: not fitted" : "time [s]" } },
+    shapes: page.aside.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1,
+      fillcolor: GS.theme().ink, opacity: 0.07, line: { width: 0 } })),
   });
   const headings = { fit: `${page.quantity}: measured (solid) and fitted (dotted)`, residuals: `${page.quantity}: residuals` };
   for (const [id, text] of Object.entries(headings)) place(id).parentElement.querySelector("h2").textContent = text;

@@ -44,13 +44,14 @@ def test_fitted_and_validating_samples_have_residuals_of_their_own() -> None:
     sign = np.where(np.arange(n)[:, None] % 2, 1.0, -1.0) * np.ones(6)
     residual = sign * np.where(np.arange(n) < fitted, 1.0, 3.0)[:, None]
     measured = 50 + 5 * np.sin(np.arange(n))[:, None] + residual
-    channels = Channels("force of leg", "N", np.linspace(0, 0.99, n), measured, residual, measured, fitted)
+    is_fitted, time = np.arange(n) < fitted, np.linspace(0, 0.99, n)
+    channels = Channels("force of leg", "N", time, measured, residual, measured, is_fitted, [(0.8, 0.99)])
     regression = (np.ones((fitted, 6, 1)), residual[:fitted])
     found = estimate_of(
         "linear", ("mass",), np.ones(1), np.ones(1), BestFit(np.ones(1), ("mass",)), regression, channels, ()
     )
     assert found.residuals.rms == pytest.approx(np.ones(6))
     assert found.residuals.validation_rms == pytest.approx(3 * np.ones(6))
-    assert found.details["validation_from"] == pytest.approx(0.8)
+    assert found.details["validating"] == [(0.8, 0.99)]
     assert_allclose(found.details["fitted"], measured - residual)
     assert any("mass" in note for note in found.notes)

@@ -1,0 +1,60 @@
+"""Parts of logs: stretches of even rows, of which some are fitted and the others validate the fit."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.identify.checks import sample_time_of
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.model.vectors import FloatArray
+
+# Share of each log, taken from its end, that validates the fit.
+VALIDATION = 0.2
+
+
+class Part(NamedTuple):
+    """A stretch of a log; its rows before `fitted_until` are fitted, the later ones validate the fit."""
+
+    log: Log
+    fitted_until: float = math.inf  # [s]
+    which: int = 0  # the log that it is from, in their order
+
+    def is_fitted(self, time: FloatArray) -> np.ndarray:
+        """Which times (n,) [s] are fitted (n,)."""
+        return np.asarray(time < self.fitted_until)
+
+
+def parts_of(log: Log | Sequence[Part], validation: float = VALIDATION) -> list[Part]:
+    """A log as one part, with a share at its end reserved for validation; parts remain what they are.
+
+    Raises
+    ------
+    LogError
+        `validation` is not a share, or the log has no even times.
+    """
+    if not isinstance(log, Log):
+        return list(log)
+    if not 0 <= validation < 1:
+        raise LogError(f"validation is {validation:g}; expected a share of the log, 0 or more and less than 1")
+    sample_time_of(log)
+    assert log.time is not None  # checked by sample_time_of
+    return [Part(log, float(log.time[0] + (1 - validation) * (log.time[-1] - log.time[0])) if validation else math.inf)]
+
+
+def on_one_axis(parts: Sequence[Part], times: Sequence[FloatArray]) -> tuple[FloatArray, list[tuple[float, float]]]:
+    """Times (n,) of the rows of all parts for one chart, logs after each other, and the spans that validate [s]."""
+    shifted, spans, end, shift = [], [], -math.inf, 0.0
+    for k, (part, time) in enumerate(zip(parts, times, strict=True)):
+        if not len(time):
+            continue
+        if k and part.which != parts[k - 1].which:
+            shift = end - float(time[0]) + (float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
+        shifted.append(time + shift)
+        end = float(shifted[-1][-1])
+        aside = np.flatnonzero(~part.is_fitted(time))
+        if aside.size:
+            spans.append((float(shifted[-1][aside[0]]), end))
+    return np.concatenate(shifted), spans
