@@ -143,3 +143,101 @@ def test_changes_of_c_and_javascript(source: str) -> None:
     """Expected: written by hand."""
     found = {mutant.after for mutant in every_mutant(Path("x.c"), source.encode())}
     assert found == TOKENS[source]
+
+
+# Bugs as people write them, each made by an operator; by operator, source and changed line.
+MEANT = {
+    ("swap", "return roll, pitch, yaw\n"): {"return pitch, roll, yaw", "return roll, yaw, pitch"},
+    ("swap", "v = f(first=a, last=b)\n"): {"v = f(first=b, last=a)"},
+    ("swap", "v = {'x': low, 'y': high}\n"): {"v = {'x': high, 'y': low}"},
+    ("swap", "v = np.stack([s, c, one])\n"): {"v = np.stack([c, s, one])", "v = np.stack([s, one, c])"},
+    ("name", "v = record['position']\n"): {"v = record['orientation']"},
+    ("name", 'v = table["leg_length"]\n'): {'v = table["leg_velocity"]'},
+    ("name", "v = axes['roll']\n"): {"v = axes['pitch']"},
+    ("option", "v = seed if own is None else own\n"): {"v = (seed)", "v = (own)"},
+    ("option", "v = a if filtered else b\n"): {"v = (a)", "v = (b)"},
+    ("dropped", "v = is_task and has_delay\n"): {"v = is_task", "v = has_delay"},
+    ("dropped", "v = bandwidth or 2.0\n"): {"v = bandwidth", "v = 2.0"},
+    ("dropped", "v = (x < low) | (x > high)\n"): {"v = (x < low)", "v = (x > high)"},
+    ("one side", "v = low <= x <= high\n"): {"v = x <= high", "v = low <= x"},
+    ("one side", "v = abs(error) < bound\n"): {"v = -(error) < bound"},
+    ("one side", "v = 0 < share < 1\n"): {"v = share < 1", "v = 0 < share"},
+    ("unit", "v = np.degrees(angle)\n"): {"v = (angle)"},
+    ("unit", "v = 1000 * length\n"): {"v = (length)"},
+    ("unit", "v = time / 1e3\n"): {"v = (time)"},
+    ("frame", "v = R @ f\n"): {"v = (R).T @ f"},
+    ("frame", "v = rotation(o) @ v\n"): {"v = (rotation(o)).T @ v"},
+    ("reduction", "v = error.max(axis=1)\n"): {"v = error.max()"},
+    ("reduction", "v = np.all(fine, axis=-1)\n"): {"v = np.all(fine)"},
+    ("stale", "v = seeds[member]\n"): {"v = seeds[0]"},
+    ("stale", "v = row[k]\n"): {"v = row[0]"},
+    ("block", "v = u[first:last]\n"): {"v = u[:last]", "v = u[first:]"},
+    ("block", "for k in range(chunks):\n    use(k)\n"): {
+        "for k in range(1, chunks):",
+        "for k in range((chunks) - 1):",
+    },
+    ("sibling", "def f(p):\n    return p.platform, p.machine\n"): {
+        "return p.machine, p.machine",
+        "return p.platform, p.platform",
+    },
+}
+
+
+@pytest.mark.parametrize(("operator", "source"), MEANT)
+def test_bugs_of_meaning_in_python(operator: str, source: str) -> None:
+    """Expected: written by hand; no change of tokens makes any of them."""
+    mutants = list(every_mutant(Path("x.py"), source.encode(), ("semantic",)))
+    found = {mutant.after for mutant in mutants if mutant.change.operator == operator}
+    assert found == MEANT[operator, source]
+    assert not found & {mutant.after for mutant in every_mutant(Path("x.py"), source.encode())}
+
+
+MEANT_IN_TOKENS = {
+    ("dropped", "if (a && !b) x = 1;\n"): {"if (a) x = 1;", "if (!b) x = 1;"},
+    ("dropped", "return low > x || x > high;\n"): {"return low > x;", "return x > high;"},
+    ("option", "y = has ? a[0] : b;\n"): {"y = (a[0]);", "y = (b);"},
+    ("stale", "y = out[k] + 1;\n"): {"y = out[0] + 1;"},
+    ("one side", "if (fabs(e) > most) stop();\n"): {"if ((e) > most) stop();", "if (-(e) > most) stop();"},
+    ("unit", "text = 1e3 + x * 1000;\n"): {"text = 1e3 + x ;"},
+    ("block", "for (int k = 0; k < n; k++) sum += v[k];\n"): {"for (int k = 0; k < n - 1; k++) sum += v[k];"},
+    ("name", 'draw("roll", 2);\n'): {'draw("pitch", 2);'},
+    ("swap", "const axes = [right, up, ahead];\n"): {
+        "const axes = [up, right, ahead];",
+        "const axes = [right, ahead, up];",
+    },
+    ("sibling", "{ y = c->low + c->high; }\n"): {"{ y = c->high + c->high; }", "{ y = c->low + c->low; }"},
+}
+
+
+@pytest.mark.parametrize(("operator", "source"), MEANT_IN_TOKENS)
+def test_bugs_of_meaning_in_c_and_javascript(operator: str, source: str) -> None:
+    """Expected: written by hand."""
+    mutants = every_mutant(Path("x.c"), source.encode(), ("semantic",))
+    assert {mutant.after for mutant in mutants if mutant.change.operator == operator} == MEANT_IN_TOKENS[
+        operator, source
+    ]
+
+
+def test_a_small_sample_of_bugs_of_meaning_has_three_of_every_operator() -> None:
+    """Expected: counted in the first ones of a room of this project, whose operators differ in frequency."""
+    files = files_in(ROOT, ["harness/identify"])
+    ordered = mutants_in_order(ROOT, files, 7, "semantic")
+    operators = {mutant.change.operator for mutant in ordered}
+    first = [mutant.change.operator for mutant in ordered[: 3 * len(operators)]]
+    available = {each: sum(mutant.change.operator == each for mutant in ordered) for each in operators}
+    assert len(operators) >= 9
+    for each in operators:
+        assert first.count(each) >= min(3, available[each])
+    assert ordered == mutants_in_order(ROOT, files, 7, "semantic")
+
+
+def test_scripts_whose_browser_tests_were_skipped_are_said_to_be_unmeasured(
+    toy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: none of the script's mutants counts as survived, and the command fails."""
+    (toy / "toy/page.js").write_text("const a = 1 + x;\n")
+    (toy / "tests/toy/test_page.py").write_text("import pytest\n\n\ndef test_page():\n    pytest.skip('no Chromium')\n")
+    assert main(["toy", "--least", "0"], toy, libraries=()) == 1
+    printed = capsys.readouterr().out
+    assert "toy: scripts are unmeasured, since 1 tests were skipped: Skipped: no Chromium" in printed
+    assert "page.js" not in printed

@@ -36,6 +36,8 @@ def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Itera
             fates: dict[Mutant, Fate] = {}
             with _benches(root, options.jobs, (*libraries, *loaded_for(folder))) as benches:
                 evidence = benches[0].clean_run(tests, [folder])
+                mutants, measured = _measurable(folder, mutants, evidence)
+                reached = reached and measured
                 for mutant, fate in _trials(benches, mutants, tests, evidence, options.number):
                     fates[mutant] = fate
                     report[mutant.key] = fate.name
@@ -58,6 +60,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("folders", nargs="*", default=DEFAULT_FOLDERS, help="such as model or harness/loop")
     parser.add_argument("--number", type=int, default=100, help="mutants of each folder (100)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the random mutants (1)")
+    parser.add_argument(
+        "--kind", choices=("token", "semantic"), default="token", help="changes of tokens, or of meaning"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="how many at a time (1)")
     parser.add_argument("--file", default="*", help="only files with matching names, such as 'pid*.py'")
     parser.add_argument("--tests", nargs="+", help="use these tests instead of the folder's own and related ones")
@@ -71,11 +76,20 @@ def _parser() -> argparse.ArgumentParser:
 def _chosen(root: Path, folder: str, options: argparse.Namespace) -> list[Mutant]:
     """Mutants of a folder in order, without those known to be equivalent."""
     known = equivalents()
-    mutants = mutants_in_order(root, files_in(root, [folder], options.file), options.seed)
+    mutants = mutants_in_order(root, files_in(root, [folder], options.file), options.seed, options.kind)
     if options.again:
         before = json.loads(options.again.read_text(encoding="utf-8"))
         mutants = [mutant for mutant in mutants if before.get(mutant.key) == Fate.SURVIVED.name]
     return [mutant for mutant in mutants if known.reason(mutant) is None]
+
+
+def _measurable(folder: str, mutants: list[Mutant], evidence: Evidence) -> tuple[list[Mutant], bool]:
+    """Mutants without those of scripts if their tests were skipped; they would all survive."""
+    if not evidence.skipped or not any(mutant.file.suffix == ".js" for mutant in mutants):
+        return mutants, True
+    why = "; ".join(sorted(set(evidence.skipped.values())))
+    print(f"{folder}: scripts are unmeasured, since {len(evidence.skipped)} tests were skipped: {why}", flush=True)
+    return [mutant for mutant in mutants if mutant.file.suffix != ".js"], False
 
 
 @contextmanager

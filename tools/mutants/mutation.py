@@ -13,6 +13,7 @@ class Change:
     start: int
     end: int
     replacement: bytes
+    operator: str = ""  # of changes of meaning: the mistake that it imitates
 
     def apply(self, source: bytes) -> bytes:
         """The changed source."""
@@ -40,7 +41,8 @@ class Mutant:
         return hashlib.sha256(f"{seed}|{self.key}".encode()).hexdigest()
 
     def __str__(self) -> str:
-        return f"{self.file.as_posix()}:{self.line_number}\n    - {self.before}\n    + {self.after}"
+        operator = f" ({self.change.operator})" if self.change.operator else ""
+        return f"{self.file.as_posix()}:{self.line_number}{operator}\n    - {self.before}\n    + {self.after}"
 
 
 def mutant_of(file: Path, source: bytes, change: Change) -> Mutant:

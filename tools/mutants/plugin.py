@@ -19,6 +19,7 @@ _setups: list[float] = [0.0]
 _passed: list[str] = []
 _failed: list[str] = []
 _complaints: list[str] = []
+_skipped: dict[str, str] = {}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -46,6 +47,8 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
         _setups.append(report.duration)
     if report.when == "call" and report.passed:
         _passed.append(report.nodeid)
+    if report.skipped:
+        _skipped[report.nodeid] = str(report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr)
     if report.failed:
         _failed.append(report.nodeid)
         _complaints.append(report.longreprtext)
@@ -54,5 +57,5 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 def pytest_sessionfinish() -> None:
     """Write the results."""
     result = {"seconds": _seconds, "longest_setup": max(_setups), "complaints": _complaints}
-    result |= {"passed": _passed, "failed": _failed}
+    result |= {"passed": _passed, "failed": _failed, "skipped": _skipped}
     Path(_PLAN["result"]).write_text(json.dumps(result), encoding="utf-8")

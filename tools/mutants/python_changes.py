@@ -74,8 +74,8 @@ def is_python(source: bytes) -> bool:
     return True
 
 
-class _Collector(ast.NodeVisitor):
-    """Walks through executable code and collects the changes at each place."""
+class Places(ast.NodeVisitor):
+    """Walks through executable code; `places` has the alternative changes at each place."""
 
     def __init__(self, source: bytes) -> None:
         self.source = source
@@ -84,12 +84,10 @@ class _Collector(ast.NodeVisitor):
             self.starts.append(self.starts[-1] + len(line))
         self.places: list[list[Change]] = []
 
-    # --- positions ---------------------------------------------------------------------------------------------
-
-    def _start(self, node: ast.expr | ast.stmt) -> int:
+    def _start(self, node: ast.expr | ast.stmt | ast.keyword) -> int:
         return self.starts[node.lineno - 1] + node.col_offset
 
-    def _end(self, node: ast.expr | ast.stmt) -> int:
+    def _end(self, node: ast.expr | ast.stmt | ast.keyword) -> int:
         assert node.end_lineno is not None
         assert node.end_col_offset is not None
         return self.starts[node.end_lineno - 1] + node.end_col_offset
@@ -97,8 +95,31 @@ class _Collector(ast.NodeVisitor):
     def _text(self, node: ast.expr | ast.stmt) -> bytes:
         return self.source[self._start(node) : self._end(node)]
 
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        """Not the annotation."""
+        if node.value is not None:
+            self.visit(node.value)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        """Defaults and body; neither annotations nor decorators."""
+        for default in [*node.args.defaults, *node.args.kw_defaults]:
+            if default is not None:
+                self.visit(default)
+        for statement in node.body:
+            self.visit(statement)
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        """The body."""
+        for statement in node.body:
+            self.visit(statement)
+
+
+class _Collector(Places):
+    """Collects the changes of operators, numbers, conditions, arguments, functions and statements."""
+
     def _replace(self, node: ast.expr | ast.stmt, *texts: bytes) -> None:
-        self.places.append([Change(self._start(node), self._end(node), text) for text in texts])
+        if texts:
+            self.places.append([Change(self._start(node), self._end(node), text) for text in texts])
 
     def _operator(self, left: ast.expr, operator: ast.AST, right: ast.expr) -> None:
         if type(operator) not in OPERATORS:
@@ -216,18 +237,3 @@ class _Collector(ast.NodeVisitor):
         self._replace(node, b"pass")
         self._operator(node.target, node.op, node.value)
         self.generic_visit(node)
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        if node.value is not None:
-            self.visit(node.value)
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        for default in [*node.args.defaults, *node.args.kw_defaults]:
-            if default is not None:
-                self.visit(default)
-        for statement in node.body:
-            self.visit(statement)
-
-    def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        for statement in node.body:
-            self.visit(statement)

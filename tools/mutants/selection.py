@@ -9,17 +9,22 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from itertools import islice
 from pathlib import Path
+from typing import Literal
 
 from tools.mutants.mutation import Change, Mutant, mutant_of
 from tools.mutants.python_changes import is_python, python_changes
+from tools.mutants.semantic_python import semantic_python
+from tools.mutants.semantic_tokens import semantic_tokens
 from tools.mutants.token_changes import token_changes
 
-_CHANGES: dict[str, Callable[[bytes], Iterator[list[Change]]]] = {
-    ".py": python_changes,
-    ".c": token_changes,
-    ".h": token_changes,
-    ".js": token_changes,
+Kind = Literal["token", "semantic"]
+_Changes = Callable[[bytes], Iterator[list[Change]]]
+_CHANGES: dict[Kind, dict[str, _Changes]] = {
+    "token": {".py": python_changes, ".c": token_changes, ".h": token_changes, ".js": token_changes},
+    "semantic": {".py": semantic_python, ".c": semantic_tokens, ".h": semantic_tokens, ".js": semantic_tokens},
 }
+# Sites of each semantic operator that are tried before chance alone decides.
+_OF_EACH = 3
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
 
 
@@ -29,36 +34,44 @@ def files_in(root: Path, folders: Iterable[str], pattern: str = "*") -> list[Pat
     for folder in folders:
         if not (root / folder).is_dir():
             raise LookupError(f"no folder {folder}; expected one of the repository, such as model or fmu_build/c")
-        inside = (path.relative_to(root) for path in (root / folder).rglob(pattern) if path.suffix in _CHANGES)
+        inside = (path.relative_to(root) for path in (root / folder).rglob(pattern) if path.suffix in _CHANGES["token"])
         # exclude .venv
         found |= {path for path in inside if not any(part.startswith(".") for part in path.parts)}
     return sorted(found)
 
 
-def mutants_in_order(root: Path, files: Iterable[Path], seed: int) -> list[Mutant]:
+def mutants_in_order(root: Path, files: Iterable[Path], seed: int, kind: Kind = "token") -> list[Mutant]:
     """One random mutant for each place of the files, in the order of the seed.
 
-    A mutant keeps its rank when other lines change, so reports stay comparable while tests are written.
+    A mutant keeps its rank when other lines change, so reports stay comparable while tests are written. Of semantic
+    mutants the first ones are of each operator in turn, so that none is missing from a small sample.
     """
     chosen = []
     for file in files:
         source = (root / file).read_bytes()
-        for place in _CHANGES[file.suffix](source):
+        for place in _CHANGES[kind][file.suffix](source):
             mutants = [mutant_of(file, source, change) for change in place]
             random.Random(f"{seed}|{mutants[0].before}").shuffle(mutants)
             chosen += list(islice((m for m in mutants if _may_run(m, source)), 1))
-    return sorted(_numbered(chosen), key=lambda mutant: mutant.rank(seed))
+    ordered = sorted(_numbered(chosen), key=lambda mutant: mutant.rank(seed))
+    turn = Counter[str]()
+    turns = []
+    for mutant in ordered:
+        turns.append(min(turn[mutant.change.operator], _OF_EACH))
+        turn[mutant.change.operator] += 1
+    return [ordered[k] for k in sorted(range(len(ordered)), key=lambda k: turns[k])] if kind == "semantic" else ordered
 
 
 def _may_run(mutant: Mutant, source: bytes) -> bool:
     return mutant.file.suffix != ".py" or is_python(mutant.change.apply(source))
 
 
-def every_mutant(file: Path, source: bytes) -> Iterator[Mutant]:
+def every_mutant(file: Path, source: bytes, kinds: Iterable[Kind] = ("token",)) -> Iterator[Mutant]:
     """All possible mutants."""
-    for place in _CHANGES[file.suffix](source):
-        for change in place:
-            yield mutant_of(file, source, change)
+    for kind in kinds:
+        for place in _CHANGES[kind][file.suffix](source):
+            for change in place:
+                yield mutant_of(file, source, change)
 
 
 def _numbered(mutants: Iterable[Mutant]) -> Iterator[Mutant]:

@@ -41,7 +41,7 @@ _BINARY = {b"+", b"-", b"*", b"/", b"%", b"<", b">", b"|", b"&"}
 
 
 @dataclass(frozen=True)
-class _Token:
+class Token:
     kind: str
     text: bytes
     start: int
@@ -53,7 +53,7 @@ class _Token:
 
 def token_changes(source: bytes) -> Iterator[list[Change]]:
     """The changes at each place of a source; a few may not compile."""
-    tokens = _tokens(source)
+    tokens = tokens_of(source)
     for k, token in enumerate(tokens):
         before = tokens[k - 1].text if k else b""
         if _is_size_of_an_array(tokens, k):
@@ -77,8 +77,8 @@ def token_changes(source: bytes) -> Iterator[list[Change]]:
     yield from _arguments(source, tokens)
 
 
-def _tokens(source: bytes) -> list[_Token]:
-    tokens: list[_Token] = []
+def tokens_of(source: bytes) -> list[Token]:
+    tokens: list[Token] = []
     place = 0
     while place < len(source):
         ends_operand = tokens and (
@@ -93,12 +93,12 @@ def _tokens(source: bytes) -> list[_Token]:
             assert found is not None
             kind = found.lastgroup or ""
         if kind != "blank":
-            tokens.append(_Token(kind, found.group(), place))
+            tokens.append(Token(kind, found.group(), place))
         place = found.end()
     return tokens
 
 
-def _is_binary(source: bytes, tokens: list[_Token], k: int) -> bool:
+def _is_binary(source: bytes, tokens: list[Token], k: int) -> bool:
     """Whether an operator is binary: pointers and signs have no blank after them."""
     if k == 0 or not (tokens[k - 1].kind in {"number", "word", "text"} or tokens[k - 1].text in {b")", b"]"}):
         return False
@@ -106,7 +106,7 @@ def _is_binary(source: bytes, tokens: list[_Token], k: int) -> bool:
     return tokens[k - 1].text not in KEYWORDS and around[0].isspace() == around[1].isspace()
 
 
-def _is_size_of_an_array(tokens: list[_Token], k: int) -> bool:
+def _is_size_of_an_array(tokens: list[Token], k: int) -> bool:
     """Whether a token is in brackets of a declaration, where another size has no effect or does not compile."""
     opening = next((j for j in range(k - 1, -1, -1) if tokens[j].text in {b"[", b"]", b";", b"{", b"}", b"="}), None)
     if opening is None or tokens[opening].text != b"[":
@@ -117,7 +117,7 @@ def _is_size_of_an_array(tokens: list[_Token], k: int) -> bool:
     return tokens[first].text != b"return" and _declares(tokens[first:opening])
 
 
-def _closing(tokens: list[_Token], k: int) -> int | None:
+def closing(tokens: list[Token], k: int) -> int | None:
     depth = 0
     for j in range(k, len(tokens)):
         depth += tokens[j].text in {b"(", b"[", b"{"}
@@ -127,14 +127,14 @@ def _closing(tokens: list[_Token], k: int) -> int | None:
     return None
 
 
-def _conditions(source: bytes, tokens: list[_Token]) -> Iterator[list[Change]]:
+def _conditions(source: bytes, tokens: list[Token]) -> Iterator[list[Change]]:
     for k, token in enumerate(tokens[:-1]):
-        if token.text == b"if" and tokens[k + 1].text == b"(" and (last := _closing(tokens, k + 1)):
+        if token.text == b"if" and tokens[k + 1].text == b"(" and (last := closing(tokens, k + 1)):
             start, end = tokens[k + 1].start, tokens[last].end
             yield [Change(start, end, b"(!" + source[start:end] + b")")]
 
 
-def _statements(tokens: list[_Token]) -> Iterator[list[Change]]:
+def _statements(tokens: list[Token]) -> Iterator[list[Change]]:
     """Removed calls and assignments."""
     depth = 0
     for k, token in enumerate(tokens):
@@ -160,15 +160,15 @@ def _statements(tokens: list[_Token]) -> Iterator[list[Change]]:
                 break
 
 
-def _ends_condition(tokens: list[_Token], k: int) -> bool:
+def _ends_condition(tokens: list[Token], k: int) -> bool:
     """Whether this parenthesis closes an `if (…)` or `for (…)`."""
     if tokens[k].text != b")":
         return False
-    opening = next((j for j in range(k - 1, 0, -1) if tokens[j].text == b"(" and _closing(tokens, j) == k), 0)
+    opening = next((j for j in range(k - 1, 0, -1) if tokens[j].text == b"(" and closing(tokens, j) == k), 0)
     return opening > 0 and tokens[opening - 1].text in {b"if", b"for", b"while"}
 
 
-def _arguments(source: bytes, tokens: list[_Token]) -> Iterator[list[Change]]:
+def _arguments(source: bytes, tokens: list[Token]) -> Iterator[list[Change]]:
     """First two arguments of a call exchanged."""
     for k in range(1, len(tokens)):
         called = (
@@ -176,7 +176,7 @@ def _arguments(source: bytes, tokens: list[_Token]) -> Iterator[list[Change]]:
             and tokens[k - 1].kind == "word"
             and tokens[k - 1].text not in KEYWORDS | _COMMUTATIVE
         )
-        last = _closing(tokens, k) if called else None
+        last = closing(tokens, k) if called else None
         if last is None or tokens[min(last + 1, len(tokens) - 1)].text == b"{":
             continue
         commas, depth = [], 0
@@ -196,9 +196,9 @@ def _arguments(source: bytes, tokens: list[_Token]) -> Iterator[list[Change]]:
             yield [Change(spans[0][0], spans[1][1], second + source[spans[0][1] : spans[1][0]] + first)]
 
 
-def _declares(tokens: list[_Token]) -> bool:
+def _declares(tokens: list[Token]) -> bool:
     """Whether an argument is a parameter of a declaration: two successive words, or a word and a pointer."""
     return any(
         a.kind == "word" and (b.kind == "word" or (b.text == b"*" and b.start > a.end and c.start == b.end))
-        for a, b, c in zip(tokens, tokens[1:], [*tokens[2:], _Token("", b"", -1)], strict=False)
+        for a, b, c in zip(tokens, tokens[1:], [*tokens[2:], Token("", b"", -1)], strict=False)
     )

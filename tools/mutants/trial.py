@@ -41,6 +41,7 @@ class Evidence:
     seconds: dict[str, float]
     longest_setup: float
     lines: dict[tuple[str, int], set[str]]  # tests by file and line
+    skipped: dict[str, str]  # tests that did not run, with the reason
     kills: dict[tuple[str, str], int] = field(default_factory=dict)  # number of a file's mutants killed by a test
 
     def first(self, mutant: Mutant) -> list[str]:
@@ -98,7 +99,7 @@ class Bench:
             raise CleanRunError(f"the tests must pass on the unchanged sources; output of pytest:\n{printed[-4000:]}")
         if not result["passed"]:
             raise CleanRunError(f"no test ran (tests of scripts need Chromium); output of pytest:\n{printed[-4000:]}")
-        return Evidence(result["seconds"], result["longest_setup"], self._tests_of_lines(data))
+        return Evidence(result["seconds"], result["longest_setup"], self._tests_of_lines(data), result["skipped"])
 
     def _tests_of_lines(self, data: Path) -> dict[tuple[str, int], set[str]]:
         measured = CoverageData(str(data))
