@@ -6,12 +6,21 @@ from typing import Annotated
 import typer
 
 from gough_stewart.harness.cli.command import clear_errors
-from gough_stewart.harness.cli.options import path
+from gough_stewart.harness.cli.options import chosen_experiment, experiments, path
 from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
 
 
 def frf_command(
     record: Annotated[Path, typer.Argument(help="A record from `run`, or its folder.", metavar="RECORD", parser=path)],
+    experiment: Annotated[
+        str | None,
+        typer.Option(
+            help="The experiment of the run, if its controller is a Python file: that file is executed for the linear "
+            "model. A record alone never executes code.",
+            metavar="FILE.toml|NAME",
+            autocompletion=experiments,
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -30,13 +39,14 @@ def frf_command(
     """
     with clear_errors() as command:
         folder = out or (record if record.is_dir() else record.parent)
+        chosen = None if experiment is None else chosen_experiment(experiment, None, no_python=False)
         with progress_bar() as bar:
             bar.add_task("transforms, linear model, figure", total=None)
             from gough_stewart.harness.experiment.frf import FILES, frf, frf_files, frf_sheet
             from gough_stewart.model.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
-            found = frf(record)
+            found = frf(record, experiment=chosen)
             files = frf_files(found)
         write_files(folder, files)
         command.written.append(folder)

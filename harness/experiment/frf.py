@@ -15,7 +15,9 @@ from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import is_stable, response
 from gough_stewart.harness.control.structured import ComplexArray
 from gough_stewart.harness.errors import ControllerError, RecordError
+from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.frf_figure import frf_figure
+from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.results.record import Record, platform_of, read_record
@@ -82,23 +84,31 @@ class FrequencyResponse:
         return polars.DataFrame(parts)
 
 
-def frf(record: Record | Path | str, *, controller: Any = None) -> FrequencyResponse:
+def frf(
+    record: Record | Path | str, *, experiment: Experiment | Path | str | None = None, controller: Any = None
+) -> FrequencyResponse:
     """The frequency response of a loop, from a run of an experiment with an `[injection]`.
 
     For the excited leg or mode, with the other channels closed: S = u/d from the injected to the total force,
     T = 1 − S, L = 1/S − 1, averaged over periods, with those of the linear model that `margins` uses.
 
+    A record executes no code. If its controller is a Python file, give the experiment or the controller for the linear
+    model; without either, the notes say what is left out.
+
     Parameters
     ----------
     record
         From `run`, or its file or folder.
+    experiment
+        The experiment of the run, in whose folder the controller's Python file is found and executed; for the linear
+        model.
     controller
         The controller of the run, if it replaced that of the experiment; for the linear model.
 
     Raises
     ------
     RecordError
-        It cannot be read, or its run had no injection.
+        It cannot be read, its run had no injection, or `experiment` has another controller.
     ControllerError
         The run ended before two periods.
 
@@ -110,10 +120,14 @@ def frf(record: Record | Path | str, *, controller: Any = None) -> FrequencyResp
     """
     if not isinstance(record, Record):
         record = read_record(record)
-    experiment = _experiment_of(record)
-    choice = experiment.injection
+    own = _experiment_of(record)
+    if experiment is not None:
+        own = _with_folder(own, experiment_of(experiment))
+    choice = own.injection
     if choice is None or "controller.injection" not in record:
         raise RecordError("the record's run had no [injection]; expected an experiment with that table")
+    if "injection" in _replaced(record):
+        raise RecordError("the run had an injection of its own instead of [injection]; expected that of the experiment")
     sample_time = float(record.metadata["sample_time"])
     J = leg_jacobian(platform_of(record), *_pose(record))
     a, b = choice.directions(J)
@@ -127,13 +141,15 @@ def frf(record: Record | Path | str, *, controller: Any = None) -> FrequencyResp
     frequency = lines / (samples * sample_time)
     predicted, notes = None, _notes(record)
     try:
-        L = _linear_loop(record, experiment, controller)
+        if controller is None:
+            notes += _doubts_of_controller(record, own, is_given=experiment is not None)
+        L = _linear_loop(record, own, controller)
         predicted = _loop_seen(response(L, 2 * np.pi * frequency), a, b)
         if not is_stable(L):
             notes.append("the linear loop is unstable; `gough-stewart margins` shows the cause")
     except GoughStewartError as error:
         notes.append(f"no linear model to compare with: {error}")
-    return FrequencyResponse(experiment.title, choice.channel, frequency, measured, predicted, tuple(notes))
+    return FrequencyResponse(own.title, choice.channel, frequency, measured, predicted, tuple(notes))
 
 
 def _experiment_of(record: Record) -> Experiment:
@@ -141,6 +157,49 @@ def _experiment_of(record: Record) -> Experiment:
         return Experiment.model_validate_json(json.dumps(record.metadata["experiment"]))
     except (KeyError, ValueError) as error:
         raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
+
+
+def _with_folder(own: Experiment, given: Experiment) -> Experiment:
+    """The record's experiment, which may have other settings, with the folder of the given one."""
+    if own.controller.code != given.controller.code:
+        names = [", ".join(each.controller.code) or "no file" for each in (given, own)]
+        raise RecordError(
+            f"{given.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
+            "experiment of this run"
+        )
+    return own.from_file(given.where, given.folder)
+
+
+def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> list[str]:
+    """Notes on whether the experiment's controller is that of the run.
+
+    Raises
+    ------
+    ControllerError
+        It is not, or executes code, and nobody has asked for it.
+    """
+    notes, code = [], own.controller.code
+    if "controller" in _replaced(record):
+        if not is_given:
+            raise ControllerError(
+                "the run had a controller of its own instead of the experiment's; give it: frf(…, controller=…)"
+            )
+        notes.append("the run had a controller of its own; the linear model has the experiment's")
+    if code and not is_given:
+        raise ControllerError(
+            f"it would execute {', '.join(code)}, which the record names; if you trust this file, give the run's "
+            "experiment: --experiment FILE.toml, or frf(…, experiment=…)"
+        )
+    then, now = record.metadata.get("files", {}), digests(own) if code else {}
+    changed = [name for name in code if name in then and name in now and then[name] != now[name]]
+    if changed:
+        notes.append(f"{', '.join(changed)} has changed since the run: the linear model is that of today's file")
+    return notes
+
+
+def _replaced(record: Record) -> list[str]:
+    """The tables of the experiment that objects replaced in the run."""
+    return list(record.metadata.get("replaced", []))
 
 
 def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
@@ -154,7 +213,11 @@ def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
 def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any:
     """The loop transfer of the run, as in `margins`."""
     platform, sample_time = platform_of(record), float(record.metadata["sample_time"])
-    made = experiment.controller.controller(platform, sample_time) if controller is None else controller_of(controller)
+    made = (
+        experiment.controller.controller(platform, sample_time, experiment.folder)
+        if controller is None
+        else controller_of(controller)
+    )
     if not isinstance(made, LinearController):
         raise ControllerError("the controller is not linear, or there is none")
     position, orientation = _pose(record)

@@ -54,7 +54,13 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
         record_of(
             _alone(run, k, prepared),
             prepared,
-            {"title": own.title, "plant": PLANT, "member": member, "experiment": own.model_dump(mode="json")},
+            {
+                "title": own.title,
+                "plant": PLANT,
+                "member": member,
+                "experiment": own.model_dump(mode="json"),
+                **({"files": plan.files} if plan.files else {}),
+            },
         )
         for k, (member, (own, prepared)) in enumerate(zip(members, each, strict=True))
     ]

@@ -1,12 +1,13 @@
 """Run an experiment: prepare it, open its plant, simulate the loop, make the record."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.parts import Injection
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.recording import record_of
@@ -59,7 +60,6 @@ def run(
         Called with the present action before the run, for example while an FMU is built.
     warn
         Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`; the
-        Called before the run with every limit that the reference passes and, by `limits.reference = "warn"`, may; the
         record's metadata have the same as `warnings`.
 
     Raises
@@ -90,7 +90,8 @@ def run(
     if warn is not None:
         for text in prepared.warnings:
             warn(text)
-    return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status)
+    replaced = [name for name, given in (("controller", controller), ("injection", injection)) if given is not None]
+    return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
 
 
 def run_prepared(
@@ -101,8 +102,9 @@ def run_prepared(
     fmu: Path | str | None = None,
     progress: TimeProgress | None = None,
     status: StepProgress | None = None,
+    replaced: Sequence[str] = (),
 ) -> Record:
-    """`run` for an experiment that is already prepared."""
+    """`run` for an experiment that is already prepared, with some of its tables replaced by objects."""
     choice = experiment.plant
     if plant is None or isinstance(plant, str):
         kind: PlantKind = plant or choice.kind
@@ -123,7 +125,15 @@ def run_prepared(
         name, opening = type(plant).__name__, nullcontext(plant)
     with opening as opened, prepared.law_in_a_run() as law_from:
         done = simulate(opened, law_from, prepared.loop, progress)
-    circumstances = {"title": experiment.title, "plant": name, "experiment": experiment.model_dump(mode="json")}
+    circumstances: dict[str, Any] = {
+        "title": experiment.title,
+        "plant": name,
+        "experiment": experiment.model_dump(mode="json"),
+    }
+    if files := digests(experiment):
+        circumstances["files"] = files
+    if replaced:
+        circumstances["replaced"] = list(replaced)
     return record_of(done, prepared, circumstances)
 
 

@@ -54,6 +54,8 @@ class _Metadata(_Part):
     platform: _Table | None = None
     experiment: _Experiment | None = None
     versions: _Table = {}
+    files: dict[str, str] = {}
+    replaced: list[str] = []
 
 
 def check_metadata(metadata: Any) -> None:

@@ -11,9 +11,11 @@ import pytest
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.file import experiment_from, load_experiment
+from gough_stewart.harness.experiment.files import save_record
 from gough_stewart.harness.experiment.frf import frf
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.results.record import Record, plain
+from gough_stewart.harness.results.metrics import metrics
+from gough_stewart.harness.results.record import Record, plain, read_record
 from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
 
@@ -154,3 +156,96 @@ def test_runs_without_a_response_are_refused_with_the_reason(shipped: Record) ->
         ExperimentError, match=r"injection: type is 'noise'; expected one of 'multisine', 'chirp', 'prbs'"
     ):
         load_experiment("frequency_response", {"injection.type": "noise"})
+
+
+LAW = """
+from pathlib import Path
+
+import control
+import numpy as np
+
+from gough_stewart import LinearController
+
+Path(__file__).with_name("executed").touch()
+gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
+controller = LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length", "leg_velocity"))
+"""
+OWN = """
+title = "own"
+
+[reference]
+type = "hold"
+
+[controller]
+type = "python"
+file = "law.py"
+feedforward = "gravity"
+
+[loop]
+duration = 0.8
+sample_time = "2 ms"
+
+[injection]
+type = "chirp"
+leg = 1
+amplitude = 1
+band = [4, 50]
+period = 0.25
+"""
+
+
+def test_reading_a_record_never_executes_the_file_that_it_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: no trace of the file, also where it lies in the present folder; with consent, its own gains' L."""
+    mine, elsewhere = tmp_path / "mine", tmp_path / "elsewhere"
+    for folder in (mine, elsewhere):
+        folder.mkdir()
+        (folder / "law.py").write_text(LAW)
+    (mine / "own.toml").write_text(OWN)
+    record = run(mine / "own.toml")
+    (mine / "executed").unlink()
+    save_record(record, mine / "record")
+    monkeypatch.chdir(mine)
+    read = read_record(mine / "record")
+    found = frf(read)
+    assert found.predicted is None
+    assert "it would execute law.py" in " ".join(found.notes)
+    assert len(repr(read) + read._repr_html_() + str(metrics(read)) + repr(found)) > 1000
+    assert "it would execute law.py" in " ".join(invoke("frf", "record").output.split())
+    assert invoke("view", "record").exit_code == 0
+    assert invoke("identify", "record", "--preset", "liu2000", "--estimate", "platform_mass").exit_code == 0
+    assert not list(tmp_path.rglob("executed"))
+    monkeypatch.chdir(elsewhere)
+    gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
+    same = LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length", "leg_velocity"))
+    expected, asked = frf(record, controller=same).predicted, frf(record, experiment=mine / "own.toml")
+    assert asked.predicted is not None
+    assert expected is not None
+    assert np.abs(asked.predicted / expected - 1).max() < 1e-12
+    assert asked.notes == ()
+    assert (mine / "executed").exists()
+    assert not (elsewhere / "executed").exists()
+    done = invoke("frf", str(mine / "record"), "--experiment", str(mine / "own.toml"))
+    assert "executes law.py" in done.output
+    assert "|L| model" in done.output
+    (mine / "law.py").write_text(LAW.replace("2000", "2500"))
+    assert "law.py has changed since the run" in " ".join(frf(record, experiment=mine / "own.toml").notes)
+    with pytest.raises(RecordError, match=r"frequency_response' has a controller of no file"):
+        frf(record, experiment="frequency_response")
+
+
+def test_a_controller_or_injection_that_replaced_the_experiments_is_not_taken_for_it(shipped: Record) -> None:
+    """Expected: no linear model of the experiment's gains for a run with others, unless asked for, and then said."""
+    law = LinearController(control.ss([], [], [], 900 * np.eye(6), 2e-3), ("leg_length",))
+    chirp = {"type": "chirp", "leg": 1, "amplitude": 300.0, "band": [4, 50], "period": 0.25}
+    settings = {"loop.duration": 0.8, "loop.sample_time": 2e-3, "injection": chirp}
+    record = run("frequency_response", settings, controller=law)
+    assert frf(record).predicted is None
+    assert "a controller of its own" in " ".join(frf(record).notes)
+    assert frf(record, controller=law).predicted is not None
+    assert "a controller of its own" in " ".join(frf(record, experiment="frequency_response").notes)
+    other = run("frequency_response", settings, injection=lambda _time: np.zeros(6))
+    with pytest.raises(RecordError, match=r"injection of its own"):
+        frf(other)
+    assert frf(shipped).notes == ()
