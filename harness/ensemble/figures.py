@@ -17,13 +17,14 @@ from gough_stewart.harness.ensemble.statistics import finite
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, png
-from gough_stewart.harness.results.bands import QUANTILES
+from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric_names import Shown, shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 _WIDTH, _ROW = 8.0, 1.9  # [inch]
 _COLUMNS = 3
 _MOST_PANELS = 12
+_MOST_BANDS = 15
 _MOST_POINTS = 3000
 _MOST_BARS = 12
 # Smaller spans are rounding, or too small to measure.
@@ -43,15 +44,15 @@ def ensemble_figures(ensemble: Ensemble, by: str, found: Sensitivity | None = No
         The sensitivity to draw; None for no such figure.
     """
     files = {}
-    columns = list(dict.fromkeys(ensemble.bands["signal"].to_list()))[:_MOST_PANELS]
+    columns = list(dict.fromkeys(ensemble.bands["signal"].to_list()))
     if columns:
-        files.update(_grid("bands", partial(_bands, ensemble, columns), len(columns)))
-    names = usual_metrics(ensemble)[:_MOST_PANELS]
+        files.update(_grid("bands", partial(_bands, ensemble, columns), min(len(columns), _MOST_BANDS)))
+    names = usual_metrics(ensemble)
     if names:
-        files.update(_grid("histograms", partial(_histograms, ensemble, names), len(names)))
-    inputs = _inputs(ensemble, found)[:_MOST_PANELS]
+        files.update(_grid("histograms", partial(_histograms, ensemble, names), min(len(names), _MOST_PANELS)))
+    inputs = _inputs(ensemble, found)
     if inputs:
-        files.update(_grid("dependence", partial(_dependence, ensemble, by, inputs), len(inputs)))
+        files.update(_grid("dependence", partial(_dependence, ensemble, by, inputs), min(len(inputs), _MOST_PANELS)))
     if found is not None:
         bars = min(len(found.inputs), _MOST_BARS)
         files["sensitivity.png"] = png(partial(_sensitivity, found), _WIDTH * 0.8, 1.3 + 0.28 * bars)
@@ -84,7 +85,11 @@ def _panels(figure: Figure, title: str, number: int) -> list[Axes]:
 
 
 def _bands(ensemble: Ensemble, columns: list[str], figure: Figure) -> None:
-    title = f"{ensemble.title}: {ensemble.members.height} members; median, 25 to 75 %, 5 to 95 %, extremes"
+    members = ensemble.members.height
+    some = f" of the first {MOST_MEMBERS}" if members > MOST_MEMBERS else ""
+    title = f"{ensemble.title}: {members} members; median, 25 to 75 %, 5 to 95 %{some}, extremes"
+    title += _some(_MOST_BANDS, len(columns), "signals")
+    columns = columns[:_MOST_BANDS]
     for k, (axes, column) in enumerate(zip(_panels(figure, title, len(columns)), columns, strict=True)):
         part = ensemble.bands.filter(polars.col("signal") == column)
         shown, time = shown_signal(column), part["time"].to_numpy()
@@ -103,15 +108,20 @@ def _bands(ensemble: Ensemble, columns: list[str], figure: Figure) -> None:
 
 def _histograms(ensemble: Ensemble, names: list[str], figure: Figure) -> None:
     title = f"{ensemble.title}: metrics of {ensemble.members.height} members; 5, 50, 95 % dashed"
+    title += _some(_MOST_PANELS, len(names), "metrics")
+    names = names[:_MOST_PANELS]
     for axes, name in zip(_panels(figure, title, len(names)), names, strict=True):
         shown = shown_metric(name)
         values = shown.factor * finite(ensemble.values(name))
-        counts, edges = np.histogram(_within(values), bins=min(40, max(8, int(np.sqrt(len(values))))))
+        inside = _within(values)
+        counts, edges = np.histogram(inside, bins=min(40, max(8, int(np.sqrt(len(values))))))
         axes.stairs(counts, edges, fill=True, color=COLOURS[4])
         for quantile in np.quantile(values, (0.05, 0.5, 0.95)):
             axes.axvline(quantile, color="black", linewidth=0.9, linestyle=(0, (4, 3)))
         _entitle(axes, shown)
         axes.grid(visible=False, axis="x")
+        if len(inside) < len(values):
+            _note(axes, f"{len(values) - len(inside)} outside; {values.min():.3g} to {values.max():.3g} in all")
 
 
 def _dependence(ensemble: Ensemble, by: str, inputs: list[str], figure: Figure) -> None:
@@ -120,7 +130,10 @@ def _dependence(ensemble: Ensemble, by: str, inputs: list[str], figure: Figure) 
     merit = shown.factor * ensemble.values(by)
     completed = (ensemble.members[OUTCOME] == "completed").to_numpy()
     some = slice(0, _MOST_POINTS)
-    panels = _panels(figure, f"{ensemble.title}: {shown.text}{unit} against what varies", len(inputs))
+    title = f"{ensemble.title}: {shown.text}{unit} against what varies"
+    title += _some(_MOST_POINTS, len(merit), "members") + _some(_MOST_PANELS, len(inputs), "inputs")
+    inputs = inputs[:_MOST_PANELS]
+    panels = _panels(figure, title, len(inputs))
     for axes, name in zip(panels, inputs, strict=True):
         x = ensemble.values(name)
         for which, colour, label in ((completed, COLOURS[0], "completed"), (~completed, COLOURS[1], "ended early")):
@@ -129,7 +142,10 @@ def _dependence(ensemble: Ensemble, by: str, inputs: list[str], figure: Figure) 
         axes.xaxis.set_major_locator(MaxNLocator(4))
         if np.isfinite(merit).any():
             low, high = np.nanquantile(merit, (0.0, 0.999))
-            axes.set_ylim(low - 0.05 * (high - low or 1), high + 0.1 * (high - low or 1))
+            low, high = low - 0.05 * (high - low or 1), high + 0.1 * (high - low or 1)
+            axes.set_ylim(low, high)
+            if above := np.count_nonzero(merit[some] > high):
+                _note(axes, f"{above} above; the largest: {np.nanmax(merit[some]):.3g}")
     if not completed.all():
         panels[0].legend(loc="upper left", markerscale=3, handletextpad=0.2, fontsize=8)
 
@@ -168,7 +184,7 @@ def _sensitivity(found: Sensitivity, figure: Figure) -> None:
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set_yticks(at, [found.inputs[k] for k in order])
     axes.grid(visible=False, axis="y")
-    axes.set_title(found.remark.split(";")[0], fontsize=8.5)
+    axes.set_title(found.remark.partition("; whiskers")[0], fontsize=8.5)
 
 
 def _inputs(ensemble: Ensemble, found: Sensitivity | None) -> list[str]:
@@ -182,6 +198,16 @@ def _inputs(ensemble: Ensemble, found: Sensitivity | None) -> list[str]:
 
 def _scaled(part: polars.DataFrame, name: str, shown: Shown) -> FloatArray:
     return np.asarray(shown.factor * part[name].fill_null(np.nan).to_numpy())
+
+
+def _some(most: int, number: int, what: str) -> str:
+    """The end of a title that shows only the first of them."""
+    return f"; {most} of {number} {what}" if number > most else ""
+
+
+def _note(axes: Axes, text: str) -> None:
+    """What the axes do not show, in a corner."""
+    axes.text(0.98, 0.95, text, transform=axes.transAxes, ha="right", va="top", fontsize=7)
 
 
 def _within(values: FloatArray) -> FloatArray:

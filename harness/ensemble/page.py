@@ -161,9 +161,9 @@ def _sensitivity(found: Sensitivity) -> dict[str, Any]:
     }
 
 
-def _plain(values: Any) -> list[float]:
+def _plain(values: FloatArray) -> list[float | None]:
     """The values with None for NaN, which JSON lacks."""
-    return [float(value) for value in np.nan_to_num(values)]
+    return [float(value) if np.isfinite(value) else None for value in values]
 
 
 def _is_known(ensemble: Ensemble, name: str) -> bool:

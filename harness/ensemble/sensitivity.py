@@ -14,9 +14,11 @@ from gough_stewart.model.vectors import FloatArray
 Method = Literal["sobol", "regression"]
 _CONFIDENCE = 0.95
 _RESAMPLES = 100
-# Largest number of members for regression and resampling; more would give the same, slower.
-_MOST = 20_000
+# Members are resampled in at most this many groups of equal size, by their sums of products.
+_GROUPS = 2000
 _SMALLEST_R2 = 0.7
+# A smaller standard deviation, of columns with 1, is rounding.
+_ROUNDING = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,8 @@ class Sensitivity:
     total_confidence: FloatArray | None
     r2: float | None
     used: int  # number of members used
-    left_out: int  # number of members without a value
+    left_out: int  # number of members that did not complete or have no value, in Sobol' indices with their points
+    without: tuple[str, ...] = ()  # inputs that are not numbers, or the same for all members used
 
     @property
     def order(self) -> list[int]:
@@ -49,13 +52,19 @@ class Sensitivity:
     @property
     def remark(self) -> str:
         """A caption with method and caveats."""
-        of = f"of {self.used} members" + (f", {self.left_out} without a value left out" if self.left_out else "")
-        if self.r2 is None:
-            return f"Sobol' indices {of}; whiskers are 95 % confidence"
-        text = f"standardised regression {of}, R² = {self.r2:.2f}; whiskers are 95 % confidence"
-        if self.r2 < _SMALLEST_R2:
-            text += "; the metric is far from linear in the inputs: use sampling = 'saltelli' for Sobol' indices"
-        return text
+        kind = "Sobol' indices" if self.r2 is None else f"standardised regression, R² = {self.r2:.2f},"
+        parts = [f"{kind} of {self.used} members"]
+        if self.left_out:
+            why = "not completed or without a value"
+            if self.method == "sobol":
+                why += ", or at a point of the design with such a member"
+            parts.append(f"left out: {self.left_out} {why}")
+        parts.append("whiskers are 95 % confidence")
+        if self.without:
+            parts.append(f"not numbers, or the same for all of these members: {', '.join(self.without)}")
+        if self.r2 is not None and self.r2 < _SMALLEST_R2:
+            parts.append("the metric is far from linear in the inputs: use sampling = 'saltelli' for Sobol' indices")
+        return "; ".join(parts)
 
 
 def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
@@ -127,6 +136,7 @@ def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivi
     usable = np.flatnonzero(np.isfinite(merit))
     # strings and constants have no coefficient
     kept = [k for k, x in enumerate(X.T) if len(usable) and np.isfinite(x[usable]).all() and np.ptp(x[usable]) > 0]
+    without = tuple(name for k, name in enumerate(columns) if k not in kept)
     n, p = len(usable), len(kept)
     if not kept:
         raise RecordError(f"{metric}: no number varies; expected an [ensemble] with distributions")
@@ -134,37 +144,52 @@ def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivi
         raise RecordError(f"{metric}: {n} members have a value; expected at least {p + 3} for {p} inputs")
     if np.ptp(merit[usable]) == 0:
         raise RecordError(f"{metric}: is the same for all members; expected one that varies")
-    usable = usable[:_MOST]
-    x, y = X[usable][:, kept], merit[usable]
-    beta, r2 = _standardised(x, y)
-    with np.errstate(all="ignore"):
-        again = _resampled((x - x.mean(axis=0)) / x.std(axis=0), (y - y.mean()) / y.std())
-    low, high = np.nanquantile(again, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2), axis=0)
-    names = tuple(list(columns)[k] for k in kept)
-    left_out = len(merit) - len(usable)
-    return Sensitivity(metric, "regression", names, beta, (high - low) / 2, None, None, r2, len(usable), left_out)
-
-
-def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
-    """Coefficients (p,) of y/σ_y on x/σ_x, and R²."""
-    z, w = (x - x.mean(axis=0)) / x.std(axis=0), (y - y.mean()) / y.std()
+    z, w = _standard(X[usable][:, kept]), _standard(merit[usable])
     beta = np.linalg.lstsq(z, w, rcond=None)[0]
-    return beta, float(1 - np.mean((w - z @ beta) ** 2))
+    r2 = float(1 - np.mean((w - z @ beta) ** 2))
+    again = _resampled(z, w)
+    low, high = _quantiles_of_known(again, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2))
+    names = tuple(list(columns)[k] for k in kept)
+    left_out = len(merit) - n
+    return Sensitivity(metric, "regression", names, beta, (high - low) / 2, None, None, r2, n, left_out, without)
+
+
+def _standard(values: FloatArray) -> FloatArray:
+    """Columns (n, …) of mean 0 and standard deviation 1."""
+    # by their range first, since squares of tiny numbers vanish
+    scaled = (values - values.min(axis=0)) / np.ptp(values, axis=0)
+    return np.asarray((scaled - scaled.mean(axis=0)) / scaled.std(axis=0))
 
 
 def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:
-    """The coefficients (_RESAMPLES, p) of resampled members, by normal equations; NaN if singular."""
+    """The coefficients (_RESAMPLES, p) of resampled members, by normal equations; NaN if singular.
+
+    Beyond `_GROUPS` members, groups of members drawn at random are resampled: members are independent, so the
+    variance between groups is that of members, and the time does not grow with their number.
+    """
     n, p = z.shape
-    rows = np.concatenate([z, w[:, None]], axis=1)
     rng = np.random.default_rng(1)
+    groups = min(n, _GROUPS)
+    rows = np.concatenate([z, w[:, None], np.ones((n, 1))], axis=1)
+    rows = rows if groups == n else rows[rng.permutation(n)]
+    products = np.stack([part.T @ part for part in np.array_split(rows, groups)]).reshape(groups, -1)
     found = np.full((_RESAMPLES, p), np.nan)
     for k in range(_RESAMPLES):
-        some = rows[rng.integers(0, n, n)]
-        some = some - some.mean(axis=0)
-        C = some.T @ some
-        scale = np.sqrt(np.diag(C))
+        counts = np.bincount(rng.integers(0, groups, groups), minlength=groups)
+        total = (counts @ products).reshape(p + 2, p + 2)
+        mean = total[:-1, -1] / total[-1, -1]
+        C = total[:-1, :-1] / total[-1, -1] - np.outer(mean, mean)
+        scale = np.sqrt(np.maximum(np.diag(C), 0.0))
+        if not (scale > _ROUNDING).all():  # an input that is the same for all of these
+            continue
         try:
             found[k] = np.linalg.solve(C[:p, :p], C[:p, p]) * scale[:p] / scale[p]
         except np.linalg.LinAlgError:
             continue
     return found
+
+
+def _quantiles_of_known(values: FloatArray, levels: Sequence[float]) -> FloatArray:
+    """Quantiles (levels, p) of rows without NaN; NaN if there are none."""
+    known = values[np.isfinite(values).all(axis=1)]
+    return np.quantile(known, levels, axis=0) if len(known) else np.full((len(levels), values.shape[1]), np.nan)

@@ -91,7 +91,9 @@ def sensitivity_sheet(found: Sensitivity, most: int = _MOST_INPUTS) -> Sheet:
     """The most influential inputs with their effect on a metric."""
     shown = shown_metric(found.metric)
     heads = ("", "β", "±") if found.total is None else ("", "alone", "±", "in total", "±")
-    sheet = Sheet(f"What makes the {shown.text} vary", heads)
+    some = f": {most} of {len(found.inputs)} inputs" if len(found.inputs) > most else ""
+    left_out = f"; {found.left_out} members left out" if found.left_out else ""
+    sheet = Sheet(f"What makes the {shown.text} vary{some}{left_out}", heads)
     for k in found.order[:most]:
         cells = [number_text(found.main[k], 2), number_text(found.main_confidence[k], 2)]
         if found.total is not None and found.total_confidence is not None:
