@@ -145,7 +145,7 @@ def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivi
     if np.ptp(merit[usable]) == 0:
         raise RecordError(f"{metric}: is the same for all members; expected one that varies")
     z, w = _standard(X[usable][:, kept]), _standard(merit[usable])
-    beta = np.linalg.lstsq(z, w, rcond=None)[0]
+    beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
     r2 = float(1 - np.mean((w - z @ beta) ** 2))
     again = _resampled(z, w)
     low, high = _quantiles_of_known(again, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2))

@@ -1,12 +1,13 @@
 """The members of an ensemble: their drawn values, and their experiments."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import prod
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from gough_stewart.harness.errors import ExperimentError
@@ -14,7 +15,7 @@ from gough_stewart.harness.experiment.preparation import Preparation
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.varied import Place, place_of
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
-from gough_stewart.harness.sampling.correlation import Together, correlated, correlation_of
+from gough_stewart.harness.sampling.correlation import Together, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import Design, in_turn
 from gough_stewart.harness.sampling.distributions import Normal
 from gough_stewart.harness.sampling.variation import Spread, Target
@@ -85,6 +86,7 @@ class Members:
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
         self.inputs = self._inputs()
         self._together = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
+        self._check_matrices()
         grids = prod(i.spread.levels or 1 for i in self.inputs)
         only_grids = bool(self.inputs) and all(i.spread.levels for i in self.inputs)
         self.count = choice.members or (grids if only_grids else -(-MEMBERS // grids) * grids)
@@ -118,15 +120,7 @@ class Members:
 
     def draws(self, first: int, last: int) -> Draws:
         """The draws of members first to last − 1."""
-        u = self.design.points(first, last)
-        ends = np.cumsum([0, *(i.spread.size for i in self.inputs)])
-        u = in_turn(
-            u, [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))], first
-        )
-        for together, at, matrix in self._together:
-            columns = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in at])
-            R = correlation_of(matrix) if together in self.choice.covariance else matrix
-            u[:, columns] = correlated(u[:, columns], R)
+        u, ends = self._points(first, last), self._ends
         table = dict[str, Any]()
         values: list[dict[tuple[str, ...], Any]] = [{} for _ in range(last - first)]
         for k, each in enumerate(self.inputs):
@@ -137,6 +131,40 @@ class Members:
             for member, value in zip(values, plain, strict=True):
                 member[each.place.path] = value
         return Draws(table, values)
+
+    def _points(self, first: int, last: int) -> FloatArray:
+        """The points of members in the unit cube, with the combinations of grids, and correlated (last − first, k)."""
+        # a Latin hypercube is correlated as a whole, so that each layer keeps its member
+        u = self._hypercube[first:last] if self._is_whole else self.design.points(first, last)
+        levels = [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))]
+        u = in_turn(u, levels, first)
+        if not self._is_whole:
+            for columns, R in self._correlations():
+                u[:, columns] = correlated(u[:, columns], R)
+        return u
+
+    @property
+    def _is_whole(self) -> bool:
+        return self.choice.sampling == "latin_hypercube"
+
+    @cached_property
+    def _hypercube(self) -> FloatArray:
+        """All points of a Latin hypercube, correlated (count, k)."""
+        u = self.design.points(0, self.count)
+        for columns, R in self._correlations():
+            u[:, columns] = reordered(u[:, columns], R)
+        return u
+
+    def _correlations(self) -> Iterator[tuple[NDArray[np.intp], FloatArray]]:
+        """Columns of correlated inputs, and their correlation."""
+        for together, at, matrix in self._together:
+            columns = np.concatenate([np.arange(self._ends[k], self._ends[k + 1]) for k in at])
+            yield columns, correlation_of(matrix) if together in self.choice.covariance else matrix
+
+    @cached_property
+    def _ends(self) -> NDArray[np.intp]:
+        """Where each input's columns begin, and the end."""
+        return np.cumsum([0, *(i.spread.size for i in self.inputs)])
 
     def experiment(self, values: Mapping[tuple[str, ...], Any]) -> Experiment:
         """The experiment of a member with these drawn values.
@@ -227,6 +255,15 @@ class Members:
         if together in self.choice.correlation and not np.allclose(np.diag(together.values), 1):
             raise self._error("correlation", "expected a matrix with 1 on the diagonal, or use covariance")
         return at
+
+    def _check_matrices(self) -> None:
+        """Refuse an input in two matrices: the second would change the correlation of the first."""
+        correlated_ones = [self.inputs[k].key for _, at, _ in self._together for k in at]
+        for key in correlated_ones:
+            if correlated_ones.count(key) > 1:
+                raise self._error(
+                    key, "is in two matrices; expected one matrix of all inputs that depend on each other"
+                )
 
     def _error(self, key: str, message: str) -> ExperimentError:
         return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)

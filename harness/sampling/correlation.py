@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import model_validator
 
 from gough_stewart.harness.section import Section
@@ -12,6 +13,8 @@ from gough_stewart.model.vectors import FloatArray
 # Relative to the largest eigenvalue; smaller values are rounding errors.
 _POSITIVE = 1e-12
 _SMALLEST = 2.0**-53
+# Most repetitions of a reordering; it ends when one does not improve it.
+_ROUNDS = 20
 
 
 class Together(Section):
@@ -86,3 +89,41 @@ def correlated(u: FloatArray, correlation: FloatArray) -> FloatArray:
             total = total + z[:, j] * L[i, j]
         out[:, i] = total
     return np.clip(ndtr(out), _SMALLEST, 1 - _SMALLEST)
+
+
+def reordered(u: FloatArray, correlation: FloatArray) -> FloatArray:
+    """Reorder the columns of a whole design (N, k) until their normal scores have nearly a correlation (k, k).
+
+    Each column keeps its numbers, so one in each layer of a Latin hypercube. Scores z = Φ⁻¹(u) of correlation T = Q Qᵀ
+    become z Q⁻ᵀ Pᵀ with R = P Pᵀ, and each column takes the order of its new scores; repeated with what is left of the
+    difference. Iman & Conover, Commun. Statist. – Simul. Comput. 11 (1982) 311.
+    """
+    from scipy.special import ndtri
+
+    n, k = u.shape
+    ordered = np.sort(u, axis=0)
+    scores, P = ndtri(ordered), np.linalg.cholesky(correlation)
+    # of few members, which have no correlation of their own to correct
+    best, least = _in_the_order_of(correlated(u, correlation), ordered), np.inf
+    z = ndtri(u)
+    for _ in range(_ROUNDS if n > k else 0):
+        try:
+            Q = np.linalg.cholesky(np.corrcoef(z.T))
+        except np.linalg.LinAlgError:  # singular up to rounding
+            break
+        ranks = _ranks(np.linalg.solve(Q, z.T).T @ P.T)
+        z = np.take_along_axis(scores, ranks, axis=0)
+        gap = float(np.abs(np.corrcoef(z.T) - correlation).max())
+        if not gap < least:
+            break
+        best, least = np.take_along_axis(ordered, ranks, axis=0), gap
+    return best
+
+
+def _in_the_order_of(values: FloatArray, ordered: FloatArray) -> FloatArray:
+    """Columns of sorted numbers (N, k) in the order of other columns."""
+    return np.take_along_axis(ordered, _ranks(values), axis=0)
+
+
+def _ranks(values: FloatArray) -> NDArray[np.intp]:
+    return values.argsort(axis=0, kind="stable").argsort(axis=0)

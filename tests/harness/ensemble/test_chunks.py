@@ -1,15 +1,21 @@
 """Chunks: member k has the same bits whoever runs beside it; its row holds the figures of merit of its record."""
 
+from pathlib import Path
+
 import numpy as np
 import polars
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble.chunk import INTEGRATION_ERROR, Chunk, chunk
+from gough_stewart.harness.ensemble.chunk import INTEGRATION_ERROR, SIZE, Chunk, chunk
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
+from gough_stewart.harness.results.bands import MOST_MEMBERS, MOST_TIMES
 from gough_stewart.harness.results.metrics import flattened
+from gough_stewart.harness.sampling.choice import EnsembleChoice
+from gough_stewart.harness.tuning.tune import FRESH
+from gough_stewart.harness.tuning.tune import MEMBERS as CANDIDATE_MEMBERS
 from gough_stewart.model.vectors import FloatArray
 from tests.support.small_ensemble import small
 
@@ -161,3 +167,17 @@ def test_an_impossible_member_cannot_be_run(whole: Chunk) -> None:
 def test_an_ensemble_of_which_nobody_can_run_says_why() -> None:
     with pytest.raises(ExperimentError, match=r"none of the first 40 members is possible; the first: .*platform_mass"):
         plan_of(small(platform_mass={"uniform": [-3, -1]}))
+
+
+def test_the_documentation_states_the_sizes_that_the_code_has() -> None:
+    """Expected: each constant as the page on ensembles writes it."""
+    text = Path("docs/ensembles.md").read_text()
+    for said in (
+        f"in chunks of {SIZE},",
+        f"at {MOST_TIMES} times at most",
+        f"exact up to {MOST_MEMBERS:,} members",
+        f"{FRESH}) members that the search did not use",
+        f"the same members, {CANDIDATE_MEMBERS} at most by default",
+        f"of the `worst` ({EnsembleChoice.model_fields['worst'].default}) members",
+    ):
+        assert said in text, said

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError
@@ -58,6 +59,15 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no correlation": (
         {"correlation": [{"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[2, 0], [0, 1]]}]},
         "with 1 on the diagonal",
+    ),
+    "two matrices": (
+        {
+            "correlation": [
+                {"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[1, 0.5], [0.5, 1]]},
+                {"of": ["leg_viscous_friction", "platform_mass"], "matrix": [[1, 0.1], [0.1, 1]]},
+            ]
+        },
+        "is in two matrices",
     ),
     "both": ({"covariance": [{"of": ["platform_mass"], "matrix": [[2]]}]}, "has a distribution and a covariance"),
 }
@@ -140,6 +150,48 @@ def test_a_covariance_gives_draws_of_that_covariance() -> None:
     assert np.abs(values[:2].mean(axis=1) - [machine.leg_armature, machine.platform_mass]).max() < 5 * 20 / np.sqrt(
         4000
     )
+
+
+def test_a_correlated_latin_hypercube_has_one_member_in_each_layer() -> None:
+    """Expected: of 200 members one in each of 200 layers of each input, by the inverse of its distribution.
+
+    Normal scores are correlated to 0.02, where 200 independent draws scatter by 0.05. A member alone is the same.
+    """
+    R = np.array([[1.0, 0.8, -0.3], [0.8, 1.0, 0.1], [-0.3, 0.1, 1.0]])
+    C = np.array([[4.0, 1.2], [1.2, 1.0]])
+    names = ("platform_mass", "leg_viscous_friction", "controller.bandwidth")
+    table: dict[str, Any] = {
+        "members": 200,
+        "sampling": "latin_hypercube",
+        "platform_mass": {"uniform": [900, 1100]},
+        "leg_viscous_friction": {"normal": [300, 20]},
+        "controller": {"bandwidth": {"lognormal": [2, 0.1]}},
+        "leg_coulomb_friction": {"uniform": [0, 100]},
+        "correlation": [{"of": list(names), "matrix": R.tolist()}],
+        "covariance": [{"of": ["leg_armature", "platform.platform_mass"], "matrix": C.tolist()}],
+    }
+    experiment = gs.load_experiment("heave_step", {"ensemble": table})
+    members = Members(experiment)
+    drawn = {name: np.asarray(values) for name, values in members.draws(0, 200).columns.items()}
+    machine = prepare(experiment).machine
+    u = {
+        names[0]: (drawn[names[0]] - 900) / 200,
+        names[1]: stats.norm.cdf(drawn[names[1]], 300, 20),
+        names[2]: stats.norm.cdf(np.log(drawn[names[2]] / 2) / 0.1),
+        "leg_coulomb_friction": drawn["leg_coulomb_friction"] / 100,
+        "leg_armature": stats.norm.cdf(drawn["leg_armature"], machine.leg_armature, 2),
+        "platform.platform_mass": stats.norm.cdf(drawn["platform.platform_mass"], machine.platform_mass, 1),
+    }
+    for values in u.values():
+        assert (np.sort(np.floor(200 * values + 1e-9)) == np.arange(200)).all()
+    scores = stats.norm.ppf([u[name] for name in u])
+    found = np.corrcoef(scores)
+    assert np.abs(found[:3, :3] - R).max() < 0.02
+    assert np.abs(found[4, 5] - 0.6) < 0.02
+    assert np.abs(found[3, [0, 1, 2, 4, 5]]).max() < 5 / np.sqrt(200)  # of its own alone
+    for first, last in ((0, 1), (17, 19), (199, 200)):
+        part = Members(experiment).draws(first, last).columns
+        assert all((np.asarray(part[name]) == drawn[name][first:last]).all() for name in drawn)
 
 
 def test_belief_and_machine_vary_each_for_itself() -> None:

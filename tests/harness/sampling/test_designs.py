@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from gough_stewart.harness.sampling.correlation import Together, correlated, correlation_of
+from gough_stewart.harness.sampling.correlation import Together, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import Design, Sampling, in_turn
 
 NAMES, SIZES, GROUPS = ("a", "b", "c"), (1, 18, 2), ((0,), (1,), (2,))
@@ -84,6 +84,20 @@ def test_a_copula_keeps_the_margins_and_correlates_the_scores() -> None:
     assert np.abs(np.corrcoef(stats.norm.ppf(done).T) - R).max() < 5 / np.sqrt(len(u))
     assert min(stats.kstest(column, "uniform").pvalue for column in done.T) > 1e-3
     assert (correlated(u[77:78], R) == done[77:78]).all()
+
+
+@pytest.mark.parametrize("members", [1, 2, 3, 4, 20, 200])
+@pytest.mark.parametrize("rho", [-0.4, 0.0, 0.6, 0.999])
+def test_a_reordered_design_keeps_each_columns_numbers(members: int, rho: float) -> None:
+    """Expected: the same numbers in each column; the correlation, where there are enough members."""
+    u = Design("latin_hypercube", 3, members, ("x",), (3,)).points(0, members)
+    R = np.array([[1.0, rho, 0.0], [rho, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    done = reordered(u, R)
+    assert (np.sort(done, axis=0) == np.sort(u, axis=0)).all()
+    if members == 200:
+        assert np.abs(np.corrcoef(stats.norm.ppf(done).T) - R).max() < 0.01
+    if rho == 0.999 and members > 3:
+        assert stats.spearmanr(done[:, 0], done[:, 1]).statistic > 0.9
 
 
 NOT_POSITIVE: dict[str, Any] = {
