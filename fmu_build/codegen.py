@@ -38,11 +38,20 @@ def kernel_source() -> str:
     return _HEAD + "".join(function_source(f) for f in functions)
 
 
+# Calls of the C library in CasADi's code.
+_CALL = re.compile(
+    r"\b(?:casadi_)?((?:a?(?:sin|cos|tan)h?|atan2|ceil|copysign|erf|exp|expm1|fabs|floor|fmax|fmin|fmod|hypot|log|log1p"
+    r"|pow|remainder|sqrt))(?=\()"
+)
+
+
 class Types(NamedTuple):
     """The C types of a function: `real` for its arithmetic, and `of` for inputs and outputs that differ from it."""
 
     real: str = "double"
     of: Mapping[str, str] = {}
+    # how a function of the C library is called in this arithmetic, from its name for double
+    call: str = "{}"
 
     def __call__(self, name: str) -> str:
         """The type of an input or output."""
@@ -96,8 +105,10 @@ def function_source(
     body = re.sub(rf"arg\[({_NUMBER})\]\? arg\[\1\]\[({_NUMBER})\] : 0", read, body)
     body = re.sub(rf"if \(res\[({_NUMBER})\]!=0\) res\[\1\]\[({_NUMBER})\]=", written, body)
     body = body.replace("casadi_real", types.real)
-    for ours in ("sq", "fmin", "fmax", "sign"):
+    body = body.replace("casadi_inf", "HUGE_VAL" if types.real == "double" else f"(({types.real})HUGE_VAL)")
+    for ours in ("sq", "sign"):
         body = body.replace(f"casadi_{ours}(", f"{ours}(")
+    body = _CALL.sub(lambda match: types.call.format(match[1]), body)
     body = with_reciprocals(body, types.real)
     leftover = re.search(r"casadi|\barg\b|\bres\b|\biw\b|\bif\b" + ("" if conditions else r"|\?"), body)
     if leftover:

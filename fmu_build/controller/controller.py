@@ -17,6 +17,26 @@ OUTPUTS = (
     Variable("force_limited", (6,), "", "output", "continuous", "1 if the force limit is active, else 0"),
 )
 
+# What the plain C says about its inputs; added later than the other outputs.
+REPORTS = (
+    Variable(
+        "input_status",
+        (),
+        "",
+        "output",
+        "continuous",
+        "inputs of the last sample: 0 good, 1 out of range, 2 frozen; unless they are good, the forces are safe ones",
+    ),
+    Variable(
+        "input_bad_time",
+        (),
+        "s",
+        "output",
+        "continuous",
+        "for how long the inputs have not been good; 0 while they are",
+    ),
+)
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -62,7 +82,7 @@ class Controller:
             f"{self.most_output_delay}",
             lower_bound="> 0",
         )
-        return laid_out((*inputs, *OUTPUTS, *map(_described, self.parameters)), {}, (delay,))
+        return laid_out((*inputs, *OUTPUTS, *map(_described, self.parameters)), {}, (delay, *REPORTS))
 
 
 def _input(variable: Variable, name: str, description: str) -> Variable:

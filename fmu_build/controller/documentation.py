@@ -60,6 +60,9 @@ the inputs are held from its beginning, or {between}.</li>
 <li>While all inputs are exactly zero, as with importers that do not propagate start values, the forces are
 <code>start_force</code>, and the controller's state does not change. Controllers whose inputs are velocities only treat
 zeros as measurements.</li>
+<li>Inputs are checked against ranges that were fixed at the export. While one is out of its range, or frozen where that
+is watched, the forces are safe ones, and the controller's state does not change. <code>input_status</code> and
+<code>input_bad_time</code> report it from the next sample on, whatever <code>output_delay</code> is.</li>
 <li>Tunable parameters take effect at the next sample.</li>
 <li>The state can be saved, restored and serialized; after a restore, the unit repeats its results bit by bit. There are
 no continuous states, no events and no derivatives of outputs.</li>

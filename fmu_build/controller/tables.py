@@ -12,7 +12,8 @@ MOST_SAMPLES = 1_000_000
 def controller_header(controller: Controller) -> str:
     """`controller_table.h`."""
     rows = controller.layout.by_name
-    slots = {name.upper(): rows[name].first for name in ("actuator_force", "force_limited", "output_delay")}
+    named = ("actuator_force", "force_limited", "output_delay", "input_status", "input_bad_time")
+    slots = {name.upper(): rows[name].first for name in named}
     limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
     facts = {
         "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),

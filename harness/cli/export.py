@@ -20,6 +20,13 @@ from gough_stewart.harness.cli.options import (
 from gough_stewart.harness.cli.terminal import preparing, progress_bar, warn
 
 
+class SafeForceChoice(StrEnum):
+    """The forces while inputs are bad."""
+
+    feedforward = "feedforward"
+    zero = "zero"
+
+
 class ReferenceSource(StrEnum):
     """Where the reference comes from."""
 
@@ -42,6 +49,21 @@ def export_command(
             metavar=choices(ReferenceSource),
         ),
     ] = ReferenceSource.inside,
+    safe_force: Annotated[
+        SafeForceChoice,
+        typer.Option(
+            help="Forces while a measurement is NaN or out of its range: the feedforward, or zero.",
+            metavar=choices(SafeForceChoice),
+        ),
+    ] = SafeForceChoice.feedforward,
+    frozen: Annotated[
+        str | None,
+        typer.Option(
+            help="Take a measurement for frozen that is the same for N samples while its reference moves by more than "
+            "a length, such as `50,1 mm`.",
+            metavar="N,LENGTH",
+        ),
+    ] = None,
     settings: SetOption = None,
     out: FolderOption = Path(),
     no_python: NoPythonOption = False,
@@ -49,7 +71,7 @@ def export_command(
     """Export the controller of an experiment, to run without Python.
 
     `--as fmu` writes **NAME_controller_fmi2.fmu** and **NAME_controller_fmi3.fmu**, Co-Simulation; `--as c`
-    **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C11 for any processor; `--as ssp` **NAME.ssp**,
+    **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C99 for any processor; `--as ssp` **NAME.ssp**,
     plant and controller connected, for co-simulation tools.
 
     Examples
@@ -79,6 +101,8 @@ def export_command(
                 fmi=versions,
                 targets=targets,
                 reference=reference.value,
+                safe_force=safe_force.value,
+                frozen=None if frozen is None else _frozen(frozen),
                 progress=lambda what: progress.update(task, advance=1, description=what),
             )
         command.written.append(out)
@@ -88,3 +112,18 @@ def export_command(
                 "machine's sensors and actuators"
             )
         command.close([file.relative_to(out) for file in files], out)
+
+
+def _frozen(text: str) -> tuple[int, float]:
+    """Samples and movement [m] from the text of the option."""
+    from gough_stewart.harness.errors import ExportError
+    from gough_stewart.harness.quantities import number
+
+    samples, _, movement = text.partition(",")
+    try:
+        return int(samples), number(movement.strip(), "m")
+    except ValueError:
+        raise ExportError(
+            f"--frozen is '{text}'; expected a number of samples and a length with a comma between them, such as "
+            "'50,1 mm'"
+        ) from None

@@ -6,17 +6,22 @@ from dataclasses import dataclass
 from functools import partial
 
 import casadi
+import numpy as np
 
 from gough_stewart.fmu_build.codegen import Types, function_source
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import table_source
 from gough_stewart.harness.export.designed import Designed
+from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.operations import operations_of, words_of
+from gough_stewart.harness.export.ranges import words_of_ranges
 from gough_stewart.harness.export.settings import Setting
 from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, filled, number, numbers
 from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.motion.motion import Piecewise
 from gough_stewart.model import interface
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform import LARGEST_NUMBER
 
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
 
@@ -73,15 +78,20 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
     n_coefficients = 0 if functions.coefficients is None else int(functions.coefficients.numel_out(0))
     settings = designed.settings
     call = partial(_call, settings=settings)
-    at_time, uses_excess = _uses(law, "motion") or _uses(functions.start, "motion"), _uses(law, "excess")
+    at_time = any(_uses(each, "motion") for each in (law, functions.start, functions.expected))
+    uses_excess = _uses(law, "excess")
     is_table = isinstance(designed.reference, Piecewise)
     forward = functions.feedforward is not None
     is_moving = forward or at_time
     inside = designed.reference is not None
     # a motion at rest does not depend on time
     is_timed = functions.motion is not None and functions.motion.n_in() > 0
+    has_constant = any(s.variable.name == "constant_force" for s in settings)
+    safe = designed.faults.safe_force
     written = "".join(_functions(designed, functions, prefix))
+    table = table_source.table_of(designed.reference) if is_table and is_moving else ""  # type: ignore[arg-type]
     facts: dict[str, str | bool] = {
+        "CONSTANTS": f"{constant_bytes(designed, table)} bytes, besides those in the code",
         "P": prefix.upper(),
         "REFERENCE": "reference, " if designed.reference_inputs else "",
         "p": prefix,
@@ -95,15 +105,18 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "MEASURED": ", ".join(f"{v.name}[{v.size}] [{v.unit}]" for v in designed.measured) or "nothing",
         "FIELDS": "\n".join(map(partial(_field, prefix=prefix), settings)),
         "DEFAULTS": "\n".join(map(partial(_default, prefix=prefix), settings)),
+        "LARGEST": number(LARGEST_NUMBER),
+        **_inputs(designed),
         "CHECKS": "\n".join(map(partial(_check, prefix=prefix), settings, range(1, len(settings) + 1))),
         "SAMPLE_TIME": number(designed.sample_time),
         "FUNCTIONS": written,
-        "TABLE": table_source.table_of(designed.reference) if is_table and is_moving else "",  # type: ignore[arg-type]
+        "TABLE": table,
         "CALL_COEFFICIENTS": call(functions.coefficients, {"law": "coefficients->law"}),
         "CALL_MOTION": _call_motion(functions.motion, "time", "now", is_table=is_table),
         "CALL_AHEAD": _call_motion(functions.motion, "later", "ahead", is_table=is_table),
         "CALL_EXTRAPOLATED": "extrapolated(reference, &coefficients->ahead, ahead);",
-        "CALL_START": call(functions.start, {"states_at_rest": "states"}),
+        "CALL_START": call(functions.start, {"states_at_rest": "states", "states": "memory->states"}),
+        "CALL_EXPECTED": call(functions.expected, {}),
         "CALL_LAW": call(law, {"force": "command", "next": "next"}),
         "CALL_FEEDFORWARD": call(functions.feedforward, {"force": "known", "motion": "ahead"}),
         "FIRST_MEASURED": numbers(designed.first_measured),
@@ -123,12 +136,18 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "feedforward": forward,
         "timed_ahead": is_timed and forward,
         "known_ahead": inside and forward and not is_timed,
+        "inside_ahead": inside and forward,
         "inputs_ahead": designed.reference_inputs and forward,
-        "constant": any(s.variable.name == "constant_force" for s in settings),
+        "constant": has_constant,
         "excess": uses_excess,
         "table": is_table and is_moving,
         "fixed_sample_time": any("DEFAULT_SAMPLE_TIME" in c for s in settings for c in s.conditions),
         "sees": designed.zeros_are_no_measurement,
+        "checked": bool(designed.measured) or designed.reference_inputs,
+        "watches": bool(designed.watched),
+        "zero_is_no_reference": designed.reference_inputs and not zero_is_a_reference(designed),
+        "safe_is_known": safe == "feedforward" and (forward or has_constant),
+        "safe_is_start": safe == "feedforward" and not (forward or has_constant),
         "uses_coefficients": _uses(law, "coefficients") or (forward and (is_timed or designed.reference_inputs)),
         "sign": "sign(" in written,
     }
@@ -149,13 +168,72 @@ def _functions(designed: Designed, functions: Traced, prefix: str) -> list[str]:
         (functions.coefficients, doubles),
         (functions.motion, doubles),
         (functions.extrapolated, doubles),
-        (functions.feedforward, Types(real, of_platform)),
+        (functions.feedforward, Types(real, of_platform, "REAL({})")),
         (functions.start, doubles),
+        (functions.expected, doubles),
         (functions.law, doubles),
     ]
-    if not (functions.feedforward is not None or _uses(functions.law, "motion") or _uses(functions.start, "motion")):
+    if functions.feedforward is None and not any(
+        _uses(each, "motion") for each in (functions.law, functions.start, functions.expected)
+    ):
         parts[1] = (None, doubles)
     return [function_source(f, "static void ", types, conditions=True) for f, types in parts if f is not None]
+
+
+def constant_bytes(designed: Designed, table: str) -> int:
+    """Bytes of constant data: designed values of the parameters, ranges, the numbers of a table."""
+    parameters = sum(s.variable.size for s in designed.settings)
+    ranges = 2 * interface.size_of((*designed.measured, *designed.reference_variables))
+    return 8 * (parameters + ranges + table_source.numbers_in(table))
+
+
+def zero_is_a_reference(designed: Designed) -> bool:
+    """Whether a reference of zeros can be one: a pose in which the legs are in their range."""
+    legs = leg_geometry(designed.platform, np.zeros(3), np.zeros(3)).length
+    low, high = designed.ranges.leg_length
+    return bool(((legs >= low) & (legs <= high)).all())
+
+
+def _inputs(designed: Designed) -> dict[str, str]:
+    """What is done about inputs that cannot be, in C and in words."""
+    measured, reference = designed.measured, designed.reference_variables
+    of_measured, of_reference = (designed.ranges.joined(each) for each in (measured, reference))
+    ends = np.cumsum([0, *(v.size for v in measured)]).tolist()
+    watched = [
+        k for v, at in zip(measured, ends, strict=False) if v in designed.watched for k in range(at, at + v.size)
+    ]
+    frozen = designed.faults.frozen
+    facts = {
+        "MEASURED_LOW": numbers(of_measured.low),
+        "MEASURED_HIGH": numbers(of_measured.high),
+        "REFERENCE_LOW": numbers(of_reference.low),
+        "REFERENCE_HIGH": numbers(of_reference.high),
+        "RANGES": words_of_ranges(measured, designed.ranges)
+        + (f"; of the reference: {words_of_ranges(reference, designed.ranges)}" if reference else ""),
+        "SAFE": _safe_force_in_words(designed),
+        "IF_FUNCTION": ", or with its memory" if isinstance(designed.law, FunctionLaw) else "",
+        "N_WATCHED": str(len(watched)),
+        "WATCHED": ", ".join(map(str, watched)),
+        "FROZEN": "not used: frozen measurements are not watched for",
+    }
+    if frozen is not None:
+        facts |= {
+            "FROZEN_SAMPLES": str(frozen.samples),
+            "FROZEN_MOVEMENT": number(frozen.movement),
+            "FROZEN": f"a measurement is the same for {frozen.samples} samples while its reference moves by more than "
+            f"{frozen.movement:g} m",
+        }
+    return facts
+
+
+def _safe_force_in_words(designed: Designed) -> str:
+    if designed.faults.safe_force == "zero":
+        return "0"
+    if designed.feedforward == "none" and not designed.constant_force.any():
+        return "`start_force`, since there is no feedforward"
+    if designed.reference_inputs:
+        return "the feedforward, of the last good reference if that is the fault"
+    return "the feedforward"
 
 
 _PLACES = {
@@ -164,6 +242,7 @@ _PLACES = {
     "measured": "measured",
     "excess": "memory->excess",
     "states": "states",
+    "expected": "expected",
     "coefficients": "coefficients->law",
 }
 
@@ -193,22 +272,26 @@ def _field(each: Setting, prefix: str) -> str:
     kind = f"{prefix}_real" if each.is_real else "double"
     size = f"[{v.size}]" if v.shape else ""
     unit = f"[{v.unit}] " if v.unit else ""
-    return f"    {kind} {v.name}{size}; /* {unit}{v.description} */"
+    none = "; 0: none" if each.may_be_infinite else ""
+    return f"    {kind} {v.name}{size}; /* {unit}{v.description}{none} */"
 
 
 def _default(each: Setting, prefix: str) -> str:
-    """With a cast, since numbers in C are double."""
+    """In its place, since C++ has no designators before C++20; with a cast, since numbers in C are double."""
     cast = f"({prefix}_real)" if each.is_real else ""
-    values = [cast + number(value) for value in each.value.reshape(-1).tolist()]
-    return f"    .{each.variable.name} = {'{' + ', '.join(values) + '}' if each.variable.shape else values[0]},"
+    finite = np.where(np.isinf(each.value), 0.0, each.value) if each.may_be_infinite else each.value
+    values = [cast + number(value) for value in finite.reshape(-1).tolist()]
+    text = "{" + ", ".join(values) + "}" if each.variable.shape else values[0]
+    return f"    {text}, /* {each.variable.name} */"
 
 
 def _check(each: Setting, place: int, prefix: str) -> str:
     """Checks of a parameter; if one fails, the generated code returns its number."""
     v = each.variable
-    infinity = f"({prefix}_real)HUGE_VAL" if each.is_real else "HUGE_VAL"
-    above = {"> 0": "{0} > 0", ">= 0": "{0} >= 0", None: f"{{0}} > -{infinity}"}[v.lower_bound]
-    below = "" if each.may_be_infinite else f" && {{0}} < {infinity}"
+    cast = f"({prefix}_real)" if each.is_real else ""
+    largest = f"{cast}{'LARGEST' if each.largest == LARGEST_NUMBER else number(each.largest)}"
+    above = {"> 0": "{0} > 0", ">= 0": "{0} >= 0", None: f"{{0}} >= -{largest}"}[v.lower_bound]
+    below = "" if each.may_be_infinite else f" && {{0}} <= {largest}"
     element = f"parameters->{v.name}" + ("[k]" if v.shape else "")
     test = f"if (!({(above + below).format(element)})) return {place};"
     lines = [f"    for (k = 0; k < {v.size}; ++k) {test}" if v.shape else f"    {test}"]

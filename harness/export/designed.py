@@ -15,7 +15,9 @@ from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.faults import Faults, check_faults
 from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
+from gough_stewart.harness.export.ranges import Ranges, ranges_of
 from gough_stewart.harness.export.settings import Setting, setting
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
@@ -25,6 +27,8 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 ReferenceFrom = Literal["inside", "inputs"]
+# Samples, as in an experiment; and a force [N] beyond that of any machine.
+MOST_DELAY, LARGEST_FORCE = 1000, 1e9
 REFERENCE = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
 
 
@@ -46,6 +50,8 @@ class Designed:
     start_force: FloatArray  # (6,) [N]
     first_measured: FloatArray  # the reference signals at time 0, in the order of `measured`
     first_reference: FloatArray  # likewise (18,)
+    ranges: Ranges  # of measurements and references
+    faults: Faults  # what is done about inputs that cannot be
 
     @property
     def measured(self) -> tuple[Variable, ...]:
@@ -71,6 +77,11 @@ class Designed:
             places.append(self.first_reference[:6])
         return any(bool(part.any()) for part in places)
 
+    @property
+    def watched(self) -> tuple[Variable, ...]:
+        """The measurements that must not stand still while their reference moves."""
+        return self.faults.watched(self.measured)
+
     @cached_property
     def settings(self) -> tuple[Setting, ...]:
         """Its parameters, in C the fields of its struct, in this order."""
@@ -82,27 +93,37 @@ class Designed:
             setting(
                 *("sample_time", "s", "> 0", "time from sample to sample", self.sample_time),
                 variability="fixed",
-                conditions=sampled,
+                conditions=sampled or ("parameters->sample_time >= 1e-6",),
+                largest=1e3,
             ),
             setting(
                 *("delay", "", ">= 0", "samples until a force acts; the feedforward is for half a sample later"),
                 self.delay,
                 variability="fixed",
+                conditions=("floor(parameters->delay) >= parameters->delay",),
+                largest=MOST_DELAY,
+                expected=f"a whole number of samples, at most {MOST_DELAY}",
             ),
             setting(
-                *("force_limit", "N", "> 0", "largest force of an actuator", self.force_limit),
+                *("force_limit", "N", ">= 0", "largest force of an actuator", self.force_limit),
                 is_real=True,
                 may_be_infinite=True,
+                conditions=_none_or_a_limit("force_limit"),
+                expected="0, which is none, or at least 0.001 N",
             ),
             setting(
-                *("force_rate_limit", "N/s", "> 0", "rate limit of the drives, for the anti-windup"),
+                *("force_rate_limit", "N/s", ">= 0", "rate limit of the drives, for the anti-windup"),
                 self.rate_limit,
                 is_real=True,
                 may_be_infinite=True,
+                conditions=_none_or_a_limit("force_rate_limit"),
+                expected="0, which is none, or at least 0.001 N/s",
             ),
             setting(
                 *("start_force", "N", None, "forces before the first sample, and while all inputs are zero"),
                 self.start_force,
+                largest=LARGEST_FORCE,
+                expected=f"at most {LARGEST_FORCE:g} N",
             ),
         ]
         if self.law is not None:
@@ -123,10 +144,15 @@ class Designed:
             or any(name.startswith("leg_") for name in self.law.signals)
             or (isinstance(self.law, FunctionLaw) and any("_leg_" in name for name in self.law.function.name_in()))
         )
-        return self.feedforward != "none" or legs
+        return self.feedforward != "none" or legs or any(v.name == "leg_length" for v in self.watched)
 
 
-def designed(experiment: Experiment, controller: Any = None, reference: ReferenceFrom = "inside") -> Designed:
+def designed(
+    experiment: Experiment,
+    controller: Any = None,
+    reference: ReferenceFrom = "inside",
+    faults: Faults = Faults(),  # noqa: B008 - a tuple
+) -> Designed:
     """The controller of an experiment.
 
     Parameters
@@ -136,6 +162,8 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
         inputs and outputs of `FunctionLaw`. The feedforward is unchanged.
     reference
         "inside": the experiment's motion is part of the controller; "inputs": the reference is an input at each sample.
+    faults
+        What is done about inputs that cannot be.
 
     Raises
     ------
@@ -161,7 +189,7 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
     if reference_rows is None:
         raise ExportError("a controller without a reference; expected the reference signals for it to follow")
     used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
-    return Designed(
+    made = Designed(
         title=experiment.title,
         platform=prepared.platform,
         sample_time=loop.timing.sample_time,
@@ -176,7 +204,16 @@ def designed(experiment: Experiment, controller: Any = None, reference: Referenc
         start_force=loop.start_force.copy(),
         first_measured=reference_rows[0, signals.positions(used)] if used else np.zeros(0),
         first_reference=np.delete(reference_rows[0], np.s_[12:24]),
+        ranges=ranges_of(prepared.platform, loop.timing.sample_time, prepared.legs),
+        faults=faults,
     )
+    check_faults(faults, made.measured)
+    return made
+
+
+def _none_or_a_limit(name: str) -> tuple[str, ...]:
+    """0, or at least a thousandth; written so that it holds for float and for double."""
+    return (f"!(parameters->{name} > 0) || parameters->{name} * 1000 >= 1",)
 
 
 def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:

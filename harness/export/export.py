@@ -17,6 +17,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed, ReferenceFrom, designed
+from gough_stewart.harness.export.faults import SafeForce, faults_of
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.model.files import check_output_folder, write_files
@@ -38,6 +39,8 @@ def export(
     targets: Iterable[str] = ("native",),
     reference: ReferenceFrom = "inside",
     controller: Any = None,
+    safe_force: SafeForce = "feedforward",
+    frozen: tuple[int, float] | None = None,
     progress: StepProgress | None = None,
 ) -> list[Path]:
     """Write the controller of an experiment as C, as FMU, or with its plant as SSP; after an error, no file is written.
@@ -49,7 +52,7 @@ def export(
         at home with a sample time of 1 ms.
     forms
         "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
-        `example_main.c`, C11 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 FMUs, connected.
+        `example_main.c`, C99 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 FMUs, connected.
     out
         Folder, created if needed.
     fmi
@@ -62,6 +65,12 @@ def export(
     controller
         Replaces the experiment's: a discrete python-control system, a `LinearController`, or a `casadi.Function` from
         named signals to `actuator_force`. The feedforward is unchanged.
+    safe_force
+        All six forces while an input is NaN or out of its range, which is the stroke with a margin: "feedforward", or
+        the start forces if there is none; or "zero".
+    frozen
+        (n, q): a measured length or position that is the same for n samples while its reference moves by more than q
+        [m] counts as frozen, with the safe force until it changes. Without it none does.
     progress
         Called with the present action.
 
@@ -70,7 +79,7 @@ def export(
     ControllerError
         A controller that cannot be exported, is unstable by itself, or has the wrong size.
     ExportError
-        An unknown form, or an SSP with external reference.
+        An unknown form or safe force, nothing to watch for, or an SSP with external reference.
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 
@@ -90,7 +99,7 @@ def export(
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
     report = progress or (lambda _text: None)
-    law = designed(chosen, controller, reference)
+    law = designed(chosen, controller, reference, faults_of(safe_force, frozen))
     files: dict[str, bytes] = {}
     if "c" in requested:
         report("C")

@@ -31,7 +31,7 @@ def component_of(
 
 
 def _parameter(setting: Setting, designed: Designed) -> Parameter:
-    expected = " and ".join(_in_words(condition, designed) for condition in setting.conditions)
+    expected = setting.expected or " and ".join(_in_words(each, designed) for each in setting.conditions)
     return Parameter(setting.variable, setting.value, setting.may_be_infinite, expected or "another value")
 
 

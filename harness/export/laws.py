@@ -36,6 +36,7 @@ class Linear(NamedTuple):
 
     system: StateSpace
     start: Array  # (n, inputs): the steady state under constant inputs u is start @ u
+    integrating: Array  # (n, n): projection on the integrators, at zero in that state
     symbols: casadi.SX  # the coefficients (k,)
     coefficients: casadi.Function | None  # settings -> coefficients
 
@@ -127,7 +128,7 @@ class PidLaw:
         integrating = np.round(integrating_modes(numeric.A))
         start = rest(system.A, integrating, system.B, symbols.solve) if numeric.nstates else system.B
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
-        return Linear(system, start, c, function)
+        return Linear(system, start, integrating, c, function)
 
 
 @dataclass(frozen=True)
@@ -177,8 +178,9 @@ class MatrixLaw:
         """Its matrices."""
         given = self.controller.system
         A, B, C, D = (np.asarray(each, dtype=float) for each in (given.A, given.B, given.C, given.D))
-        start = rest(A, integrating_modes(A), B) if len(A) else B
-        return Linear(StateSpace(A, B, C, D, 1.0), start, casadi.SX.sym("coefficients", 0), None)
+        integrating = integrating_modes(A) if len(A) else A
+        start = rest(A, integrating, B) if len(A) else B
+        return Linear(StateSpace(A, B, C, D, 1.0), start, integrating, casadi.SX.sym("coefficients", 0), None)
 
 
 MEMORY, MEMORY_NEXT, FORCE = "memory", "memory_next", "actuator_force"

@@ -16,13 +16,18 @@ SIMPLE, DIVISIONS, OTHERS = (
     "divisions and square roots",
     "other functions",
 )
-# Of the hand-written code for six forces: limits, excess, checks for finite values; and the search in a table.
-_A_FORCE, _A_SEARCH, _A_PIECE = 12, 40, 6 * (5 + 4 + 3) * 2
+# Of the hand-written code for six forces: limits, excess, checks for finite values, of which there may be many of
+# inputs and states; and the search in a table.
+_A_FORCE, _A_CHECK, _A_SEARCH, _A_PIECE = 16, 2, 40, 6 * (5 + 4 + 3) * 2
 
 
 def operations_of(functions: Traced) -> dict[str, int]:
     """Floating-point operations per step, at most, by kind."""
-    total = {SIMPLE: 6 * _A_FORCE + 10, DIVISIONS: 0, OTHERS: 0}
+    law = functions.law
+    n_checked = (
+        0 if law is None else sum(map(law.numel_in, range(law.n_in()))) + sum(map(law.numel_out, range(law.n_out())))
+    )
+    total = {SIMPLE: 6 * _A_FORCE + _A_CHECK * n_checked, DIVISIONS: 0, OTHERS: 0}
     motions = 0
     if functions.motion is not None:
         motions = (functions.feedforward is not None) + (functions.law is not None)
@@ -32,6 +37,7 @@ def operations_of(functions: Traced) -> dict[str, int]:
         functions.extrapolated,
         functions.feedforward,
         functions.start,
+        functions.expected,
         functions.law,
         *[functions.motion] * motions,
     ]

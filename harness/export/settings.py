@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.model.interface import Variability, Variable
 from gough_stewart.model.parameters import Bound
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -19,7 +20,9 @@ class Setting(NamedTuple):
     is_real: bool = False  # whether C stores it in its real type, float or double; otherwise as double
     # C conditions on the struct `parameters`, besides finite values and the variable's bound
     conditions: tuple[str, ...] = ()
-    may_be_infinite: bool = False
+    may_be_infinite: bool = False  # a limit; none is 0, or infinite
+    largest: float = LARGEST_NUMBER  # magnitude of an element
+    expected: str = ""  # the conditions in the user's words; by default as they are
 
 
 def setting(
@@ -33,8 +36,10 @@ def setting(
     is_real: bool = False,
     conditions: Iterable[str] = (),
     may_be_infinite: bool = False,
+    largest: float = LARGEST_NUMBER,
+    expected: str = "",
 ) -> Setting:
     """A setting with the shape of its value."""
     value = np.asarray(value, dtype=float)
     variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
-    return Setting(variable, value, is_real, tuple(conditions), may_be_infinite)
+    return Setting(variable, value, is_real, tuple(conditions), may_be_infinite, largest, expected)

@@ -1,5 +1,7 @@
 """C source of a motion from a table: the splines' polynomials, and their evaluation in constant time."""
 
+import re
+
 from gough_stewart.harness.export.texts import number, numbers
 from gough_stewart.harness.motion.motion import ROUNDING, Piecewise
 
@@ -36,6 +38,12 @@ static void table_at(double time, double pose[6], double rate[6], double acceler
     }
 }
 """
+
+
+def numbers_in(text: str) -> int:
+    """How many numbers the constant arrays of a text have."""
+    arrays = re.findall(r"^static const double \w+(?:\[\w+\])+ = \{(.*?)\};", text, re.M | re.S)
+    return sum(len(re.findall(r"[^\s{},]+", array)) for array in arrays)
 
 
 def table_of(reference: Piecewise) -> str:

@@ -34,7 +34,8 @@ class Traced(NamedTuple):
     motion: casadi.Function | None  # time, or pose, rate, acceleration of a table -> motion
     extrapolated: casadi.Function | None  # motion, ahead -> later
     feedforward: casadi.Function | None  # motion, platform -> force
-    start: casadi.Function | None  # -> states before the first sample
+    start: casadi.Function | None  # states -> states at rest in the measurements, at the start and after bad inputs
+    expected: casadi.Function | None  # motion, platform -> references of the measurements that are watched
     law: casadi.Function | None  # -> force, next
 
 
@@ -51,6 +52,7 @@ def traced(designed: Designed) -> Traced:
         _extrapolation() if ahead else None,
         _feedforward(designed),
         start,
+        _expected(designed),
         step,
     )
 
@@ -123,6 +125,16 @@ def _feedforward(designed: Designed) -> casadi.Function | None:
     return symbols.function("feedforward", {"motion": vector, **platform}, {"force": symbols.column(force)})
 
 
+def _expected(designed: Designed) -> casadi.Function | None:
+    if not designed.watched:
+        return None
+    inputs = {"motion": casadi.SX.sym("motion", N_MOTION), **symbols.platform_symbols()}
+    names = [v.name for v in designed.watched]
+    references = _references(inputs, [f"reference_{name}" for name in names])
+    expected = casadi.vertcat(*(references[f"reference_{name}"] for name in names))
+    return symbols.function("references_watched", inputs, {"expected": expected})
+
+
 def _law(designed: Designed, law: Law) -> tuple[casadi.Function | None, casadi.Function]:
     measured = casadi.SX.sym("measured", interface.size_of(designed.measured))
     inputs = {
@@ -157,7 +169,7 @@ def _leg(
     step = symbols.function("law", inputs, {"force": force, **({"next": following} if n else {})})
     if not n:
         return None, step
-    at_rest = symbols.sparse(linear.start) @ _inputs(linear.system, r, y, casadi.SX.zeros(N_LEGS))
+    at_rest = _at_rest(linear, inputs["states"], _inputs(linear.system, r, y, casadi.SX.zeros(N_LEGS)))
     return symbols.function("start", inputs, {"states_at_rest": at_rest}), step
 
 
@@ -179,8 +191,8 @@ def _task(
     following, wrench = _advance(linear.system, x, _inputs(linear.system, pose + error, pose, excess))
     force = symbols.column(solver.transposed(symbols.row(wrench)))
     step = symbols.function("law", inputs, {"force": force, "next": casadi.vertcat(following, pose, lengths)})
-    at_rest = symbols.sparse(linear.start) @ _inputs(linear.system, error, zeros, zeros) if n else casadi.SX(0, 1)
-    return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, zeros, lengths)}), step
+    at_rest = _at_rest(linear, x, _inputs(linear.system, before + error, before, zeros)) if n else casadi.SX(0, 1)
+    return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, before, lengths)}), step
 
 
 def _inputs(system: Any, r: casadi.SX, y: casadi.SX, excess: casadi.SX) -> casadi.SX:
@@ -188,6 +200,11 @@ def _inputs(system: Any, r: casadi.SX, y: casadi.SX, excess: casadi.SX) -> casad
     if system.ninputs == r.numel():
         return r - y
     return casadi.vertcat(r, y, excess)[: system.ninputs]
+
+
+def _at_rest(linear: Any, x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """The steady state under constant inputs, with the integrals of a state: none before the first sample."""
+    return symbols.sparse(linear.start) @ u + symbols.sparse(np.asarray(linear.integrating)) @ x
 
 
 def _advance(system: Any, x: casadi.SX, u: casadi.SX) -> tuple[casadi.SX, casadi.SX]:

@@ -1,6 +1,7 @@
 """Exported controllers compiled here, and called through ctypes; their experiments on the uneven platform."""
 
 import ctypes
+import re
 import shutil
 import subprocess
 import tempfile
@@ -120,6 +121,30 @@ class Exported:
             arguments.append(_at(reference))
         self._function("step")(*arguments, _at(force), _at(limited))
         return np.asarray(force, dtype=float), limited
+
+    def remembered(self, name: str) -> FloatArray:
+        """A member of the memory, by the declaration in the header."""
+        text = next(iter(self.sources.headers.values()))
+        declared = re.search(rf"typedef struct \{{([^}}]*)\}} {self.prefix}_memory;", text)
+        assert declared is not None
+        sizes = {key: int(value) for key, value in re.findall(r"(\w+) = (\d+)", text)}
+        at = 0
+        for member, size in re.findall(r"double (\w+)(?:\[(\w+)\])?;", declared[1]):
+            n = int(sizes.get(size, size)) if size else 1
+            if member == name:
+                return self.memory[at : at + n].copy()
+            at += n
+        raise KeyError(name)
+
+    @property
+    def status(self) -> int:
+        """Of the inputs of the last sample."""
+        return int(self.remembered("input_status")[0])
+
+    @property
+    def bad_time(self) -> float:
+        """For how long they have not been good [s]."""
+        return float(self.remembered("input_bad_time")[0])
 
     def forces(self, measured: FloatArray, reference: FloatArray | None = None) -> FloatArray:
         """From the start, at every sample (m, 6)."""

@@ -87,6 +87,10 @@ outcome component_get(component *c, int slot, double *value)
         *value = c->s.time;
     else if (slot == OUTPUT_DELAY)
         *value = c->s.output_delay;
+    else if (slot == INPUT_STATUS)
+        *value = c->s.input_status;
+    else if (slot == INPUT_BAD_TIME)
+        *value = c->s.input_bad_time;
     else if (is_parameter(slot))
         *value = get_parameter(c, slot);
     else if (slot < FIRST_RESULT)

@@ -29,6 +29,8 @@ typedef struct {
     double output_delay;                        /* samples from the inputs to the outputs, 1 to MOST_OUTPUT_DELAY */
     double acting[N_DELAYED];                   /* the outputs since the last sample */
     double planned[MOST_OUTPUT_DELAY][N_DELAYED]; /* the outputs of sample k at k modulo MOST_OUTPUT_DELAY */
+    double input_status;                        /* of the last sample but the one that is due, like the forces */
+    double input_bad_time;
     controller_memory memory;                   /* with the number of samples taken */
     controller_parameters p;
 } controller_state;

@@ -70,7 +70,7 @@ static outcome take_sample(component *c)
 #else
     controller_step(&c->s.p, &c->coefficients, &c->s.memory, c->s.inputs, force, limited);
 #endif
-    if (!all_finite(force, 6)) {
+    if (c->s.memory.input_status >= (double)CONTROLLER_FORCE_NOT_FINITE) {
         write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are within "
                                   "the platform's workspace", c->s.time);
         return NOT_POSSIBLE;
@@ -87,6 +87,10 @@ static void advance(component *c, double time)
     for (int k = 0; k < N_INPUTS; k++)
         c->s.inputs[k] += c->s.input_rates[k] * (time - c->s.time);
     c->s.time = time;
+    if (c->s.memory.samples > 0 && is_due(c)) { /* reports do not wait in the delay line */
+        c->s.input_status = c->s.memory.input_status;
+        c->s.input_bad_time = c->s.memory.input_bad_time;
+    }
     /* until the first command has passed the delay line, the start forces act */
     if (c->s.memory.samples >= c->s.output_delay && is_due(c))
         memcpy(c->s.acting, planned_at(c, c->s.memory.samples - c->s.output_delay), sizeof c->s.acting);

@@ -4,26 +4,59 @@
 
 #include <math.h>
 #include <string.h>
-#include <tgmath.h>
 
 #define sq(x) ((x) * (x))
 
+/* A function of the C library for @p@_real; <tgmath.h> is not complete everywhere. */
+#define KIND_double 1
+#define KIND_float 2
+#define JOINED_(a, b) a##b
+#define JOINED(a, b) JOINED_(a, b)
+#if JOINED(KIND_, @P@_REAL) == KIND_float
+#define REAL(name) name##f
+#elif JOINED(KIND_, @P@_REAL) == KIND_double
+#define REAL(name) name
+#else
+#error "@P@_REAL: expected float or double"
+#endif
+
+/* A parameter is below this in SI units; its square and cube do not overflow. */
+#define LARGEST @LARGEST@
 @if fixed_sample_time
 /* The sample time for which the law's matrices are valid. */
 #define DEFAULT_SAMPLE_TIME @SAMPLE_TIME@
-
 @end
+
 const @p@_parameters @P@_DEFAULTS = {
 @DEFAULTS@
 };
+@if measures
 
+/* Ranges of the measurements. */
+static const double MEASURED_LOW[] = {@MEASURED_LOW@};
+static const double MEASURED_HIGH[] = {@MEASURED_HIGH@};
+@end
+@if inputs
+
+/* Ranges of the reference. */
+static const double REFERENCE_LOW[] = {@REFERENCE_LOW@};
+static const double REFERENCE_HIGH[] = {@REFERENCE_HIGH@};
+@end
+@if watches
+
+/* Measurements that are watched, and how many samples they may be the same while their reference moves. */
+static const int WATCHED[@P@_N_WATCHED] = {@WATCHED@};
+#define FROZEN_SAMPLES @FROZEN_SAMPLES@
+#define FROZEN_MOVEMENT @FROZEN_MOVEMENT@
+@end
 @if sign
+
 static double sign(double x)
 {
     return (x > 0) - (x < 0);
 }
-
 @end
+
 @TABLE@@FUNCTIONS@
 @if table
 /* The motion at a time; after its end the platform is at rest. */
@@ -38,6 +71,7 @@ static void motion(double time, double motion[])
 int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients)
 {
     int k;
+    memset(coefficients, 0, sizeof *coefficients);
 @CHECKS@
     coefficients->ahead = (parameters->delay + 0.5) * parameters->sample_time;
 @if coefficients
@@ -51,9 +85,11 @@ void @p@_start(const @p@_parameters *parameters, @p@_memory *memory)
     memset(memory, 0, sizeof *memory);
 @if excess
     memcpy(memory->planned, parameters->start_force, sizeof memory->planned);
-@else
-    (void)parameters;
 @end
+@if inputs_ahead
+    memcpy(memory->known, parameters->start_force, sizeof memory->known);
+@end
+    (void)parameters;
 }
 
 @if sees
@@ -61,16 +97,56 @@ static int is_zero(const double *values, int n)
 {
     int k;
     for (k = 0; k < n; ++k)
-        if (values[k] < 0 || values[k] > 0 || !(values[k] <= 0)) return 0;
+        if (!(values[k] >= 0 && values[k] <= 0)) return 0;
     return 1;
 }
 
 @end
+@if checked
+/* Whether all values are in their ranges; NaN is in none. */
+static int are_within(const double *low, const double *values, const double *high, int n)
+{
+    int k, within = 1;
+    for (k = 0; k < n; ++k)
+        within = within && values[k] >= low[k] && values[k] <= high[k];
+    return within;
+}
+
+@end
+static int all_finite(const double *values, int n)
+{
+    int k, finite = 1;
+    for (k = 0; k < n; ++k)
+        finite = finite && values[k] > -HUGE_VAL && values[k] < HUGE_VAL;
+    return finite;
+}
+
 static double between(double low, double value, double high)
 {
     return value < low ? low : value > high ? high : value;
 }
 
+@if watches
+/* Whether a measurement has not changed for some samples while its reference has moved. */
+static int is_frozen(@p@_memory *memory, const double *measured, const double *reference)
+{
+    int k, frozen = 0;
+    for (k = 0; k < @P@_N_WATCHED; ++k) {
+        const double value = measured[WATCHED[k]], way = fabs(reference[k] - memory->held_reference[k]);
+        if (value < memory->held[k] || value > memory->held[k] || !(memory->started > 0)) {
+            memory->held[k] = value;
+            memory->held_reference[k] = reference[k];
+            memory->held_samples[k] = memory->held_movement[k] = 0;
+            continue;
+        }
+        memory->held_samples[k] += 1;
+        if (way > memory->held_movement[k]) memory->held_movement[k] = way;
+        frozen = frozen || (memory->held_samples[k] >= FROZEN_SAMPLES && memory->held_movement[k] > FROZEN_MOVEMENT);
+    }
+    return frozen;
+}
+
+@end
 void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coefficients, @p@_memory *memory,
 @if inputs
     const double *measured, const double *reference, @p@_real *force, unsigned char *limited)
@@ -78,14 +154,15 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
     const double *measured, @p@_real *force, unsigned char *limited)
 @end
 {
-    const double limit = (double)parameters->force_limit;
+    const double limit = parameters->force_limit > 0 ? (double)parameters->force_limit : HUGE_VAL;
+@if excess
+    const double rate_limit = parameters->force_rate_limit > 0 ? (double)parameters->force_rate_limit : HUGE_VAL;
+    const double change = rate_limit * parameters->sample_time;
+@end
 @if uses_time
     const double time = memory->samples * parameters->sample_time;
 @end
-    double command[6];
-@if excess
-    double planned[6];
-@end
+    double command[6], safe[6];
 @if states
     double states[@P@_N_STATES], next[@P@_N_STATES];
 @end
@@ -95,12 +172,20 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @if inputs_now
     const double *now = reference;
 @end
+@if watches
+    double expected[@P@_N_WATCHED];
+@end
 @if feedforward
     @p@_real known[6];
     double ahead[18];
 @end
-    int k, is_finite = 1;
+    int k, status = @P@_INPUT_GOOD;
 
+    for (k = 0; k < 6; ++k) {
+        force[k] = 0;
+        limited[k] = 0;
+    }
+    if (!(coefficients->ahead > 0)) return; /* not prepared */
     memory->samples += 1;
 @if sees
 @if measures
@@ -112,39 +197,18 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @else
     if (!(memory->started > 0) && is_zero(reference, @P@_N_REFERENCE)) {
 @end
-        for (k = 0; k < 6; ++k) {
+        for (k = 0; k < 6; ++k)
             force[k] = (@p@_real)parameters->start_force[k];
-            limited[k] = 0;
-        }
         return;
     }
 @end
-@if uses_measured
+@if measures
+    if (!are_within(MEASURED_LOW, measured, MEASURED_HIGH, @P@_N_MEASURED)) status = @P@_INPUT_OUT_OF_RANGE;
 @else
     (void)measured;
 @end
-@if law
 @if inside_now
     @CALL_MOTION@
-@end
-@if states
-    if (memory->started > 0)
-        memcpy(states, memory->states, sizeof states);
-    else
-@if start
-        @CALL_START@
-@else
-        memset(states, 0, sizeof states);
-@end
-@end
-    @CALL_LAW@
-@else
-    for (k = 0; k < 6; ++k)
-@if constant
-        command[k] = parameters->constant_force[k];
-@else
-        command[k] = 0;
-@end
 @end
 @if feedforward
 @if timed_ahead
@@ -159,38 +223,101 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @if known_ahead
     @CALL_AHEAD@
 @end
-@if inputs_ahead
-    @CALL_EXTRAPOLATED@
-@end
+@if inside_ahead
     @CALL_FEEDFORWARD@
-    for (k = 0; k < 6; ++k)
-        command[k] += (double)known[k];
+@end
+@end
+@if inputs
+@if zero_is_no_reference
+    if (!are_within(REFERENCE_LOW, reference, REFERENCE_HIGH, @P@_N_REFERENCE) ||
+        is_zero(reference, @P@_N_REFERENCE)) {
+@else
+    if (!are_within(REFERENCE_LOW, reference, REFERENCE_HIGH, @P@_N_REFERENCE)) {
+@end
+        status = @P@_INPUT_OUT_OF_RANGE;
+@if inputs_ahead
+        for (k = 0; k < 6; ++k)
+            known[k] = (@p@_real)memory->known[k];
+    } else {
+        @CALL_EXTRAPOLATED@
+        @CALL_FEEDFORWARD@
+@end
+    }
+@end
+    for (k = 0; k < 6; ++k) {
+@if feedforward
+        safe[k] = (double)known[k];
+@else
+        safe[k] = 0;
+@end
+@if constant
+        safe[k] += parameters->constant_force[k];
+@end
+        command[k] = safe[k];
+    }
+@if watches
+    if (status == @P@_INPUT_GOOD) {
+        @CALL_EXPECTED@
+        if (is_frozen(memory, measured, expected)) status = @P@_INPUT_FROZEN;
+    }
+@end
+@if law
+    if (status == @P@_INPUT_GOOD) {
+@if states
+        if (memory->started > 0 && !(memory->input_bad_time > 1.5 * parameters->sample_time))
+            memcpy(states, memory->states, sizeof states);
+        else
+@if start
+            @CALL_START@
+@else
+            memcpy(states, memory->states, sizeof states);
+@end
+@end
+        @CALL_LAW@
+        for (k = 0; k < 6; ++k)
+            command[k] += safe[k];
+    }
 @end
 @if uses_coefficients
 @else
     (void)coefficients;
 @end
+@if states
+    if (status == @P@_INPUT_GOOD && !(all_finite(command, 6) && all_finite(next, @P@_N_STATES)))
+        status = @P@_FORCE_NOT_FINITE;
+@else
+    if (status == @P@_INPUT_GOOD && !all_finite(command, 6)) status = @P@_FORCE_NOT_FINITE;
+@end
+    if (status == @P@_INPUT_GOOD) {
+        memory->started = 1;
+        memory->input_bad_time = 0;
+@if states
+        memcpy(memory->states, next, sizeof next);
+@end
+@if inputs_ahead
+        for (k = 0; k < 6; ++k)
+            memory->known[k] = (double)known[k];
+@end
+    } else {
+        memory->input_bad_time += parameters->sample_time;
+@if safe_is_known
+        memcpy(command, all_finite(safe, 6) ? safe : parameters->start_force, sizeof command);
+@else
+@if safe_is_start
+        memcpy(command, parameters->start_force, sizeof command);
+@else
+        memset(command, 0, sizeof command);
+@end
+@end
+    }
+    memory->input_status = status;
     for (k = 0; k < 6; ++k) {
         const double cut = between(-limit, command[k], limit);
         force[k] = (@p@_real)cut;
         limited[k] = cut < command[k] || cut > command[k];
-        is_finite = is_finite && command[k] > -HUGE_VAL && command[k] < HUGE_VAL;
 @if excess
-        {
-            const double change = (double)parameters->force_rate_limit * parameters->sample_time;
-            planned[k] = between(memory->planned[k] - change, cut, memory->planned[k] + change);
-        }
+        memory->planned[k] = between(memory->planned[k] - change, cut, memory->planned[k] + change);
+        if (status == @P@_INPUT_GOOD) memory->excess[k] = memory->planned[k] - command[k];
 @end
     }
-    if (!is_finite) return;
-    memory->started = 1;
-@if states
-    memcpy(memory->states, next, sizeof next);
-@end
-@if excess
-    for (k = 0; k < 6; ++k) {
-        memory->planned[k] = planned[k];
-        memory->excess[k] = planned[k] - command[k];
-    }
-@end
 }

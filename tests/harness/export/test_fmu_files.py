@@ -64,7 +64,8 @@ def test_outputs_depend_on_no_input(exported: Exported) -> None:
     """Expected: no direct feedthrough; at the start the forces are the start forces, one by one."""
     for file in exported.files:
         description = file.description
-        assert {u.variable.name.split("[")[0] for u in description.outputs} == {"actuator_force", "force_limited"}
+        outputs = {"actuator_force", "force_limited", "input_status", "input_bad_time"}
+        assert {u.variable.name.split("[")[0] for u in description.outputs} == outputs
         assert all(u.dependencies == [] for u in description.outputs)
         for unknown in description.initialUnknowns:
             name = unknown.variable.name

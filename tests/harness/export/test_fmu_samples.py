@@ -23,7 +23,9 @@ from tests.support.fmu_plants import DISCARD, OK, Plant, refused
 
 T = SAMPLE_TIME
 RATE = np.array([300.0, -100.0, 400.0, -150.0, 500.0, -900.0])  # [N/s]
-WEIGHT = np.array([[2.0, -7.0, 1.0], [8.0, 2.0, -8.0], [1.0, 8.0, 2.0], [-8.0, 4.0, 5.0], [9.0, 0.5, 4.0], [5, -2, 3]])
+WEIGHT = np.array(
+    [[8.0, -28, 4.0], [32.0, 8.0, -32], [4.0, 32.0, 8.0], [-32, 16.0, 20.0], [36.0, 2.0, 16.0], [20, -8, 12]]
+)
 COUNT = np.array([0.7, -1.1, 0.3, 2.1, -0.4, 1.9])  # [N]
 FIRST, SECOND, THIRD = np.array([[0.4, -0.3, 2.5], [-0.2, 0.6, 1.7], [0.7, 0.1, 3.1]])  # [m]
 
@@ -103,10 +105,10 @@ def test_a_step_that_misses_a_sample_by_rounding_meets_it(
 
 def test_flags_and_forces_wait_for_the_next_sample(unit: Plant, units: Units) -> None:
     """Expected: before, no flag and the start forces; nothing that was set is changed by a step."""
-    far = np.array([9.0, -1.0, 4.0])
+    far = np.array([2.25, -0.25, 1.0])
     unit.set("position", far)
     unit.initialise()
-    free = WEIGHT @ far + 2.0
+    free = WEIGHT @ far + 1.0
     assert 1 <= (np.abs(free) > FORCE_LIMIT).sum() <= 5
     for step in (0.3 * T, 0.6 * T):
         np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
@@ -184,7 +186,7 @@ def test_numbers_that_no_state_has_are_refused(unit: Plant, sampled_thrice: byte
 @pytest.mark.parametrize("delay", [2, 3, 16])
 def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plant, units: Units, delay: int) -> None:
     """Expected: the closed form of sample k from sample k + delay on; start forces before; steps of three quarters."""
-    positions = np.random.default_rng(delay).uniform(-1, 9, (40, 3))
+    positions = np.random.default_rng(delay).uniform(-0.25, 2.25, (40, 3))
     expected = [
         np.array([force(k, np.abs(p)), np.abs(force(k, np.abs(p))) == FORCE_LIMIT]) for k, p in enumerate(positions)
     ]
@@ -239,10 +241,11 @@ def test_older_value_references_stay(units: Units) -> None:
     """Expected: in the order of inputs, outputs, parameters of the plain C, time; what is younger comes after it."""
     for version, file in units.items():
         found = {v.name: int(v.valueReference) for v in file.description.modelVariables}
-        older = [row.variable for row in units.layout.rows if row.variable.name not in ("output_delay", "time")]
+        younger = ("output_delay", "input_status", "input_bad_time")
+        older = [row.variable for row in units.layout.rows if row.variable.name not in ("time", *younger)]
         names = [v.name for v in older] if version == "3.0" else [name for v in older for name in v.scalar_names]
         assert [found[name] for name in names] == list(range(len(names)))
-        assert found["output_delay"] == len(names) + 1
+        assert [found[name] for name in younger] == [len(names) + 1 + k for k in range(3)]
         assert version == "2.0" or found["time"] == len(names)
 
 
@@ -294,6 +297,40 @@ def test_a_sample_time_of_less_than_a_thousand_roundings_of_time_is_refused(
     assert refused(unit.do_step, start, T) == status
     message = f"sample_time = 0.004 s rejected; it is too short to be resolved at time {abs(start):g} s"
     assert (message in unit.take_messages()) == (status == DISCARD)
+
+
+def test_a_position_out_of_range_gives_safe_forces_and_is_reported(unit: Plant, units: Units) -> None:
+    """Expected: start forces, since there is no feedforward, of the sample at 3 T; reported from 4 T on, counted in T.
+
+    The law's memory counts the good samples only.
+    """
+    unit.set("output_delay", 2.0)
+    unit.initialise()
+    for k in range(8):
+        bad = k in (3, 4)
+        unit.set("position", [0.4, 1e10, 2.5] if bad else FIRST)
+        unit.do_step(k * T, T)
+        since = {3: 1, 4: 2}.get(k, 0)
+        assert unit.get("input_status") == float(bad)
+        assert unit.get("input_bad_time") == pytest.approx(since * T)
+        if k >= 2:  # forces wait in the delay line, reports do not
+            assert_force(unit, units.start_force if k in (4, 5) else forces_with_gap(k - 1))
+    with Plant(unit.of, layout=units.layout) as other:
+        other.initialise()
+        seen = []
+        for k in range(7):
+            other.set("position", [0.4, 1e10, 2.5] if k in (3, 4) else FIRST)
+            other.do_step(k * T, T)
+            seen.append(other.get("actuator_force"))
+    for k in (3, 4):
+        np.testing.assert_array_equal(seen[k], units.start_force)
+    np.testing.assert_allclose(seen[5], forces_with_gap(5), rtol=1e-12)
+
+
+def forces_with_gap(sample: int) -> NDArray[np.float64]:
+    """The forces of a sample, if those at 3 T and 4 T were bad."""
+    free = RATE * sample * T + WEIGHT @ FIRST + COUNT * (sample - 2 * (sample > 4)) + np.sqrt(FIRST[2])
+    return np.asarray(np.clip(free, -FORCE_LIMIT, FORCE_LIMIT))
 
 
 def test_forces_that_are_no_number_are_refused(unit: Plant, sampled_thrice: bytes) -> None:

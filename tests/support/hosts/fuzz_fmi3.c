@@ -67,7 +67,7 @@ void *instantiate_fmi3(host *h)
         for (size_t k = 0; k < n; k++) {
             references[k] = (fmi3ValueReference)below((size_t)FIRST_PARAMETER_ROW); /* inputs and results come first */
             if (chance(0.02)) {
-                references[k] = (const fmi3ValueReference[]){FIRST_PARAMETER_ROW, N_VARIABLES - 1, N_VARIABLES, UINT32_MAX}[below(4)];
+                references[k] = (const fmi3ValueReference[]){FIRST_PARAMETER_ROW, VARIABLE_OF_SLOT[TIME], N_VARIABLES, UINT32_MAX}[below(4)];
                 is_right = 0;
             }
         }
