@@ -61,6 +61,7 @@ class Controller:
     code: Code  # controller.c and controller.h
     icon: Icon
     output_delay: int = 1  # start value of the unit's parameter [samples]
+    notes: tuple[str, ...] = ()  # paragraphs about its loop
 
     @property
     def most_output_delay(self) -> int:

@@ -1,6 +1,6 @@
 """documentation/index.html of a controller's unit."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from html import escape
 
 from gough_stewart.fmu_build.controller.controller import Controller
@@ -23,6 +23,7 @@ def documentation_page(controller: Controller, starts: Mapping[str, Array], fmi_
     sections = (
         _heading(controller, fmi_version),
         _time(controller, fmi_version),
+        notes_section(controller.notes),
         variables_table(controller.layout, starts, fmi_version),
         _failures(fmi_version),
     )
@@ -68,6 +69,12 @@ is watched, the forces are safe ones, and the controller's state does not change
 no continuous states, no events and no derivatives of outputs.</li>
 </ul>
 """
+
+
+def notes_section(notes: Iterable[str]) -> str:
+    """What is known about the loop of a controller, as a section; nothing without notes."""
+    items = "\n".join(f"<li>{escape(text)}</li>" for text in notes)
+    return f"<h2>The loop</h2>\n<ul>\n{items}\n</ul>" if items else ""
 
 
 def _failures(fmi_version: str) -> str:

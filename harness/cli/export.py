@@ -17,7 +17,7 @@ from gough_stewart.harness.cli.options import (
     choices,
     chosen_experiment,
 )
-from gough_stewart.harness.cli.terminal import preparing, progress_bar, warn
+from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, warn
 
 
 class SafeForceChoice(StrEnum):
@@ -64,6 +64,9 @@ def export_command(
             metavar="N,LENGTH",
         ),
     ] = None,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Export a loop that is unstable in one of the forms; they say so.")
+    ] = False,
     settings: SetOption = None,
     out: FolderOption = Path(),
     no_python: NoPythonOption = False,
@@ -73,6 +76,9 @@ def export_command(
     `--as fmu` writes **NAME_controller_fmi2.fmu** and **NAME_controller_fmi3.fmu**, Co-Simulation; `--as c`
     **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C99 for any processor; `--as ssp` **NAME.ssp**,
     plant and controller connected, for co-simulation tools.
+
+    Each form's loop is judged with the delay that it has there, for the experiment's machine and all members of its
+    [ensemble]; an unstable one is refused. The files say what was judged and what they leave out.
 
     Examples
     --------
@@ -85,7 +91,7 @@ def export_command(
     with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.builder import number_of_steps
-            from gough_stewart.harness.export.export import chosen_forms, export, left_out
+            from gough_stewart.harness.export.export import chosen_forms, export
 
         chosen = chosen_experiment(experiment, settings, no_python)
         chosen_as = chosen_forms(form.strip() for form in forms.split(","))
@@ -94,6 +100,9 @@ def export_command(
         steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * number_of_steps(["2.0"], targets)}
         with progress_bar() as progress:
             task = progress.add_task("exporting", total=sum(steps[form] for form in chosen_as))
+            judging = progress.add_task("judging the members", total=None, visible=False)
+            said: list[str] = []
+            verdicts: list[str] = []
             files = export(
                 chosen,
                 forms=chosen_as,
@@ -103,14 +112,17 @@ def export_command(
                 reference=reference.value,
                 safe_force=safe_force.value,
                 frozen=None if frozen is None else _frozen(frozen),
+                anyway=anyway,
                 progress=lambda what: progress.update(task, advance=1, description=what),
+                judging=lambda k, of: progress.update(judging, completed=k, total=of, visible=k < of),
+                warn=said.append,
+                verdict=verdicts.append,
             )
         command.written.append(out)
-        if "ssp" in chosen_as and left_out(chosen):
-            warn(
-                f"the SSP is without {', '.join(left_out(chosen))}: it holds the plant and the controller, not the "
-                "machine's sensors and actuators"
-            )
+        for text in said:
+            warn(text)
+        for text in verdicts:
+            Terminal().say(text)
         command.close([file.relative_to(out) for file in files], out)
 
 

@@ -53,6 +53,10 @@ def run_command(
             metavar="fmu2|fmu3|FILE.fmu",
         ),
     ] = None,
+    anyway: Annotated[
+        bool,
+        typer.Option("--anyway", help="Run with --controller fmu2 or fmu3 although that loop is unstable when linear."),
+    ] = False,
     member: Annotated[
         int | None,
         typer.Option(
@@ -103,7 +107,7 @@ def run_command(
             def status(what: str) -> None:
                 progress.update(task, description=what)
 
-            with _unit_of(controller, chosen, status) as unit:
+            with _unit_of(controller, chosen, status, anyway=anyway) as unit:
                 record = run(
                     chosen,
                     plant=plant,
@@ -135,11 +139,14 @@ def run_command(
 
 
 def _unit_of(
-    controller: str | None, experiment: "Experiment", status: Callable[[str], None]
+    controller: str | None, experiment: "Experiment", status: Callable[[str], None], *, anyway: bool
 ) -> AbstractContextManager[Any]:
     """The controller that replaces the experiment's; None for its own."""
+    if controller is None:
+        return nullcontext()
     if controller not in FMI_VERSIONS:
-        return nullcontext(None if controller is None else path(controller))
+        warn(f"the stability of the loop with {controller} is not judged: an FMU has no linear form")
+        return nullcontext(path(controller))
     from gough_stewart.harness.export.own_unit import exported_controller
 
-    return exported_controller(experiment, FMI_VERSIONS[controller], status)
+    return exported_controller(experiment, FMI_VERSIONS[controller], status, anyway=anyway, warn=warn)

@@ -25,6 +25,7 @@ def loop_transfer(
     position: Array | None = None,
     orientation: Array | None = None,
     coulomb_friction: bool = False,
+    believed: Platform | None = None,
 ) -> control.StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
@@ -41,6 +42,8 @@ def loop_transfer(
         τ [s]
     coulomb_friction
         Keep the slope of Coulomb friction at rest; see `linearise`.
+    believed
+        The platform whose legs' Jacobian a controller in task space uses; by default the same.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def loop_transfer(
     plant = control.sample_system(plant, sample_time)
     for _ in range(delay):
         plant = plant * control.ss(np.zeros((6, 6)), np.eye(6), np.eye(6), np.zeros((6, 6)), sample_time)
-    return feedback_part(platform, controller, position, orientation) * plant
+    return feedback_part(platform if believed is None else believed, controller, position, orientation) * plant
 
 
 def feedback_part(

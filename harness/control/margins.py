@@ -142,18 +142,22 @@ def check_stable(L: Any) -> None:
     if badness < 0:
         return
     if closed.isdtime(strict=True):
-        frequency = abs(cmath.log(worst)) / closed.dt / (2 * math.pi) if worst else 0.0
-        where = f"|z| = {abs(worst):.6g} at {frequency:.3g} Hz, expected below 1"
+        where = f"|z| = {abs(worst):.6g} at {frequency_of(worst, closed.dt):.3g} Hz, expected below 1"
     else:
         where = f"{worst:.6g} 1/s at {abs(worst) / (2 * math.pi):.3g} Hz, expected left of 0"
     raise UnstableLoopError(
-        f"the closed loop is unstable (worst eigenvalue {where}), so there are no margins; {_remedy(L)}", worst
+        f"the closed loop is unstable (worst eigenvalue {where}), so there are no margins; {remedy_of(L)}", worst
     )
 
 
 def is_stable(L: Any) -> bool:
     """Whether the closed loop is stable."""
     return _worst_pole(closed_loop(L))[1] < 0
+
+
+def frequency_of(eigenvalue: complex, sample_time: float) -> float:
+    """Frequency [Hz] of an eigenvalue z in discrete time, |ln z| / (2π T); 0 for the z = 0 of a pure delay."""
+    return abs(cmath.log(eigenvalue)) / sample_time / (2 * math.pi) if eigenvalue else 0.0
 
 
 def _worst_pole(closed: Any) -> tuple[complex, float]:
@@ -166,7 +170,7 @@ def _worst_pole(closed: Any) -> tuple[complex, float]:
     return complex(poles[worst]), float(badness[worst])
 
 
-def _remedy(L: Any) -> str:
+def remedy_of(L: Any) -> str:
     """Gains that would make a loop stable: the nearest power of two."""
     for factor in _GAINS:
         if is_stable(factor * L):

@@ -130,6 +130,7 @@ class ControllerUnit:
             limited = self._references(_LIMITED, names, None, "output")
             self._limited = None if limited is None else Values(limited, 6, file.is_fmi2)
             self._set(parameters)
+            self._check_output_delay(parameters)
             self._is_initialised = False
             self._open = stack.pop_all()
 
@@ -165,6 +166,16 @@ class ControllerUnit:
             raise ControllerError(
                 f"{self._file.path}: its sample_time is {float(own):g} s, the loop's {sample_time:g} s; export the "
                 "controller again, or set the loop's sample_time"
+            )
+
+    def _check_output_delay(self, parameters: Mapping[str, Any]) -> None:
+        """Of a unit of this project: the loop has the delay, and would add it to a longer one of the unit."""
+        own = getattr(self._variables.get("output_delay"), "start", None)
+        found = float(np.ravel(parameters.get("output_delay", 1.0 if own is None else float(own)))[0])
+        if found != 1:
+            raise ControllerError(
+                f"{self._file.path}: its output_delay is {found:g} samples, which would be added to the loop's delay; "
+                "expected 1: set parameters = { output_delay = 1 } of [controller], and the loop's delay"
             )
 
     def _inputs(self, names: Mapping[str, str]) -> tuple[NDArray[np.intp], list[int]]:

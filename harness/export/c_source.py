@@ -16,7 +16,7 @@ from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.operations import operations_of, words_of
 from gough_stewart.harness.export.ranges import words_of_ranges
 from gough_stewart.harness.export.settings import Setting
-from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, filled, number, numbers
+from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, comment, filled, number, numbers
 from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.motion.motion import Piecewise
 from gough_stewart.model import interface
@@ -96,6 +96,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "REFERENCE": "reference, " if designed.reference_inputs else "",
         "p": prefix,
         "TITLE": " ".join(designed.title.replace("*/", "").replace("/*", "").split()),
+        "NOTES": comment(designed.notes),
         "LAW": "no feedback" if designed.law is None else designed.law.name,
         "FEEDFORWARD": designed.feedforward.replace("_", " "),
         "N_MEASURED": str(interface.size_of(designed.measured)),
@@ -130,6 +131,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "states": n_states > 0,
         "start": functions.start is not None,
         "coefficients": n_coefficients > 0,
+        "notes": bool(designed.notes),
         "inputs": designed.reference_inputs,
         "inside_now": inside and at_time,
         "inputs_now": designed.reference_inputs and at_time,

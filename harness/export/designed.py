@@ -52,6 +52,7 @@ class Designed:
     first_reference: FloatArray  # likewise (18,)
     ranges: Ranges  # of measurements and references
     faults: Faults  # what is done about inputs that cannot be
+    notes: tuple[str, ...] = ()  # paragraphs about its loop, for the header
 
     @property
     def measured(self) -> tuple[Variable, ...]:
@@ -152,6 +153,7 @@ def designed(
     controller: Any = None,
     reference: ReferenceFrom = "inside",
     faults: Faults = Faults(),  # noqa: B008 - a tuple
+    prepared: Prepared | None = None,
 ) -> Designed:
     """The controller of an experiment.
 
@@ -164,6 +166,8 @@ def designed(
         "inside": the experiment's motion is part of the controller; "inputs": the reference is an input at each sample.
     faults
         What is done about inputs that cannot be.
+    prepared
+        The experiment with this controller, if already prepared.
 
     Raises
     ------
@@ -174,7 +178,7 @@ def designed(
     """
     if reference not in ("inside", "inputs"):
         raise ExportError(f"reference is {reference!r}; expected 'inside' or 'inputs'")
-    prepared = prepare(experiment, controller)
+    prepared = prepared or prepare(experiment, controller)
     chosen = experiment.controller
     law = _law_of(chosen if controller is None else None, prepared)
     constant = np.zeros(6) if prepared.controller is not None else chosen.planned(np.zeros((1, 6)))[0]

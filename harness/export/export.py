@@ -1,7 +1,7 @@
 """Export a designed controller as C, as FMU, or with the plant as SSP; all files are written, or none."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -20,6 +20,8 @@ from gough_stewart.harness.export.designed import Designed, ReferenceFrom, desig
 from gough_stewart.harness.export.faults import SafeForce, faults_of
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.loop_archive import loop_archive
+from gough_stewart.harness.export.notes import notes_of, refusal
+from gough_stewart.harness.export.stability import MemberProgress, judged, output_delay_of
 from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.progress import StepProgress
@@ -41,7 +43,11 @@ def export(
     controller: Any = None,
     safe_force: SafeForce = "feedforward",
     frozen: tuple[int, float] | None = None,
+    anyway: bool = False,
     progress: StepProgress | None = None,
+    judging: MemberProgress | None = None,
+    warn: Callable[[str], None] | None = None,
+    verdict: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write the controller of an experiment as C, as FMU, or with its plant as SSP; after an error, no file is written.
 
@@ -71,11 +77,23 @@ def export(
     frozen
         (n, q): a measured length or position that is the same for n samples while its reference moves by more than q
         [m] counts as frozen, with the safe force until it changes. Without it none does.
+    anyway
+        Export a loop that is unstable in one of the forms; its documentation says so.
     progress
         Called with the present action.
+    judging
+        Called with the number of members of the `[ensemble]` whose loops are judged, and of all.
+    warn
+        Called with what a form leaves out of the experiment, with a delay that it adds, with a loop whose stability
+        cannot be judged, and with an unstable loop that is exported anyway. The forms' documentation says the same.
+    verdict
+        Called with the largest |z| and the margins of each form's loop.
 
     Raises
     ------
+    UnstableLoopError
+        The closed loop is unstable in one of the forms, with the delay that it has there, for the experiment's machine
+        or a member of its `[ensemble]`.
     ControllerError
         A controller that cannot be exported, is unstable by itself, or has the wrong size.
     ExportError
@@ -99,20 +117,27 @@ def export(
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
     report = progress or (lambda _text: None)
-    law = designed(chosen, controller, reference, faults_of(safe_force, frozen))
+    prepared = prepare(chosen, controller)
+    law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared)
+    found = judged(chosen, prepared, requested, progress=judging)
+    refused = refusal(chosen, found.items())
+    if refused is not None and not anyway:
+        raise refused
+    notes = {host: notes_of(chosen, host, each) for host, each in found.items()}
     files: dict[str, bytes] = {}
     if "c" in requested:
         report("C")
-        files |= c_files(law, f"{name}_controller")
-    # the forces of an FMU act at least one sample late; only in an SSP all of the delay is the unit's
-    duration = chosen.loop.duration
+        files |= c_files(replace(law, notes=notes["c"].inside), f"{name}_controller")
+    # the forces of a unit act at least one sample late; only in an SSP all of the delay is the unit's
+    late, duration = replace(law, delay=output_delay_of(chosen)), chosen.loop.duration
     if "fmu" in requested:
-        late = replace(law, delay=max(1, law.delay))
-        files |= unit_archives(component_of(late, f"{name}_controller", duration), versions, systems, report)
+        unit = component_of(replace(late, notes=notes["fmu"].inside), f"{name}_controller", duration)
+        files |= unit_archives(unit, versions, systems, report)
     if "ssp" in requested:
-        late = replace(law, delay=max(1, law.delay))
-        unit = component_of(late, f"{name}_controller", duration, output_delay=late.delay)
-        prepared = prepare(chosen, controller)
+        inside = notes["ssp"].inside
+        unit = component_of(
+            replace(late, notes=inside), f"{name}_controller", duration, output_delay=output_delay_of(chosen)
+        )
         plant = plant_component(
             prepared.machine,
             start=prepared.start,
@@ -123,8 +148,13 @@ def export(
             is_in_a_system=True,
         )
         report("SSP")
-        files[f"{name}.ssp"] = loop_archive(name, plant, unit, duration, law.sample_time, systems, report)
+        files[f"{name}.ssp"] = loop_archive(name, plant, unit, duration, law.sample_time, systems, inside, report)
     write_files(folder, files)
+    for each in notes.values():
+        for said, texts in ((warn, each.warnings), (verdict, each.verdicts)):
+            if said is not None:
+                for text in texts:
+                    said(text)
     return [folder / file for file in files]
 
 
@@ -176,17 +206,3 @@ def name_of(experiment: Experiment) -> str:
     words = re.findall(r"[a-z0-9]+", Path(place).stem.lower())
     name = "_".join(words)[:24].strip("_")
     return name if name[:1].isalpha() else f"loop_{name}".rstrip("_")
-
-
-def left_out(experiment: Experiment) -> list[str]:
-    """Keys of an experiment that neither the controller nor an SSP includes: they describe the machine around it."""
-    own = {"sensors.seed", "actuators.force_limit"}  # unused without noise; part of the controller
-    keys = [
-        f"{section}.{name}"
-        for section in ("sensors", "actuators")
-        for name in getattr(experiment, section).model_dump(exclude_defaults=True)
-    ]
-    if experiment.loop.jitter:
-        keys.append("loop.jitter")
-    keys += [name for name in ("disturbance", "change") if getattr(experiment, name)]
-    return [key for key in keys if key not in own]

@@ -1,6 +1,7 @@
 """A designed controller as an FMU."""
 
 import re
+from dataclasses import replace
 
 from gough_stewart.fmu_build.component import Code, Component, Icon
 from gough_stewart.fmu_build.controller.component import controller_component
@@ -15,7 +16,8 @@ def component_of(
     designed: Designed, name: str = "controller", stop_time: float = 1.0, *, output_delay: int = 1
 ) -> Component:
     """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
-    plain = controller_sources(designed)
+    # the notes are in the unit's page: they do not change the meaning of its saved states
+    plain = controller_sources(replace(designed, notes=()))
     controller = Controller(
         title=designed.title or name,
         sample_time=designed.sample_time,
@@ -26,6 +28,7 @@ def component_of(
         code=Code(plain.units, plain.headers),
         icon=Icon(icon_png(designed.platform), icon_svg(designed.platform)),
         output_delay=output_delay,
+        notes=designed.notes,
     )
     return controller_component(controller, name)
 

@@ -1,12 +1,16 @@
 """The whole loop as SSP: plant and controller as connected FMI 2.0 FMUs in one archive."""
 
 from collections.abc import Iterable
+from dataclasses import replace
+from html import escape
 from typing import Literal
 
 from gough_stewart.fmu_build.archive import to_zip
 from gough_stewart.fmu_build.builder import unit_archives
 from gough_stewart.fmu_build.component import Component as UnitComponent
+from gough_stewart.fmu_build.controller.documentation import notes_section
 from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.page import html_page
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.harness.export.system_structure import (
     Component,
@@ -22,6 +26,7 @@ PLANT, CONTROLLER = "plant", "controller"
 # The FMI version that all importers of SSP 1.0 support.
 FMI_VERSION = "2.0"
 STRUCTURE = "SystemStructure.ssd"
+PAGE = "documentation/index.html"
 
 
 def loop_archive(
@@ -31,9 +36,10 @@ def loop_archive(
     duration: float,
     step: float,
     targets: Iterable[Target],
+    notes: Iterable[str] = (),
     progress: StepProgress | None = None,
 ) -> bytes:
-    """The archive: SystemStructure.ssd, both FMUs, and their parameters again as an SSV file.
+    """The archive: SystemStructure.ssd, both FMUs, their parameters again as an SSV file, and a page.
 
     Parameters
     ----------
@@ -41,16 +47,20 @@ def loop_archive(
         Of the experiment [s].
     step
         Of the master, the controller's sample time [s].
+    notes
+        Paragraphs about the loop, for the page and the description of the system.
     """
-    targets = tuple(targets)
+    targets, notes = tuple(targets), tuple(notes)
     units = {
         unit: next(iter(unit_archives(component, (FMI_VERSION,), targets, progress).values()))
         for unit, component in ((PLANT, plant), (CONTROLLER, controller))
     }
-    system = loop_system(name, plant, controller, duration, step)
+    system = replace(loop_system(name, plant, controller, duration, step), description=" ".join(notes))
+    title = f"{name}: plant and controller"
     return to_zip(
         {
             STRUCTURE: system_structure(system),
+            PAGE: html_page(title, (f"<h1>{escape(title)}</h1>", notes_section(notes))),
             f"resources/{name}.ssv": parameter_values(system),
             **{_source(unit): content for unit, content in units.items()},
         }

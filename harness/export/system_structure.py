@@ -66,6 +66,7 @@ class System:
     connections: tuple[Connection, ...]
     duration: float  # [s]
     step: float  # of the master [s]
+    description: str = ""
 
     def __post_init__(self) -> None:
         names = [component.name for component in self.components]
@@ -88,6 +89,8 @@ def system_structure(system: System) -> bytes:
     package = package_metadata()
     root = etree.Element(_ssd("SystemStructureDescription"), nsmap=_PREFIXES, version="1.0", name=system.name)
     root.set("generationTool", f"gough-stewart {package['Version']}")
+    if system.description:
+        root.set("description", system.description)
     whole = etree.SubElement(root, _ssd("System"), name=system.name)
     elements = etree.SubElement(whole, _ssd("Elements"))
     for component in system.components:

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from textwrap import fill
 
 _ROOM = Path(__file__).parent / "c"
 SOURCE, HEADER, EXAMPLE = (
@@ -28,6 +29,17 @@ def filled(text: str, facts: Mapping[str, str | bool]) -> str:
         else:
             written.pop()
     return "".join(lines)
+
+
+# Comments in ASCII, for every compiler and editor.
+_ASCII = str.maketrans({"×": "x", "±": "+-", "°": " deg", "–": "-", "—": "-", "µ": "u"})
+
+
+def comment(paragraphs: Iterable[str]) -> str:
+    """Paragraphs inside a comment of C, a line of at most 120 characters each, without the end of the comment."""
+    plain = (text.translate(_ASCII).encode("ascii", "replace").decode() for text in paragraphs)
+    safe = (text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/") for text in plain)
+    return "\n".join(fill(text, 120, initial_indent="   - ", subsequent_indent="     ") for text in safe)
 
 
 def number(value: float) -> str:

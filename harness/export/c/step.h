@@ -7,7 +7,13 @@
    At each sample:  @p@_step(&parameters, &coefficients, &memory, measured, @REFERENCE@force, limited).
 
    Work per step, constant: @WORK@.
-   Constants in flash: @CONSTANTS@. */
+   Constants in flash: @CONSTANTS@.
+@if notes
+
+   The loop:
+@NOTES@
+@end
+   */
 #ifndef @P@_H
 #define @P@_H
 

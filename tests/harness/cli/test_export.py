@@ -23,7 +23,10 @@ def test_forms_are_written_together(tmp_path: Path) -> None:
         "heave_step_controller.h",
         "heave_step_controller_fmi2.fmu",
     ]
-    assert "the SSP is without sensors.quantisation" in done.output
+    for form in ("FMU", "C", "SSP"):
+        assert f"the {form} is without sensors.quantisation: it " in done.output
+    for where in ("in C", "with the FMU", "in the SSP"):
+        assert f"{where} with a delay of 1 sample stable: |z| = 0.99098 (the nominal machine" in done.output
 
 
 def test_the_exported_unit_runs_in_the_place_of_the_controller(tmp_path: Path) -> None:
@@ -42,6 +45,32 @@ def test_a_unit_without_delay_is_refused(tmp_path: Path) -> None:
     assert done.exit_code == 1
     assert "expected a loop.delay of at least 1, for instance by --set loop.delay=1" in done.output
     assert not (tmp_path / "out").exists()
+
+
+def test_an_unstable_loop_is_refused_and_with_anyway_exported(tmp_path: Path) -> None:
+    """Expected: nothing is written, though the C alone would be; anyway, with a warning."""
+    arguments = ("export", "circle", "--as", "c,ssp", "--out", str(tmp_path / "out"))
+    done = invoke(*arguments)
+    assert done.exit_code == 1
+    assert "in the SSP the closed loop is unstable with a delay of 1 sample: |z| = 1.0505" in done.output
+    assert not (tmp_path / "out").exists()
+    done = invoke(*arguments, "--anyway")
+    assert done.exit_code == 0, done.output
+    assert "warning: exported anyway: in the SSP the closed loop is unstable" in done.output
+    assert "in the SSP with a delay of 1 sample UNSTABLE: |z| = 1.0505" in done.output
+    assert (tmp_path / "out" / "circle.ssp").exists()
+
+
+def test_a_run_with_the_exported_unit_is_refused_where_its_loop_is_unstable(tmp_path: Path) -> None:
+    short = ("--set", "loop.duration=0.02", "--set", "loop.delay=1", "--out", str(tmp_path / "out"))
+    done = invoke("run", "circle", "--controller", "fmu3", *short)
+    assert done.exit_code == 1
+    assert "with the unit in the run the closed loop is unstable with a delay of 1 sample: |z| = 1.0505" in done.output
+    assert "--anyway runs it" in done.output
+    assert not (tmp_path / "out").exists()
+    done = invoke("run", "circle", "--controller", "fmu3", "--anyway", *short)
+    assert done.exit_code == 0, done.output
+    assert "warning: run anyway: with the unit in the run" in done.output
 
 
 @pytest.mark.parametrize(

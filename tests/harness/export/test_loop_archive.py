@@ -8,9 +8,7 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.export.export import left_out
+from gough_stewart.harness.errors import ControllerError, ExportError
 from tests.support.exported_loop import EXPORTED, exported_loop
 
 N_STEPS = round(EXPORTED["loop.duration"] / EXPORTED["loop.sample_time"])
@@ -26,6 +24,7 @@ def test_the_archive_holds_the_structure_the_parameters_and_two_units(ssp: Path)
         names = archive.namelist()
     assert sorted(names) == [
         "SystemStructure.ssd",
+        "documentation/index.html",
         "resources/controller.fmu",
         "resources/heave_step.ssv",
         "resources/plant.fmu",
@@ -55,6 +54,14 @@ def test_fmpy_runs_it_with_the_delay_of_the_experiment(delay: int, tmp_path: Pat
     lengths = np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
     assert np.abs(lengths - gs.run("heave_step", settings)["leg_length"][1:]).max() <= 1e-9
     assert np.abs(lengths - gs.run("heave_step", EXPORTED)["leg_length"][1:]).max() > 1e-4
+    # the unit by itself would add its delay to that of the harness
+    with zipfile.ZipFile(tmp_path / "heave_step.ssp") as archive:
+        unit = archive.extract("resources/controller.fmu", tmp_path)
+    with pytest.raises(ControllerError, match=rf"output_delay is {delay} samples, .* expected 1: set parameters = "):
+        gs.run("heave_step", settings, controller=unit)
+    one = {"type": "fmu", "file": unit, "parameters": {"output_delay": 1}}
+    with_unit = gs.run("heave_step", {**settings, "controller": one})
+    assert np.abs(with_unit["leg_length"] - gs.run("heave_step", settings)["leg_length"]).max() <= 1e-9
 
 
 def test_the_same_archive_comes_out_twice(ssp: Path, tmp_path: Path) -> None:
@@ -65,13 +72,3 @@ def test_a_reference_from_outside_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ExportError, match="leaves an SSP without a reference; expected 'inside'"):
         gs.export("heave_step", forms=["c", "ssp"], reference="inputs", out=tmp_path)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_what_belongs_to_the_machine_around_is_named() -> None:
-    settings = {"actuators.lag": 0.002, "loop.jitter": 0.0005, "loop.plant_step": 0.0005, "actuators.force_limit": 9e3}
-    assert left_out(experiment_of("heave_step", settings)) == [
-        "sensors.quantisation",
-        "actuators.lag",
-        "loop.jitter",
-    ]
-    assert left_out(experiment_of("circle")) == []

@@ -1,0 +1,179 @@
+"""What is said of an export: its delay, the stability of its loops, what it leaves out; inside it and to its maker."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gough_stewart.harness.control.margins import Margins
+from gough_stewart.harness.errors import UnstableLoopError
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.left_out import left_out
+from gough_stewart.harness.export.stability import NO_FEEDBACK, Case, Host, Judged, Judgement, output_delay_of
+
+NAMES: dict[Host, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit"}
+_HOLDS: dict[Host, str] = {
+    "c": "it is the controller alone, not the machine around it",
+    "fmu": "it is the controller alone, not the machine around it",
+    "ssp": "it holds the plant and the controller, not the machine's sensors and actuators",
+}
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Of one form."""
+
+    inside: tuple[str, ...]  # paragraphs for its documentation
+    warnings: tuple[str, ...]  # for its maker
+    verdicts: tuple[str, ...]  # on each loop, in one line
+
+
+def notes_of(experiment: Experiment, host: Host, found: Judged) -> Notes:
+    """The notes of a form of an experiment, as judged."""
+    delay, changed = _delay(experiment, host), _changed_delay(experiment, host)
+    missing = [] if host == "run" else left_out(experiment, host)
+    without = f"without {', '.join(missing)}: {_HOLDS.get(host, '')}" if missing else ""
+    title = f"the {NAMES[host]} is"
+    stability = _stability(experiment, host, found)
+    unstable = [f"{'run' if host == 'run' else 'exported'} anyway: {text}" for text in map(complaint, found.unstable)]
+    not_judged = f"the stability of the loop of the {NAMES[host]} is not judged: {found.reason}"
+    inside = [
+        f"Delay: {delay}",
+        *stability,
+        f"Left out: {', '.join(missing)}." if missing else "Nothing of the experiment is left out.",
+    ]
+    warnings = [
+        *([f"{title} {without}"] if without else []),
+        *([f"{title} {changed}"] if changed else []),
+        *([not_judged] if found.reason and found.reason != NO_FEEDBACK else []),
+        *_slower(experiment, host),
+        *unstable,
+    ]
+    return Notes(tuple(inside), tuple(warnings), tuple(map(_in_short, found.loops)))
+
+
+def refusal(experiment: Experiment, judged: Iterable[tuple[Host, Judged]]) -> UnstableLoopError | None:
+    """The error for forms of which one loop or more is unstable."""
+    loops = [(host, loop) for host, found in judged for loop in found.unstable]
+    if not loops:
+        return None
+    texts = [complaint(loop) for _, loop in loops]
+    remedies = [loop.remedy for _, loop in loops if loop.remedy]
+    anyway = "--anyway runs it" if loops[0][0] == "run" else "--anyway (anyway=True) exports it, with a note inside"
+    parts = [*dict.fromkeys(texts), *dict.fromkeys(remedies), anyway]
+    return UnstableLoopError(f"{experiment.where}: {'; '.join(parts)}", loops[0][1].worst_of_all.eigenvalue)
+
+
+def complaint(loop: Judgement) -> str:
+    """What is unstable: where, by how much, for which machine."""
+    worst = loop.worst_of_all
+    text = (
+        f"{loop.surroundings.where} the closed loop is unstable{_circumstances(loop)}: |z| = {worst.size:.5g} at "
+        f"{worst.frequency:.3g} Hz for {worst.what}, expected below 1"
+    )
+    if loop.unstable:
+        text += f" ({loop.unstable} of {loop.members} members are unstable)"
+    return text
+
+
+def _delay(experiment: Experiment, host: Host) -> str:
+    own, late = _delay_of(experiment.loop.delay), output_delay_of(experiment)
+    if host == "c":
+        return (
+            f"a step computes its forces at once; the experiment has {own} from measurement to force, and the machine "
+            "should have the same."
+        )
+    if host == "fmu":
+        around = f" The other {_samples(late - 1)} have to be around the unit." if late > 1 else ""
+        return (
+            f"the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has {own}; "
+            f"the feedforward is computed for {_samples(late)}.{around}"
+        )
+    more = "" if experiment.loop.delay else ", but a unit needs one sample"
+    return (
+        f"forces act {_samples(late)} after their measurement (output_delay = {late}); the experiment has {own}{more}."
+    )
+
+
+def _changed_delay(experiment: Experiment, host: Host) -> str:
+    if host in ("c", "run") or experiment.loop.delay:
+        return ""
+    return "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
+
+
+def _stability(experiment: Experiment, host: Host, found: Judged) -> list[str]:
+    if not found.loops:
+        return [f"Stability: not judged, since {found.reason}."]
+    return [
+        *(_verdict(loop) for loop in found.loops),
+        *dict.fromkeys(text for loop in found.loops for text in _margins(loop)),
+        "Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. Of "
+        "what is left out, only a lag that is named here was part of it.",
+        *_slower(experiment, host),
+    ]
+
+
+def _slower(experiment: Experiment, host: Host) -> list[str]:
+    """What makes the machine's loop later than the judged one."""
+    times = {"sensors.sample_time": experiment.sensors.sample_time, "loop.jitter": experiment.loop.jitter}
+    late = [name for name, value in times.items() if value]
+    if not late or host == "ssp":
+        return []
+    return [f"With the experiment's {' and '.join(late)} the machine's loop is later than was judged."]
+
+
+def _verdict(loop: Judgement) -> str:
+    verdict = "stable" if loop.is_stable else f"UNSTABLE, and exported anyway: {complaint(loop)}"
+    parts = [f"{loop.nominal.what} {_size(loop.nominal)}"]
+    if loop.poses > 1:
+        parts.append(f"along the motion at most {_size(loop.on_the_way)} ({loop.poses} poses)")
+    parts += [f"{case.what} {_size(case)}" for case in loop.changed]
+    if loop.worst is not None:
+        parts.append(f"{loop.members} members of [ensemble] at most {_size(loop.worst)} ({loop.worst.what})")
+    if loop.impossible:
+        parts.append(f"{loop.impossible} members are impossible and not judged")
+    return f"Stability {loop.surroundings.where}{_circumstances(loop)}: {verdict}; {'; '.join(parts)}."
+
+
+def _margins(loop: Judgement) -> list[str]:
+    found = [] if loop.margins is None else [("the nominal machine", loop.margins)]
+    found += [] if loop.margins_of_worst is None else [loop.margins_of_worst]
+    return [f"Margins of {what}{_circumstances(loop)}: {_in_words(margins)}." for what, margins in found]
+
+
+def _in_words(margins: Margins) -> str:
+    disk, legs = margins.disk, margins.legs
+    up, down = min(leg.gain_up for leg in legs), max(leg.gain_down for leg in legs)
+    phase, delay = min(leg.phase for leg in legs), min(leg.delay for leg in legs)
+    return (
+        f"all legs at once disk margin {disk.alpha:.3g}, gains × {disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases "
+        f"± {np.degrees(disk.phase):.3g}°; one leg at a time gain × {down:.3g} to {up:.3g}, phase "
+        f"{np.degrees(phase):.3g}°, delay {1000 * delay:.3g} ms"
+    )
+
+
+def _in_short(loop: Judgement) -> str:
+    worst, margins = loop.worst_of_all, [loop.margins, loop.margins_of_worst and loop.margins_of_worst[1]]
+    alpha = min((each.disk.alpha for each in margins if each is not None), default=None)
+    known = "" if alpha is None else f", disk margin {alpha:.3g}"
+    return (
+        f"{loop.surroundings.where}{_circumstances(loop)} {'stable' if loop.is_stable else 'UNSTABLE'}: |z| = "
+        f"{worst.size:.5g} ({worst.what}){known}"
+    )
+
+
+def _circumstances(loop: Judgement) -> str:
+    lag = f" and a lag of {1000 * loop.lag:.3g} ms" if loop.lag else ""
+    return f" with {_delay_of(loop.delay)}{lag}"
+
+
+def _delay_of(number: int) -> str:
+    return f"a delay of {_samples(number)}" if number else "no delay"
+
+
+def _samples(number: int) -> str:
+    return "1 sample" if number == 1 else f"{number} samples"
+
+
+def _size(case: Case) -> str:
+    return f"|z| = {case.size:.5g} ({case.frequency:.3g} Hz)"

@@ -1,0 +1,352 @@
+"""Stability of the loop that an exported controller will run in: eigenvalues and margins with the delay of its form.
+
+The linear model is that of `loop_transfer`: at rest in a pose, without Coulomb friction, and without what an export
+leaves out. Judged are the machine of the experiment in the first pose of its reference and along its motion, the
+machine after each change of its parameters, and all members of `[ensemble]` in the first pose.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control.margins import Margins, closed_loop, frequency_of, loop_margins, remedy_of
+from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# What runs the exported controller: a form, or the harness by `run --controller fmu3`.
+Host = Literal["c", "fmu", "ssp", "run"]
+# Called with the number of judged members, and of all.
+MemberProgress = Callable[[int, int], None]
+# Poses along the motion, of the nominal machine.
+POSES = 25
+NO_FEEDBACK = "there is no feedback"
+_AT_ONCE = 256  # members drawn at a time
+# Keys of `[ensemble]` that change the linear loop around an exported controller.
+_SEEN = (("plant",), ("platform",), ("loop", "delay"), ("actuators", "lag"))
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The loop around an exported controller: how late its forces act there."""
+
+    where: str
+    least: int  # samples from measurement to force, at least
+    fixed: int | None  # if it does not depend on the experiment
+    has_drives: bool  # whether the machine is that of the experiment, with its lag and its changes
+
+    def delay(self, experiment: Experiment) -> int:
+        """From measurement to force [samples]."""
+        return max(self.least, experiment.loop.delay) if self.fixed is None else self.fixed
+
+    def lag(self, experiment: Experiment) -> float:
+        """Time constant of the drives [s]."""
+        return experiment.actuators.lag if self.has_drives else 0.0
+
+
+def output_delay_of(experiment: Experiment) -> int:
+    """Of the controller's unit in an SSP [samples]: the experiment's, and the one that a unit cannot do without."""
+    return max(1, experiment.loop.delay)
+
+
+def surroundings_of(host: Host, experiment: Experiment) -> tuple[Surroundings, ...]:
+    """The loops that a form is made for; an FMU may meet a machine with its own delay, or a plant directly."""
+    if host == "ssp":
+        return (Surroundings("in the SSP", 1, output_delay_of(experiment), has_drives=False),)
+    if host in ("c", "run"):
+        where = "in C" if host == "c" else "with the unit in the run"
+        return (Surroundings(where, 0 if host == "c" else 1, None, has_drives=True),)
+    found = (
+        Surroundings("with the FMU", 1, None, has_drives=True),
+        Surroundings("with the FMU directly at a plant", 1, 1, has_drives=False),
+    )
+    loops = {(each.delay(experiment), each.lag(experiment)) for each in found}
+    return found if len(loops) > 1 else found[:1]
+
+
+class Case(NamedTuple):
+    """One linear loop, judged."""
+
+    what: str
+    eigenvalue: complex  # z with the largest |z|
+    frequency: float  # its frequency [Hz]
+    damping_ratio: float  # of the least damped mode
+
+    @property
+    def size(self) -> float:
+        """|z|."""
+        return abs(self.eigenvalue)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The loop of an exported controller in its surroundings."""
+
+    surroundings: Surroundings
+    delay: int  # [samples]
+    lag: float  # [s]
+    nominal: Case
+    poses: int  # judged along the motion
+    on_the_way: Case  # the worst of them
+    changed: tuple[Case, ...]  # after each change of the machine
+    members: int  # judged
+    impossible: int  # members that cannot run
+    unstable: int  # members
+    worst: Case | None  # of the members
+    margins: Margins | None  # of the nominal machine, if it is stable
+    margins_of_worst: tuple[str, Margins] | None  # the smallest of the members with the largest |z|, the least damping
+    remedy: str  # for the nominal machine, if it is unstable
+
+    @property
+    def worst_of_all(self) -> Case:
+        """The case that refuses the export: the nominal machine's if it is unstable, else the worst."""
+        cases = [self.nominal, self.on_the_way, *self.changed, *([self.worst] if self.worst else [])]
+        return self.nominal if self.nominal.size >= 1 else max(cases, key=lambda case: case.size)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether all cases are stable."""
+        return self.worst_of_all.size < 1
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What is known about the loops of an exported controller."""
+
+    loops: tuple[Judgement, ...] = ()
+    reason: str = ""  # why none was judged
+
+    @property
+    def unstable(self) -> tuple[Judgement, ...]:
+        """The loops that are unstable."""
+        return tuple(each for each in self.loops if not each.is_stable)
+
+
+def judged(
+    experiment: Experiment,
+    prepared: Prepared,
+    hosts: Iterable[Host],
+    *,
+    margins: bool = True,
+    progress: MemberProgress | None = None,
+) -> dict[Host, Judged]:
+    """The loops that the controller of a prepared experiment will run in, as C, FMU or SSP.
+
+    Parameters
+    ----------
+    margins
+        Compute stability margins, too.
+    progress
+        Called while members are judged.
+
+    Raises
+    ------
+    ExperimentError
+        An invalid `[ensemble]`.
+    """
+    hosts, controller = tuple(hosts), prepared.controller
+    if not isinstance(controller, LinearController):
+        what = NO_FEEDBACK if controller is None else f"{_kind_of(controller)} has no linear form"
+        return dict.fromkeys(hosts, Judged(reason=what))
+    loops = _Loops(prepared, controller)
+    around = {host: surroundings_of(host, experiment) for host in hosts}
+    try:
+        own = {s: _OfNominal(loops, experiment, s) for found in around.values() for s in found}
+    except ControllerError as error:
+        return dict.fromkeys(hosts, Judged(reason=str(error)))
+    members = {s: _OfMembers() for s in own}
+    for done, of_all, member, each in _members_of(experiment):
+        # what surroundings have in common is judged once
+        cases: dict[tuple[int, float], Case | None] = {}
+        for s, found in members.items():
+            if each is None:
+                found.add(None)
+                continue
+            machine, of_member = each
+            at = (s.delay(of_member), s.lag(of_member))
+            if at not in cases:
+                own_delay = "" if at[0] == s.delay(experiment) else f" with its own delay of {at[0]}"
+                cases[at] = _case_of(loops, f"member {member}{own_delay}", machine, at)
+            found.add(cases[at], machine, at)
+        if progress is not None:
+            progress(done, of_all)
+    return {
+        host: Judged(tuple(_judgement(loops, s, own[s], members[s], margins=margins) for s in found))
+        for host, found in around.items()
+    }
+
+
+def _kind_of(controller: Any) -> str:
+    return "an FMU" if isinstance(controller, UnitController) else "a function"
+
+
+def _judgement(
+    loops: "_Loops", surroundings: Surroundings, nominal: "_OfNominal", members: "_OfMembers", *, margins: bool
+) -> Judgement:
+    at = (nominal.delay, nominal.lag)
+    return Judgement(
+        surroundings=surroundings,
+        delay=nominal.delay,
+        lag=nominal.lag,
+        nominal=nominal.first,
+        poses=len(loops.poses),
+        on_the_way=nominal.on_the_way,
+        changed=nominal.changed,
+        members=members.count,
+        impossible=members.impossible,
+        unstable=members.unstable,
+        worst=members.largest,
+        margins=loops.margins(loops.machine, *at) if margins else None,
+        margins_of_worst=members.margins(loops) if margins else None,
+        remedy="" if nominal.first.size < 1 else nominal.remedy,
+    )
+
+
+class _Loops:
+    """Linear loops around the controller of an experiment."""
+
+    def __init__(self, prepared: Prepared, controller: LinearController) -> None:
+        self._prepared, self._controller = prepared, controller
+        self.machine, self.sample_time = prepared.machine, prepared.loop.timing.sample_time
+        motion = prepared.motion
+        assert motion is not None
+        rows = np.unique(np.linspace(0, len(motion.position) - 1, POSES).round().astype(int))
+        poses = np.concatenate([motion.position[rows], motion.orientation[rows]], axis=1)
+        _, first = np.unique(poses, axis=0, return_index=True)
+        self.poses = [(float(prepared.loop.timing.times[rows[k]]), poses[k]) for k in sorted(first)]
+        self._margins: dict[tuple[Platform, int, float], Margins | None] = {}
+
+    def transfer(self, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Any:
+        """L(z) of a machine, by default in the first pose of the reference."""
+        p = self.poses[0][1] if pose is None else pose
+        return loop_transfer(
+            machine,
+            self._controller,
+            self.sample_time,
+            delay=delay,
+            lag=lag,
+            position=p[:3],
+            orientation=p[3:],
+            believed=self._prepared.platform,
+        )
+
+    def case(self, what: str, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Case:
+        """The eigenvalues of a loop."""
+        z = np.asarray(closed_loop(self.transfer(machine, delay, lag, pose)).poles(), dtype=complex)
+        worst = complex(z[np.abs(z).argmax()])
+        s = np.log(z[np.abs(z) > 1e-9])
+        return Case(what, worst, frequency_of(worst, self.sample_time), float(np.min(-s.real / np.abs(s), initial=1.0)))
+
+    def margins(self, machine: Platform, delay: int, lag: float) -> Margins | None:
+        """Its margins; None if it is unstable."""
+        key = (machine, delay, lag)
+        if key not in self._margins:
+            try:
+                self._margins[key] = loop_margins(self.transfer(*key))
+            except UnstableLoopError:
+                self._margins[key] = None
+        return self._margins[key]
+
+    def after_changes(self) -> Iterator[tuple[float, Platform]]:
+        """The machine from the time [s] of each change of its parameters on."""
+        machine = self.machine
+        for change in self._prepared.loop.changes:
+            if change.parameters:
+                machine = replace(machine, **dict(change.parameters))  # type: ignore[arg-type]
+                yield change.time, machine
+
+
+class _OfNominal:
+    """The cases of the experiment's own machine."""
+
+    def __init__(self, loops: _Loops, experiment: Experiment, around: Surroundings) -> None:
+        self.delay, self.lag = delay, lag = around.delay(experiment), around.lag(experiment)
+        self._loops, self._delay_of_experiment = loops, experiment.loop.delay
+        machine = loops.machine
+        self.first = loops.case("the nominal machine in its first pose", machine, delay, lag)
+        others = [
+            loops.case(f"the nominal machine in its pose at {time:.3g} s", machine, delay, lag, pose)
+            for time, pose in loops.poses[1:]
+        ]
+        self.on_the_way = max([self.first, *others], key=lambda case: case.size)
+        self.changed = tuple(
+            loops.case(f"the machine after its change at {time:g} s", other, delay, lag)
+            for time, other in (loops.after_changes() if around.has_drives else ())
+        )
+
+    @property
+    def remedy(self) -> str:
+        """What would make an unstable loop stable."""
+        loops, own = self._loops, self._delay_of_experiment
+        gains = remedy_of(loops.transfer(loops.machine, self.delay, self.lag))
+        if self.delay == own or loops.case("", loops.machine, own, self.lag).size >= 1:
+            return gains
+        return f"it is stable {f'with the delay of {own} samples' if own else 'without delay'}; {gains}"
+
+
+class _OfMembers:
+    """The cases of all members so far: how many, and the worst."""
+
+    def __init__(self) -> None:
+        self.count = self.unstable = self.impossible = 0
+        self.largest: Case | None = None
+        self._kept: dict[str, tuple[Case, Platform, tuple[int, float]]] = {}
+
+    def add(self, case: Case | None, machine: Platform | None = None, at: tuple[int, float] = (0, 0.0)) -> None:
+        """A member's case; None if the member is impossible, or its machine has no linear model there."""
+        if case is None or machine is None:
+            self.impossible += 1
+            return
+        self.count += 1
+        self.unstable += case.size >= 1
+        if self.largest is None or case.size > self.largest.size:
+            self.largest = case
+            self._kept["largest"] = (case, machine, at)
+        if "least damped" not in self._kept or case.damping_ratio < self._kept["least damped"][0].damping_ratio:
+            self._kept["least damped"] = (case, machine, at)
+
+    def margins(self, loops: _Loops) -> tuple[str, Margins] | None:
+        """The smaller margins of two members, of largest |z| and of least damping; None if a member is unstable."""
+        if self.unstable:
+            return None
+        found = {case.what: loops.margins(machine, *at) for case, machine, at in self._kept.values()}
+        known = {what: margins for what, margins in found.items() if margins is not None}
+        return min(known.items(), key=lambda each: each[1].disk.alpha, default=None)
+
+
+def _case_of(loops: _Loops, what: str, machine: Platform, at: tuple[int, float]) -> Case | None:
+    try:
+        return loops.case(what, machine, *at)
+    except GoughStewartError:
+        return None
+
+
+def _members_of(experiment: Experiment) -> Iterable[tuple[int, int, int, tuple[Platform, Experiment] | None]]:
+    """How many are done, the number of all, a member's number, its machine and experiment; None if it is impossible.
+
+    Nothing if no member has another linear loop than the nominal machine.
+    """
+    if experiment.ensemble is None:
+        return
+    # the end of a run at its stroke matters to no linear loop
+    limits = experiment.limits.model_copy(update={"stroke": "warn"})
+    members = Members(experiment.model_copy(update={"limits": limits}))
+    if not any(each.place.path[: len(seen)] == seen for each in members.inputs for seen in _SEEN):
+        return
+    for first in range(0, members.count, _AT_ONCE):
+        last = min(first + _AT_ONCE, members.count)
+        for k, values in enumerate(members.draws(first, last).values, first):
+            try:
+                own = members.experiment(values)
+                yield k + 1, members.count, k, (members.preparation.machine(own), own)
+            except GoughStewartError:
+                yield k + 1, members.count, k, None

@@ -1,0 +1,333 @@
+"""Stability of exported loops: figures against an independent formulation, and against runs of what is exported.
+
+`radius` builds the sampled closed loop from python-control's c2d of the linear plant, with every delayed force and
+every drive as states of their own; the harness multiplies transfer functions. Growth is seen in FMPy and compiled C.
+"""
+
+import itertools
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi
+import control
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+from numpy.typing import NDArray
+
+import gough_stewart as gs
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control.margins import loop_margins
+from gough_stewart.harness.errors import UnstableLoopError
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.stability import Host, Judgement, judged
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from tests.support.exported import Exported, uneven_experiment
+
+HOSTS: tuple[Host, ...] = ("c", "fmu", "ssp")
+
+
+def radius(prepared: Prepared, delay: int, lag: float = 0.0, machine: Platform | None = None, row: int = 0) -> float:
+    """The largest |z| of x⁺ = A x + B f, f = the force of `delay` samples ago behind its drive, u = −C_c ξ − D_c y."""
+    machine, motion, linear = machine or prepared.machine, prepared.motion, prepared.controller
+    assert motion is not None
+    assert isinstance(linear, LinearController)
+    T, K = prepared.loop.timing.sample_time, linear.system
+    pose = motion.position[row], motion.orientation[row]
+    free = gs.linearise(machine, *pose, outputs=linear.signals)
+    A, B, C = free.A, free.B[:, :6], free.C
+    if lag:  # the drives' forces behind the plant's states
+        A = np.block([[A, B], [np.zeros((6, 12)), -np.eye(6) / lag]])
+        B = np.concatenate([np.zeros((12, 6)), np.eye(6) / lag])
+        C = np.concatenate([C, np.zeros((len(C), 6))], axis=1)
+    plant = control.c2d(control.ss(A, B, C, np.zeros((len(C), 6))), T)
+    n, m, k = len(plant.A), len(C), K.nstates
+    # of errors −y, or of references 0 and measurements y
+    of_y = slice(0, m), -1.0
+    if K.ninputs > m:
+        of_y = slice(m, 2 * m), 1.0
+    Bc, Dc = of_y[1] * K.B[:, of_y[0]], of_y[1] * K.D[:, of_y[0]]
+    Cc = K.C
+    if linear.space == "task":
+        J = np.linalg.inv(leg_jacobian(prepared.platform, *pose))
+        Bc, Dc, Cc = Bc @ J, J.T @ Dc @ J, J.T @ Cc
+    size = n + k + 6 * delay
+    whole = np.zeros((size, size))
+    x, xi = slice(0, n), slice(n, n + k)
+    whole[x, x], whole[xi, x], whole[xi, xi] = plant.A, Bc @ plant.C, K.A
+    command = np.zeros((6, size))
+    command[:, x], command[:, xi] = Dc @ plant.C, Cc
+    if not delay:
+        whole[x] += plant.B @ command
+    else:
+        line = [slice(n + k + 6 * i, n + k + 6 * (i + 1)) for i in range(delay)]
+        whole[line[0]] = command
+        for younger, older in itertools.pairwise(line):
+            whole[older, younger] = np.eye(6)
+        whole[x, line[-1]] = plant.B
+    return float(np.abs(np.linalg.eigvals(whole)).max())
+
+
+def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple[Judgement, ...]:
+    experiment = experiment_of(name, settings)
+    return judged(experiment, prepare(experiment), (host,), margins=False, **options)[host].loops
+
+
+@pytest.mark.parametrize(
+    ("name", "host", "size"),
+    [
+        ("circle", "c", None),
+        ("circle", "ssp", 1.0505),
+        ("circle_computed_torque", "fmu", 1.0505),
+        ("payload_change", "fmu", 1.006),
+        ("payload_change", "ssp", 1.006),
+        ("payload_change", "c", None),
+        ("too_slow", "c", 2.16),
+        ("pitch_sine", "ssp", None),
+        ("saturation", "c", None),
+    ],
+)
+def test_shipped_loops_have_the_eigenvalues_of_another_formulation(name: str, host: Host, size: float | None) -> None:
+    """Expected: `radius`; and, for those that are unstable, literal figures that were measured by another program."""
+    (loop, *_), prepared = found_of(name, host), prepare(experiment_of(name))
+    assert loop.delay == (0 if host == "c" else 1)
+    assert loop.nominal.size == pytest.approx(radius(prepared, loop.delay, loop.lag), abs=1e-7)
+    assert loop.is_stable == (size is None)
+    if size is not None:
+        assert loop.nominal.size == pytest.approx(size, abs=5e-3 if size > 2 else 5e-4)
+    time = prepared.loop.timing.times
+    rows = np.unique(np.linspace(0, len(time) - 1, 25).round().astype(int))
+    assert loop.on_the_way.size == pytest.approx(
+        max(radius(prepared, loop.delay, loop.lag, row=int(row)) for row in rows), abs=1e-7
+    )
+
+
+@pytest.mark.parametrize("space", ["leg", "task"])
+@pytest.mark.parametrize("derivative_on", ["error", "measurement"])
+def test_a_machine_that_is_not_what_is_believed_is_the_one_that_is_judged(space: str, derivative_on: str) -> None:
+    """Expected: `radius` of the machine with the Jacobian of the belief, with drives, for every form's own delay."""
+    experiment = uneven_experiment(
+        reference={"type": "sine", "position_amplitude": [0.03, -0.02, 0.04], "frequency": 4.0},
+        controller={
+            "type": "pid",
+            "space": space,
+            "proportional_gain": [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0],
+            "derivative_gain": [60.0, 45.0, 71.0, 52.0, 83.0, 66.0],
+            "integral_gain": [900.0, 0.0, 1100.0, 700.0, 1300.0, 400.0],
+            "derivative_on": derivative_on,
+        },
+        plant={"parameters": {"platform_mass": 7.0, "platform_com": [0.1, 0.2, -0.05], "leg_viscous_friction": 3.0}},
+        actuators={"lag": 0.003},
+    )
+    prepared = prepare(experiment)
+    found = judged(experiment, prepared, HOSTS, margins=False)
+    loops = [(loop.delay, loop.lag, loop.nominal.size) for host in HOSTS for loop in found[host].loops]
+    # a delay of two samples: the C and the FMU in the experiment's loop, the FMU alone, and the SSP without drives
+    expected = [(2, 0.003), (2, 0.003), (1, 0.0), (2, 0.0)]
+    assert [loop[:2] for loop in loops] == expected
+    for delay, lag, size in loops:
+        assert size == pytest.approx(radius(prepared, delay, lag), abs=1e-7)
+    assert len({round(size, 9) for *_, size in loops}) == 3
+
+
+def test_a_machine_is_judged_after_each_of_its_changes() -> None:
+    """Expected: `radius` of the heavier machine; an SSP has no changes."""
+    (loop,), prepared = found_of("payload_change", "c"), prepare(experiment_of("payload_change"))
+    own = prepared.machine
+    heavier = replace(own, platform_mass=1.5 * own.platform_mass, platform_inertia=1.5 * np.array(own.platform_inertia))
+    (changed,) = loop.changed
+    assert changed.size == pytest.approx(radius(prepared, 0, machine=heavier), abs=1e-7)
+    assert abs(changed.size - loop.nominal.size) > 1e-6
+    assert found_of("payload_change", "ssp")[0].changed == ()
+
+
+MEMBERS = {
+    "ensemble.members": 12,
+    "ensemble.platform_mass": {"grid": [14.0, 10.0, 3.0]},
+    "ensemble.loop.delay": {"grid": [0, 1, 2, 4]},
+}
+
+
+def test_members_are_judged_with_their_machines_and_delays() -> None:
+    """Expected: `radius` of each; an FMU delays at least by one sample, an SSP by its own delay alone."""
+    settings = {"controller.bandwidth": 2.5, "loop.delay": 1, **MEMBERS}
+    prepared = prepare(experiment_of("circle", settings))
+    members = [(mass, delay) for mass in (14.0, 10.0, 3.0) for delay in (0, 1, 2, 4)]
+
+    def sizes(delay_of: Any) -> NDArray[np.float64]:
+        machines = [replace(prepared.machine, platform_mass=mass) for mass, _ in members]
+        return np.array(
+            [radius(prepared, delay_of(delay), machine=m) for m, (_, delay) in zip(machines, members, strict=True)]
+        )
+
+    for host, expected in {
+        "c": sizes(lambda delay: delay),
+        "fmu": sizes(lambda delay: max(1, delay)),
+        "ssp": sizes(lambda _: 1),
+    }.items():
+        calls: list[tuple[int, int]] = []
+        (loop,) = found_of("circle", host, settings, progress=lambda k, of, calls=calls: calls.append((k, of)))  # type: ignore[arg-type]
+        assert calls == [(k, 12) for k in range(1, 13)]
+        assert loop.members == 12
+        assert loop.worst is not None
+        assert loop.worst.size == pytest.approx(expected.max(), abs=1e-7)
+        assert loop.unstable == int((expected >= 1).sum())
+    assert 0 < (sizes(lambda delay: delay) >= 1).sum() < 12
+
+
+def test_margins_are_those_of_the_nominal_machine_and_of_the_worst_member() -> None:
+    """Expected: `loop_margins` of these loops alone; the lightest machine is the worst."""
+    settings = {"controller.bandwidth": 2.5, "loop.delay": 1, "ensemble.platform_mass": {"grid": [14.0, 7.0, 9.0]}}
+    experiment = experiment_of("circle", settings)
+    prepared = prepare(experiment)
+    (loop,) = judged(experiment, prepared, ("ssp",))["ssp"].loops
+    motion, linear = prepared.motion, prepared.controller
+    assert motion is not None
+    assert isinstance(linear, LinearController)
+    pose = {"position": motion.position[0], "orientation": motion.orientation[0]}
+    light = replace(prepared.machine, platform_mass=7.0)
+    for machine, found in (
+        (prepared.machine, loop.margins),
+        (light, loop.margins_of_worst and loop.margins_of_worst[1]),
+    ):
+        assert found is not None
+        expected = loop_margins(loop_transfer(machine, linear, 1e-3, delay=1, **pose))
+        assert found.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-6)
+    assert loop.margins_of_worst is not None
+    assert loop.margins_of_worst[0] == "member 1"
+
+
+def at_home(platform: Platform) -> tuple[Platform, NDArray[np.float64], NDArray[np.float64]]:
+    return platform, platform.home_position, platform.home_orientation
+
+
+# A start off the reference [m, rad], most of it about the axes that oscillate first.
+BESIDE = np.array([[2e-7, -1e-7, 1e-7], [1e-6, -7e-7, 1e-7]])
+
+
+def growth(away: NDArray[np.float64]) -> float:
+    """The factor per sample of an oscillation's largest values, from the period at sample 85 to that at 135."""
+    return float((away[135:148].max() / away[85:98].max()) ** (1 / 50))
+
+
+def test_an_exported_loop_that_is_called_unstable_diverges_at_its_eigenvalue(tmp_path: Path) -> None:
+    """Expected: FMPy's run of the SSP grows by |z| a sample; with a lower bandwidth, which is stable, it does not.
+
+    The machine starts micrometres beside the pose that it is to hold.
+    """
+    sizes = []
+    machine, position, orientation = at_home(gs.load_preset("liu2000"))
+    beside = {
+        "start.position": (position + BESIDE[0]).tolist(),
+        "start.orientation": (orientation + BESIDE[1]).tolist(),
+    }
+    hold = {"reference": {"type": "hold"}, **beside}
+    for bandwidth in (5, 3):
+        settings = {**hold, "controller.bandwidth": bandwidth, "loop.duration": 0.5}
+        (loop,) = found_of("circle", "ssp", settings)
+        (ssp,) = gs.export("circle", settings, forms="ssp", out=tmp_path, anyway=bandwidth == 5)
+        found = simulate_ssp(str(ssp), stop_time=0.15, step_size=1e-3)
+        lengths = np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
+        sizes.append(loop.nominal.size)
+        away = np.abs(lengths - leg_geometry(machine, position, orientation).length).max(axis=1)
+        if bandwidth == 5:
+            assert growth(away) == pytest.approx(loop.nominal.size, abs=1e-3)
+        else:
+            assert away[-1] < away[0]
+    assert sizes[0] > 1 > sizes[1]
+
+
+@pytest.mark.parametrize(("delay", "is_stable"), [(0, True), (1, False)])
+def test_the_compiled_c_is_stable_where_it_is_called_stable(delay: int, is_stable: bool) -> None:
+    """Expected: beside the plant a small push dies out without a delay, and with one sample it grows."""
+    settings = {"loop.delay": delay, "reference": {"type": "hold"}}
+    experiment = experiment_of("circle", settings)
+    (loop,) = found_of("circle", "c", settings)
+    assert loop.is_stable == is_stable
+    law = Exported(designed(experiment)).start()
+    machine, position, orientation = at_home(prepare(experiment).machine)
+    lengths = leg_geometry(machine, position, orientation).length
+    plant = ModelPlant(machine, State(position + BESIDE[0], orientation + BESIDE[1], np.zeros(3), np.zeros(3)))
+    line = [static_leg_forces(machine, position, orientation)] * delay
+    away = []
+    places = signals.positions(("leg_length",))
+    for k in range(150):
+        measured = plant.results()[places]
+        away.append(np.abs(measured - lengths).max())
+        line.append(law.step(measured)[0])
+        plant.set_inputs(np.concatenate([line.pop(0), np.zeros(6)]))
+        plant.do_step(k * 1e-3, 1e-3)
+    assert (away[-1] < away[0]) == is_stable
+    if not is_stable:
+        assert growth(np.array(away)) == pytest.approx(loop.nominal.size, abs=1e-3)
+
+
+def test_one_unstable_form_refuses_the_whole_export(tmp_path: Path) -> None:
+    """Expected: the figure, the machine and the remedies in the error, and no file; the C alone is written."""
+    with pytest.raises(UnstableLoopError, match=r"in the SSP .* a delay of 1 sample: \|z\| = 1\.0505 at") as refused:
+        gs.export("circle", forms=["c", "ssp"], out=tmp_path)
+    for part in ("the nominal machine in its first pose", "it is stable without delay", "--anyway", "× 0.5"):
+        assert part in str(refused.value)
+    assert "in C" not in str(refused.value)
+    assert abs(refused.value.eigenvalue) == pytest.approx(1.0505, abs=5e-4)
+    assert list(tmp_path.iterdir()) == []
+    assert len(gs.export("circle", forms=["c"], out=tmp_path)) == 3
+    header = (tmp_path / "circle_controller.h").read_text()
+    assert "Stability in C with no delay: stable; the nominal machine in its first pose |z| = 0.98112" in header
+    assert "Margins of the nominal machine with no delay: all legs at once disk margin 0.276" in " ".join(
+        header.split()
+    )
+
+
+def test_a_member_that_is_unstable_refuses_the_export_and_is_named(tmp_path: Path) -> None:
+    settings = {"loop.delay": 1, "controller.bandwidth": 2.5, "ensemble.platform_mass": {"grid": [14.0, 10.0, 1.0]}}
+    with pytest.raises(UnstableLoopError, match=r"\|z\| = 1\.\d+ .* for member 2, .* \(1 of 3 members are unstable\)"):
+        gs.export("circle", settings, forms="c", out=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form(tmp_path: Path) -> None:
+    said: list[str] = []
+    gs.export("too_slow", forms=["c", "fmu", "ssp"], out=tmp_path, anyway=True, warn=said.append, fmi=["3.0"])
+    assert [text[:33] for text in said if text.startswith("exported anyway")] == [
+        "exported anyway: with the FMU the",
+        "exported anyway: in C the closed ",
+        "exported anyway: in the SSP the c",
+    ]
+    header = " ".join((tmp_path / "too_slow_controller.h").read_text().split())
+    assert "UNSTABLE, and exported anyway: in C the closed loop is unstable with no delay: |z| = 2.163" in header
+    with zipfile.ZipFile(tmp_path / "too_slow_controller_fmi3.fmu") as unit:
+        assert "UNSTABLE, and exported anyway: with the FMU" in unit.read("documentation/index.html").decode()
+    with zipfile.ZipFile(tmp_path / "too_slow.ssp") as archive:
+        for name in ("SystemStructure.ssd", "documentation/index.html"):
+            assert "UNSTABLE, and exported anyway: in the SSP" in archive.read(name).decode()
+
+
+def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
+    length = casadi.SX.sym("leg_length", 6)
+    law = casadi.Function("soft", [length], [-1e3 * length], ["leg_length"], ["actuator_force"])
+    said: list[str] = []
+    gs.export(law, forms="c", out=tmp_path, warn=said.append)
+    assert said == ["the stability of the loop of the C is not judged: a function has no linear form"]
+    assert "Stability: not judged, since a function has no linear form." in (tmp_path / "soft_controller.h").read_text()
+
+
+def test_a_delay_that_a_form_adds_is_said(tmp_path: Path) -> None:
+    """Expected: where the experiment has none, for the unit and the SSP and not for the C; inside, too."""
+    said: list[str] = []
+    gs.export("hold_against_gravity", forms=["c", "fmu", "ssp"], fmi=["2.0"], out=tmp_path, warn=said.append)
+    late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
+    assert said == [f"the FMU is {late}", f"the SSP is {late}"]
+    with zipfile.ZipFile(tmp_path / "hold_against_gravity.ssp") as archive:
+        text = archive.read("SystemStructure.ssd").decode()
+    assert "Delay: forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay" in text
