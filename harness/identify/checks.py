@@ -1,6 +1,7 @@
 """Checks that a log matches the platform: even sampling, forces, plausible units."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.identify.log import Log
@@ -26,6 +27,27 @@ def sample_time_of(log: Log) -> float:
     LogError
         No time, times that do not increase, gaps, or rows too slow for a motion.
     """
+    number, h = rows_apart(log)
+    assert log.time is not None  # checked by rows_apart
+    gaps = np.flatnonzero(number > 1)
+    if gaps.size:
+        k = int(gaps[0])
+        raise LogError(
+            f"{log.where}: a gap of {log.time[k + 1] - log.time[k]:.6g} s after row {k + 1} (time {log.time[k]:.6g} "
+            f"s), where rows are {h:.6g} s apart, and {gaps.size - 1} more; expected even times: use the longest part "
+            "without a gap, or record again"
+        )
+    return h
+
+
+def rows_apart(log: Log) -> tuple[NDArray[np.intp], float]:
+    """How many sample times each row is after the one before it (n − 1,), 1 without gaps; and the sample time [s].
+
+    Raises
+    ------
+    LogError
+        No time, times that do not increase or are uneven, or rows too slow for a motion.
+    """
     if log.time is None:
         raise LogError(f"{log.where}: no column time; expected one, since the motion between rows is needed")
     steps = np.diff(log.time)
@@ -37,20 +59,24 @@ def sample_time_of(log: Log) -> float:
             f"{log.where}: time goes from {log.time[k]:.9g} to {log.time[k + 1]:.9g} s in row {k + 2}; expected "
             "increasing times"
         )
-    uneven = np.flatnonzero(np.abs(steps - h) > _JITTER * h)
+    number = np.rint(steps / h)
+    uneven = np.flatnonzero(np.abs(steps - number * h) > _JITTER * h)
+    # of a long gap, the clock's own error adds up
+    uneven = uneven[np.abs(steps - number * h)[uneven] > 1e-3 * steps[uneven]]
     if uneven.size:
         k = int(uneven[0])
         raise LogError(
-            f"{log.where}: a gap of {steps[k]:.6g} s after row {k + 1} (time {log.time[k]:.6g} s), where rows are "
-            f"{h:.6g} s apart, and {uneven.size - 1} more; expected even times: use the longest part without a gap, or "
-            "record again"
+            f"{log.where}: a step of {steps[k]:.6g} s after row {k + 1} (time {log.time[k]:.6g} s), where rows are "
+            f"{h:.6g} s apart, and {uneven.size - 1} more; expected even times, or gaps of whole rows: record "
+            "again, or interpolate to even times"
         )
     if h > _SLOWEST_SAMPLES:
         raise LogError(
             f"{log.where}: rows are {h:g} s apart; expected at most {_SLOWEST_SAMPLES:g} s for a motion. If time is "
             "in ms, name the column 'time [ms]'"
         )
-    return float(log.time[-1] - log.time[0]) / (len(log) - 1)
+    number = np.maximum(number, 1)
+    return number.astype(np.intp), float(log.time[-1] - log.time[0]) / float(number.sum())
 
 
 def force_of(log: Log) -> FloatArray:

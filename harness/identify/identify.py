@@ -1,18 +1,22 @@
 """Identify parameters from a log by any method."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.output_error import identify_output_error
+from gough_stewart.harness.identify.parts import VALIDATION
+from gough_stewart.harness.identify.screening import screened
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 
+AnyLog = Log | Record | Path | str
 Method = Literal["linear", "output_error", "geometry"]
 _METHODS: Mapping[str, Callable[..., Estimate]] = {
     "linear": identify_linear,
@@ -22,10 +26,12 @@ _METHODS: Mapping[str, Callable[..., Estimate]] = {
 
 
 def identify(
-    log: Log | Record | Path | str,
+    log: AnyLog | Sequence[AnyLog],
     platform: Platform,
     estimate: Sequence[str] | str,
     method: Method = "linear",
+    *,
+    validation: float | AnyLog | Sequence[AnyLog] = VALIDATION,
     **options: Any,
 ) -> Estimate:
     """Estimate parameters of a platform from a log, with confidence intervals.
@@ -33,7 +39,7 @@ def identify(
     Parameters
     ----------
     log
-        A file that `read_log` can read, a `Log`, or a `Record`.
+        A file that `read_log` can read, a `Log`, or a `Record`; or several of one machine, which are fitted together.
     platform
         The nominal one: the source of all other parameters, and of starting values.
     estimate
@@ -44,11 +50,13 @@ def identify(
         "output_error" simulates the plant and accepts any physical parameter, also `leg_friction_velocity`;
         "geometry" calibrates `base_points`, `platform_points` and `leg_length_offset` from measured poses at rest;
         it is chosen if only these are estimated.
+    validation
+        The share of each log, at its end, that is not fitted but validates the fit; or another log, or several, of
+        which nothing is fitted.
     options
-        Of the method: `cutoff` [Hz] of the filter, `validation`, the share of the log for validation; for
-        "output_error" also `starts` and `seed`. For "geometry": `pose_frame` ("world", or "own" for a tracker with its
-        own frame), `accuracy`, standard errors of leg length [m], position [m] and orientation [rad], and
-        `nominal_error` [m], the uncertainty of the nominal geometry.
+        Of the method: `cutoff` [Hz] of the filter; for "output_error" also `starts` and `seed`. For "geometry":
+        `pose_frame` ("world", or "own" for a tracker with its own frame), `accuracy`, standard errors of leg length
+        [m], position [m] and orientation [rad], and `nominal_error` [m], the uncertainty of the nominal geometry.
 
     Raises
     ------
@@ -70,8 +78,28 @@ def identify(
         method = "geometry"
     if "pose_frame" in options and method != "geometry":
         raise IdentificationError(f"pose_frame is an option of method geometry only; this one is {method}")
-    if isinstance(log, Record):
-        log = log_of(log)
-    elif not isinstance(log, Log):
-        log = read_log(log)
-    return _METHODS[method](log, platform, names, **options)
+    logs = _logs(log)
+    if method == "geometry":
+        if len(logs) != 1 or validation != VALIDATION:
+            raise IdentificationError(
+                f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
+                f"{'of a log' if not isinstance(validation, float) else validation}"
+            )
+        return identify_geometry(logs[0], platform, names, **options)
+    share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
+    found = screened(logs, platform, share, aside, options.pop("cutoff", None))
+    fit = _METHODS[method](found.parts, platform, names, cutoff=found.cutoff, **options)
+    return replace(fit, notes=(*found.notes, *fit.notes), alarms=(*found.alarms, *fit.alarms))
+
+
+def _logs(given: AnyLog | Sequence[AnyLog]) -> list[Log]:
+    """The logs of files and records; those of equal origin are told apart by a number."""
+    each = [given] if isinstance(given, Log | Record | Path | str) else list(given)
+    if not each:
+        raise LogError("no logs; expected one or several")
+    logs = [log_of(log) if isinstance(log, Record) else log if isinstance(log, Log) else read_log(log) for log in each]
+    origins = [log.where for log in logs]
+    return [
+        replace(log, where=f"{log.where} {k + 1}") if origins.count(log.where) > 1 else log
+        for k, log in enumerate(logs)
+    ]

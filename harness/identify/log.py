@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import polars
+from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError, TableError
 from gough_stewart.harness.quantities import UNITS
@@ -51,8 +52,8 @@ class Log:
         """Number of rows."""
         return len(self.leg_length)
 
-    def rows(self, which: slice) -> "Log":
-        """The log with a range of rows."""
+    def rows(self, which: slice | NDArray[np.intp]) -> "Log":
+        """The log with some of its rows."""
         kept: dict[str, Any] = {}
         for name in ("leg_length", "time", "actuator_force", "position", "orientation"):
             values = getattr(self, name)
@@ -195,7 +196,11 @@ def _at_samples(log: Log, metadata: Mapping[str, Any]) -> Log:
     sample, step = metadata.get("sample_time"), metadata.get("plant_step")
     if not log.holds_force or not sample or not step or log.actuator_force is None:
         return log
-    every = round(sample / step)
+    experiment = metadata.get("experiment")
+    sensors = experiment.get("sensors") if isinstance(experiment, Mapping) else None
+    # readings of slower sensors are repeated until the next one
+    own = sensors.get("sample_time") if isinstance(sensors, Mapping) else None
+    every = round(max(sample, own or 0.0) / step)
     n = len(log) // every
     if every < 2 or n < 2:
         return log

@@ -136,8 +136,8 @@ def test_an_inertia_that_no_body_has_is_kept_physical() -> None:
         (lambda log: replace(log, time=1e3 * log.time), "If time is in ms, name the column"),
         (lambda log: replace(log, time=None), "no column time"),
         (
-            lambda log: replace(log, time=np.where(np.arange(len(log)) > 500, log.time + 0.2, log.time)),
-            r"a gap of 0\.201 s after row 501",
+            lambda log: replace(log, time=np.where(np.arange(len(log)) > 500, log.time + 2e-4, log.time)),
+            r"a step of 0\.0012 s after row 501",
         ),
         (
             lambda log: replace(log, time=np.where(np.arange(len(log)) == 40, 0.0, log.time)),

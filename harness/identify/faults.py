@@ -1,0 +1,228 @@
+"""Faults in the data of a log: spikes, frozen and clipped readings, rows that were lost while times went on.
+
+Each function looks at readings (n, 6) of the legs at even times and returns what it found; none changes a reading. What
+is normal is judged from the log itself: noise from the interpolation of each reading by its neighbours, motion from the
+rows around. So an encoder that repeats its reading at rest is not frozen, and a leg that reverses is no spike.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.model.vectors import FloatArray
+
+Mask = NDArray[np.bool_]
+
+# A reading is a spike if it is off by so many standard deviations of noise; fewer do no harm.
+_SPIKE = 8.0
+# Readings on either side of suspects that tell what they should have been, and the longest spike in rows.
+_AROUND, _LONGEST_SPIKE = 8, 8
+# Repeated readings from which on they may be frozen; a frozen one jumps by so many usual changes when it moves again.
+_FROZEN, _JUMP = 5, 4.0
+# Readings at the very limit from which on they may be clipped, and how many times as many as just below it.
+_CLIPPED, _MORE_THAN_BELOW = 5, 5.0
+# Readings on either side of a gap that tell how much time passed in it; when a jump is sure; and the share of the
+# length below which it may be a sudden force.
+_SIDE, _SURE, _SUDDEN = 6, 12.0, 1e-6
+# Relative changes that are none, and that are motion.
+_ROUNDING, _FAR = 1e-9, 1e-4
+
+
+class Lost(NamedTuple):
+    """Rows that are missing before row `row`, though times go on."""
+
+    row: int
+    number: float  # of rows; negative if rows are repeated
+
+
+def noise_of(values: FloatArray) -> FloatArray:
+    """Standard deviation (6,) of white noise: each reading against the cubic through its four neighbours, robustly.
+
+    Smaller by nothing than the step in which readings come.
+    """
+    spread = 1.4826 * np.median(np.abs(_against_neighbours(values)), axis=0) / _GAIN
+    return np.asarray(np.maximum(spread, step_of(values) / np.sqrt(12)))
+
+
+def step_of(values: FloatArray) -> FloatArray:
+    """The smallest change of each leg's readings (6,): the resolution of its sensor, or next to nothing."""
+    changes = np.abs(np.diff(values, axis=0))
+    smallest = np.where(changes > 1e-12 * np.abs(values).max(), changes, np.inf).min(axis=0)
+    return np.asarray(np.where(np.isfinite(smallest), smallest, 0.0))
+
+
+# The cubic through four neighbours, and its effect on white noise together with the reading.
+_NEIGHBOURS = np.array([-1.0, 4.0, 4.0, -1.0]) / 6
+_GAIN = float(np.sqrt(1 + (_NEIGHBOURS**2).sum()))
+
+
+def _against_neighbours(values: FloatArray) -> FloatArray:
+    """Readings (n − 4, 6) less the cubic through two neighbours on either side."""
+    sides = (values[:-4], values[1:-3], values[3:-1], values[4:])
+    return np.asarray(values[2:-2] - np.tensordot(_NEIGHBOURS, np.stack(sides), 1))
+
+
+def spikes(values: FloatArray, known_bad: Mask, smallest: float) -> tuple[Mask, FloatArray]:
+    """Single or few readings off what their neighbours on both sides agree on; and readings without them.
+
+    Parameters
+    ----------
+    known_bad
+        Readings (n, 6) that are not looked at.
+    smallest
+        The least error that counts, in the unit of the readings.
+    """
+    found, mended = np.zeros(values.shape, dtype=bool), values.copy()
+    if len(values) < 4 * _AROUND:
+        return found, mended
+    limit = np.maximum(_SPIKE * noise_of(values), smallest)
+    suspect = np.zeros(values.shape, dtype=bool)
+    suspect[2:-2] = (np.abs(_against_neighbours(values)) > limit * _GAIN) & ~known_bad[2:-2]
+    for leg in range(values.shape[1]):
+        rows = np.flatnonzero(suspect[:, leg])
+        for group in np.split(rows, np.flatnonzero(np.diff(rows) > _AROUND) + 1) if rows.size else ():
+            window = slice(max(0, group[0] - _AROUND), min(len(values), group[-1] + _AROUND + 1))
+            outside, expected = _outliers(values[window, leg], float(limit[leg]))
+            if outside.any() and not known_bad[window, leg].any():
+                at = np.flatnonzero(outside) + window.start
+                found[at, leg], mended[at, leg] = True, expected[outside]
+    return found, mended
+
+
+def _outliers(y: FloatArray, limit: float) -> tuple[Mask, FloatArray]:
+    """Readings off a cubic through the others by more than `limit`, and the cubic; none if the others disagree too."""
+    t = np.linspace(-1.0, 1.0, len(y))
+    basis = np.polynomial.legendre.legvander(t, 3)
+    weights = np.ones(len(y))
+    for _ in range(20):
+        # least absolute deviations: the majority decides
+        expected = basis @ np.linalg.lstsq(basis * weights[:, None], y * weights, rcond=None)[0]
+        weights = 1 / np.sqrt(np.maximum(np.abs(y - expected), 1e-3 * limit))
+    off = np.abs(y - expected) > limit
+    none = np.zeros(len(y), dtype=bool)
+    for _ in range(3):
+        if off.sum() > min(_LONGEST_SPIKE, len(y) // 3) or off[:3].any() or off[-3:].any():
+            return none, y
+        expected = basis @ np.linalg.lstsq(basis[~off], y[~off], rcond=None)[0]
+        error = y - expected
+        # a step or a kink of the signal leaves as much beside the suspects
+        usual = _SPIKE * float(np.sqrt((error[~off] ** 2).mean()))
+        off = np.abs(error) > max(limit, usual)
+    return off, expected
+
+
+def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask:
+    """Readings that stay at a value while the leg moves on.
+
+    Where noise should change a reading it does not, or, of a signal that cannot jump, it jumps to where the leg has
+    moved meanwhile.
+
+    Parameters
+    ----------
+    is_continuous
+        Whether the signal cannot jump: lengths cannot, forces can.
+    not_looked_at
+        Readings (n, 6) that repeat for another reason.
+    """
+    found = np.zeros(values.shape, dtype=bool)
+    changes = np.abs(np.diff(values, axis=0))
+    changes[changes < _ROUNDING * np.abs(values).max()] = 0.0
+    steps = step_of(values)
+    far = np.maximum(20 * steps, _FAR * np.abs(values).max())
+    for leg in range(values.shape[1]):
+        moved = np.flatnonzero(changes[:, leg]) + 1
+        starts, ends = np.append(0, moved), np.append(moved, len(values))  # of runs, ends exclusive
+        for begin, end in zip(*(each[ends - starts >= _FROZEN] for each in (starts, ends)), strict=True):
+            if not_looked_at[begin, leg]:
+                continue
+            before, after = changes[max(0, begin - 12) : begin, leg], changes[end : end + 11, leg]
+            around = np.concatenate([before, after])
+            usual = max(float(around.max(initial=0.0)), float(steps[leg]), _ROUNDING * float(np.abs(values).max()))
+            jumps = is_continuous and end < len(values) and changes[end - 1, leg] > _JUMP * usual
+            is_noisy = len(around) >= 10 and (around == 0).mean() < 0.1 and _alternates(values[:, leg], begin, end)
+            silent = is_noisy and end - begin >= 2 * _FROZEN
+            # up to the end of the log only the others tell that it should have moved
+            stops = is_continuous and end == len(values) and end - begin >= 4 * _FROZEN
+            if stops:
+                others = np.delete(np.ptp(values[begin:], axis=0) > far, leg)
+                stops = others.sum() >= 4 and (before > 0).mean() > 0.5
+            if jumps or silent or stops:
+                found[begin + 1 : end, leg] = True
+    return found
+
+
+def _alternates(values: FloatArray, begin: int, end: int) -> bool:
+    """Whether readings around a run are noisy: second differences of noise change sign, those of motion do not."""
+    for side in (values[max(0, begin - 30) : begin + 1], values[end : end + 31]):
+        bends = np.diff(side, 2)
+        if len(bends) >= 10 and (bends[1:] * bends[:-1]).sum() > -0.3 * (bends**2).sum():
+            return False
+    return True
+
+
+def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
+    """Forces (n, 6) at the end of their sensor's range, and those next to them.
+
+    Many readings equal the largest or the smallest one, which they reach at speed, and hardly any is just below it. A
+    force at the actuator's own limit is one that the actuator has.
+    """
+    found = np.zeros(force.shape, dtype=bool)
+    spread = noise_of(force)
+    for leg in range(force.shape[1]):
+        for sign in (1.0, -1.0):
+            y = sign * force[:, leg]
+            top, count = np.unique(y, return_counts=True)
+            level = float(top[-1])
+            if actuator_limit is not None and abs(level) >= (1 - 1e-6) * actuator_limit:
+                continue
+            below = count[-4:-1].max(initial=1)
+            if len(top) < 4 or count[-1] < _CLIPPED or count[-1] <= _MORE_THAN_BELOW * below:
+                continue
+            at = y == level
+            entries = np.abs(np.diff(y))[at[1:] != at[:-1]]
+            if not len(entries) or np.median(entries) < 0.2 * np.median(np.abs(np.diff(y))):
+                continue  # a force that comes to rest at its largest value
+            # noise takes some readings below the limit while the force is beyond it
+            mean = np.convolve(np.pad(y, 10, mode="edge"), np.full(21, 1 / 21), mode="valid")
+            near = at | (mean > level - 3 * spread[leg])
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
+            for begin, end in zip(edges[::2], edges[1::2], strict=True):
+                found[begin:end, leg] |= at[begin:end].any()
+    return found
+
+
+def lost_rows(length: FloatArray, known_bad: Mask) -> list[Lost]:
+    """Where lengths (n, 6) go on as if rows were missing: all legs jump by their velocity times the same duration.
+
+    Quadratics through the rows on either side, extrapolated to the middle, differ by L̇ τ if a time τ is missing; their
+    slopes agree. Rows near `known_bad` readings (n, 6) are not looked at.
+    """
+    n = len(length)
+    if n < 6 * _SIDE:
+        return []
+    t = np.arange(_SIDE) + 0.5
+    inverse = np.linalg.pinv(np.stack([np.ones(_SIDE), t, t**2], axis=1))
+    windows = np.lib.stride_tricks.sliding_window_view(length, _SIDE, axis=0)
+    # at the middle between rows k + _SIDE − 1 and k + _SIDE, from either side
+    right = windows[_SIDE:] @ inverse[:2].T
+    left = windows[: len(right)][..., ::-1] @ inverse[:2].T
+    jump, velocity = right[..., 0] - left[..., 0], (right[..., 1] - left[..., 1]) / 2
+    slopes = np.linalg.norm(right[..., 1] + left[..., 1], axis=1)
+    usual = 1.4826 * float(np.median(np.abs(jump)))
+    spread = max(usual, 2 * float(noise_of(length).max()), _SUDDEN * float(np.abs(length).max()))
+    rows = np.asarray(known_bad.any(axis=1))
+    bad = np.asarray(np.lib.stride_tricks.sliding_window_view(rows, 2 * _SIDE).any(axis=1))
+    speed = np.linalg.norm(velocity, axis=1)
+    along = (jump * velocity).sum(axis=1) / np.maximum(speed, 1e-300)
+    number = along / np.maximum(speed, 1e-300)
+    rest = np.linalg.norm(jump - number[:, None] * velocity, axis=1)
+    sure = (np.abs(along) > _SURE * spread) & (np.abs(number) > 0.5) & (rest < 0.3 * np.abs(along) + 6 * spread)
+    sure &= (slopes < 0.3 * speed) & ~bad[: len(sure)]
+    sure &= np.abs(number - np.rint(number)) < 0.15 + 4 * spread / np.maximum(speed, 1e-300)
+    found: list[Lost] = []
+    for k in np.flatnonzero(sure):
+        near = slice(max(0, k - _SIDE), k + _SIDE + 1)
+        if abs(along[k]) == np.abs(along[near]).max():
+            found.append(Lost(int(k) + _SIDE, float(number[k])))
+    return found
