@@ -8,18 +8,21 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.experiment.checking import check
 from gough_stewart.harness.motion.fastest import fastest
 from gough_stewart.harness.motion.path import GeometricPath
+from gough_stewart.harness.motion.polynomials import polynomials_of
+from gough_stewart.harness.motion.shares import shares_along
 from gough_stewart.harness.motion.timed_path import TimedPath
-from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 from tests.support.direct_transcription import least_time
+from tests.support.forces import forces_by_newton_euler
 from tests.support.uneven import UNEVEN
 
+DYNAMIC = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
 LIMITED = replace(
     UNEVEN, leg_velocity_max=0.9, leg_acceleration_max=7.0, actuator_force_max=190.0, actuator_power_max=95.0
 )
@@ -43,7 +46,7 @@ def shares(platform: Platform, motion: TimedPath) -> tuple[FloatArray, FloatArra
         for at in (motion(time - h), motion(time), motion(time + h))
     )
     velocity, acceleration = (after - before) / (2 * h), (after - 2 * now + before) / h**2
-    force = _forces(platform, motion, time)
+    force = forces_by_newton_euler(platform, motion, time)
     used = {
         "leg_velocity_max": velocity,
         "leg_acceleration_max": acceleration,
@@ -54,23 +57,6 @@ def shares(platform: Platform, motion: TimedPath) -> tuple[FloatArray, FloatArra
         np.abs(values) / getattr(platform, name) for name, values in used.items() if getattr(platform, name) is not None
     ]
     return time, np.max(each, axis=(0, 2))
-
-
-def _forces(platform: Platform, motion: TimedPath, time: FloatArray) -> FloatArray:
-    """Actuator forces (n, 6) with which Newton–Euler has the accelerations of a motion: they are affine in them."""
-    at = motion(time)
-    n, rotation = len(time), matrix_from_orientation(at.orientation)
-
-    def accelerations(force: FloatArray) -> FloatArray:
-        rest = np.zeros((n, 3))
-        state = (at.position, rotation, at.velocity, at.angular_velocity)
-        found = newton_euler.solve(platform, *state, np.broadcast_to(force, (n, 6)), rest, rest)
-        return np.concatenate([found.linear, found.angular], axis=1)
-
-    free = accelerations(np.zeros(6))
-    gain = np.stack([accelerations(row) - free for row in np.eye(6)], axis=2)
-    wanted = np.concatenate([at.acceleration, at.angular_acceleration], axis=1)
-    return np.asarray(np.linalg.solve(gain, (wanted - free)[:, :, None])[:, :, 0])
 
 
 def test_no_limit_is_exceeded_and_one_is_always_used() -> None:
@@ -161,9 +147,35 @@ def test_a_ramp_bounds_how_fast_accelerations_change() -> None:
     time = np.linspace(0, motion.end, 4001)
     changes = [np.abs(np.diff(each(time).acceleration, axis=0)).max() for each in (motion, sharp)]
     assert changes[0] < 0.1 * changes[1]
-    assert motion.end > sharp.end + 0.05
+    # a ramp costs one ramp time, and little more where this motion is longer than many of them
+    assert sharp.end + 0.05 < motion.end < sharp.end + 2 * 0.05
     _, largest = shares(LIMITED, replace_knots(motion, 120))
     assert largest.max() < 1.001
+
+
+@pytest.mark.parametrize("ramp", [0.0, 0.02])
+@pytest.mark.parametrize("preset", ["motion_base", "desktop_hexapod"])
+def test_a_plan_without_margin_is_within_its_limits_at_rows_from_any_start(preset: str, ramp: float) -> None:
+    """Expected: the check's own shares, and rows that fall anywhere between the points of the plan."""
+    platform = load_preset(preset)
+    path = random_path(platform, 6, size=0.05)
+    law, random = fastest(platform, path, ramp=ramp), np.random.default_rng(2)
+    largest = []
+    for start in random.uniform(0, 0.01, 12):
+        motion = polynomials_of(TimedPath(path, law, start))
+        time = np.append(np.arange(0, motion.end, 1e-3), motion.end - random.uniform(0, 1e-3, 20))
+        of = shares_along(platform, time, motion(time)).of
+        largest.append(max(of[limit].max() for limit in DYNAMIC if limit in of))
+    assert max(largest) <= 1
+    # and none of the limits is left unused
+    assert max(largest) > 1 - 1e-4
+
+
+@pytest.mark.parametrize(("ramp", "at"), [("0 s", "77.6683114 ms"), ("20 ms", "2.75591132 ms")])
+def test_the_shipped_fastest_path_without_margin_passes_the_check(ramp: str, at: str) -> None:
+    found = check("fastest_path", {"reference.margin": 0, "reference.ramp": ramp, "reference.at": at})
+    assert found.within
+    assert found.shares.largest.share > 1 - 1e-3
 
 
 def test_the_duration_is_that_of_a_direct_transcription() -> None:

@@ -1,0 +1,293 @@
+"""The sampled loop written a second time, from docs/control.md alone: an expectation for what its options do together.
+
+Plant, legs and inverse dynamics are those of `tests.support.lagrangian`, integrated by Runge and Kutta's method in many
+small steps; motions, controllers and drives are stated here as formulas of one channel. Nothing of the harness is used.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+from tests.support.lagrangian import Pose, forces_along, legs_along
+
+_SMALLEST_STEP = 5e-4  # of the plant [s]
+
+
+@dataclass
+class Documented:
+    """What a run should record, one row per plant step."""
+
+    pose: FloatArray  # position and orientation (n, 6)
+    leg_length: FloatArray  # (n, 6)
+    actuator_force: FloatArray  # that acts from the row on (n, 6)
+    command: FloatArray  # of the latest sample, before the limits (n, 6)
+
+
+def simulate(
+    options: Mapping[str, Any], believed: Platform, machine: Callable[[float], Platform], start: FloatArray | None
+) -> Documented:
+    """Run the loop of some options.
+
+    Parameters
+    ----------
+    options
+        Numbers in SI units under the names of the experiment file, without their tables.
+    believed, machine
+        The nominal platform, and the simulated one at each time.
+    start
+        The pose (6,) at which the machine starts at rest; None for the reference's.
+    """
+    T, h, duration = options["sample_time"], options["plant_step"], options["duration"]
+    every, steps = round(T / h), round(duration / h)
+    motion = motion_of(options, np.concatenate([believed.home_position, believed.home_orientation]))
+    q, rate = (each[0] for each in motion(np.zeros(1))[:2])
+    if start is not None:
+        q, rate = start.copy(), np.zeros(6)
+    machine_now = machine(0.0)
+    held = _static(machine_now, q)
+    limit = options["force_limit"]
+    drive = _Drive(np.clip(held, -limit, limit), h, options["rate_limit"], options["lag"])
+    line = [drive.force.copy()] * options["delay"]
+    law: _TaskLaw | _LegLaw | None = None
+    excess, planned = np.zeros(6), drive.force.copy()
+    command, reading = np.zeros(6), np.zeros(6)
+    rows: list[list[FloatArray]] = []
+    force = drive.force
+    for k in range(steps + 1):
+        time = k * h
+        machine_now = machine(time)
+        length = legs_along(machine_now, Pose(q[None], rate[None], rate[None]))[0][0]
+        sensor_step = round((options["sensor_time"] or T) / h)
+        if k % sensor_step == 0:
+            step = options["quantisation"]
+            reading = np.round(length / step) * step if step else length
+        if k % every == 0 and k < steps:
+            wanted = motion(np.array([time]))
+            wanted_length = legs_along(believed, wanted)[0][0]
+            J = _jacobian(believed, wanted.q[0])
+            if law is None:
+                law = (_TaskLaw if options["space"] == "task" else _LegLaw)(options, J, wanted_length, reading)
+            ahead = motion(np.array([time + (options["delay"] + 0.5) * T]))
+            command = law.force(J, wanted_length, reading, excess) + _feedforward(options, believed, ahead)
+            clipped = np.clip(command, -limit, limit)
+            # the anti-windup hears what force and rate limits leave of this command after one sample
+            planned = planned + np.clip(clipped - planned, -options["rate_limit"] * T, options["rate_limit"] * T)
+            excess = planned - command
+            line.append(clipped)
+            target = line.pop(0)
+        if k < steps:
+            force = drive.step(target)
+        rows.append([q.copy(), length, force.copy(), command.copy()])
+        if k < steps:
+            q, rate = _stepped(machine_now, q, rate, force, options["disturbance"](time), h)
+    return Documented(*(np.array(each) for each in zip(*rows, strict=True)))
+
+
+# --- motions ---------------------------------------------------------------------------------------------------------
+
+
+def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatArray], Pose]:
+    """A motion about home: a sine, a quintic from rest to rest, or a step, all along one direction (6,)."""
+    along = options["along"]
+    kind = options["reference"]
+
+    def at(time: FloatArray) -> Pose:
+        if kind == "sine":
+            w, phase = 2 * np.pi * options["frequency"], options["phase"]
+            s = np.sin(w * time + phase), w * np.cos(w * time + phase), -(w**2) * np.sin(w * time + phase)
+        elif kind == "point_to_point":
+            D = options["move_duration"]
+            tau = np.clip((time - options["at"]) / D, 0.0, 1.0)
+            s = (
+                10 * tau**3 - 15 * tau**4 + 6 * tau**5,
+                (30 * tau**2 - 60 * tau**3 + 30 * tau**4) / D,
+                (60 * tau - 180 * tau**2 + 120 * tau**3) / D**2,
+            )
+        else:
+            # a row at the time of the jump has the value after it
+            s = (time >= options["at"] - 1e-9).astype(float), 0 * time, 0 * time
+        q, rate, acceleration = (np.outer(each, along) for each in s)
+        return Pose(home + q, rate, acceleration)
+
+    return at
+
+
+# --- controllers -----------------------------------------------------------------------------------------------------
+
+
+class _Channels:
+    """Six PID channels: kp e + kd s/(Tf s + 1) v + x, ẋ = ki e + excess/Tt; v = e, or −y."""
+
+    def __init__(self, options: Mapping[str, Any], first: FloatArray) -> None:
+        self.kp, self.kd, self.ki = (np.array(options[name]) for name in ("kp", "kd", "ki"))
+        # of the fastest channel: the shortest kd / (20 kp)
+        self.Tf = options["derivative_filter"] or float((self.kd / self.kp).min() / 20)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            own = np.sqrt((self.kp / self.ki) * (self.kd / self.kp))
+        self.Tt = np.full(6, options["anti_windup_time"]) if options["anti_windup_time"] else own
+        self.method, self.T = options["discretisation"], options["sample_time"]
+        # steady state: the filter has settled on the first input, the integrator is empty
+        self.v, self.d, self.z = first.copy(), np.zeros(6), self.Tf * first
+        self.x, self.w = np.zeros(6), np.zeros(6)
+
+    def __call__(self, e: FloatArray, v: FloatArray, excess: FloatArray) -> FloatArray:
+        T, Tf, kd = self.T, self.Tf, self.kd
+        w = np.where(self.ki > 0, self.ki * e + excess / np.where(self.ki > 0, self.Tt, 1.0), 0.0)
+        if self.method == "tustin":
+            self.d = ((2 * Tf - T) * self.d + 2 * kd * (v - self.v)) / (2 * Tf + T)
+            self.x = self.x + T / 2 * (w + self.w)
+        elif self.method == "backward_diff":
+            self.d = (Tf * self.d + kd * (v - self.v)) / (Tf + T)
+            self.x = self.x + T * w
+        else:  # inputs held over the sample: the states move after they were used
+            self.d = kd / Tf * (v - self.z / Tf)
+            self.z = np.exp(-T / Tf) * self.z + Tf * (1 - np.exp(-T / Tf)) * v
+            self.x = self.x + T * self.w
+        self.v, self.w = v.copy(), w
+        return np.asarray(self.kp * e + self.d + self.x)
+
+
+class _LegLaw:
+    """Channels are legs."""
+
+    def __init__(self, options: Mapping[str, Any], _J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
+        self.on_error = options["derivative_on"] == "error"
+        self.channels = _Channels(options, wanted - measured if self.on_error else -measured)
+
+    def force(self, _J: FloatArray, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+        """Forces (6,)."""
+        return self.channels(wanted - measured, wanted - measured if self.on_error else -measured, excess)
+
+
+class _TaskLaw:
+    """Channels are axes: e = J⁻¹ (L_r − L), y = Σ J⁻¹ ΔL, F = J⁻ᵀ w."""
+
+    def __init__(self, options: Mapping[str, Any], J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
+        self.on_error = options["derivative_on"] == "error"
+        error = _solved(J, wanted - measured)
+        self.moved, self.last = np.zeros(6), measured.copy()
+        self.channels = _Channels(options, error if self.on_error else np.zeros(6))
+
+    def force(self, J: FloatArray, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+        """Forces (6,)."""
+        self.moved = self.moved + _solved(J, measured - self.last)
+        self.last = measured.copy()
+        error = _solved(J, wanted - measured)
+        w = self.channels(error, error if self.on_error else -self.moved, J.T @ excess)
+        return _solved(J.T, w)
+
+
+def _feedforward(options: Mapping[str, Any], believed: Platform, ahead: Pose) -> FloatArray:
+    """Of the nominal model at the middle of the interval over which the force acts."""
+    if options["feedforward"] == "none":
+        return np.zeros(6)
+    if options["feedforward"] == "gravity":
+        return _static(believed, ahead.q[0])
+    return np.asarray(forces_along(believed, ahead)[0] + _friction(believed, legs_along(believed, ahead)[1][0]))
+
+
+# --- drives ----------------------------------------------------------------------------------------------------------
+
+
+class _Drive:
+    """A rate limit and a first-order lag, by many small steps of their differential equations."""
+
+    PARTS = 4000
+
+    def __init__(self, start: FloatArray, h: float, rate: float, lag: float) -> None:
+        self.r, self.f, self.force = start.copy(), start.copy(), start.copy()
+        self.h, self.rate, self.lag = h, rate, lag
+
+    def step(self, target: FloatArray) -> FloatArray:
+        """The mean force over a plant step."""
+        if not np.isfinite(self.rate) and self.lag == 0:
+            return target
+        dt = self.h / self.PARTS
+        t = dt * np.arange(self.PARTS + 1)[:, None]
+        left = np.zeros(6)
+        if np.isfinite(self.rate):
+            left = np.maximum(np.abs(target - self.r) - self.rate * t, 0.0)
+        r = np.broadcast_to(target - np.sign(target - self.r) * left, (self.PARTS + 1, 6))
+        self.r = r[-1].copy()
+        if self.lag == 0:
+            return np.asarray(((r[1:] + r[:-1]) / 2).mean(axis=0))
+        # exact for an input that is constant over a small step
+        decay = np.exp(-dt / self.lag)
+        later = lfilter([1 - decay], [1, -decay], (r[1:] + r[:-1]) / 2, axis=0, zi=decay * self.f[None])[0]
+        f = np.vstack([self.f, later])
+        self.f = f[-1].copy()
+        return np.asarray(((f[1:] + f[:-1]) / 2).mean(axis=0))
+
+
+# --- plant -----------------------------------------------------------------------------------------------------------
+
+
+def _friction(machine: Platform, velocity: FloatArray) -> FloatArray:
+    viscous = machine.leg_viscous_friction * machine.leg_viscous_friction_factor
+    coulomb = machine.leg_coulomb_friction * machine.leg_coulomb_friction_factor
+    return np.asarray(viscous * velocity + coulomb * np.tanh(velocity / machine.leg_friction_velocity))
+
+
+def _static(machine: Platform, q: FloatArray) -> FloatArray:
+    rest = np.zeros((1, 6))
+    return np.asarray(forces_along(machine, Pose(q[None], rest, rest))[0])
+
+
+def _jacobian(machine: Platform, q: FloatArray) -> FloatArray:
+    """∂L̇/∂(v, ω): lengths' rates for six unit rates of the pose, with the angles' rates turned into ω."""
+    rates = np.eye(6)
+    by_angles = legs_along(machine, Pose(np.tile(q, (6, 1)), rates, rates))[1].T
+    return np.asarray(by_angles @ np.linalg.inv(_twist_of_rates(q)))
+
+
+def _twist_of_rates(q: FloatArray) -> FloatArray:
+    """(6, 6): velocity and ω from the rates of position, roll, pitch, yaw about the fixed axes X, Y, Z."""
+    pitch, yaw = q[4], q[5]
+    about_x = [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
+    E = np.eye(6)
+    E[3:, 3:] = np.transpose([about_x, [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    return E
+
+
+def _accelerations(
+    machine: Platform, q: FloatArray, rate: FloatArray, force: FloatArray, wrench: FloatArray
+) -> FloatArray:
+    """q̈ (6,): forces that a motion needs are affine in q̈, F = F₀ + K q̈."""
+    trials = np.vstack([np.zeros(6), np.eye(6)])
+    both = np.tile(q, (7, 1)), np.tile(rate, (7, 1))
+    needed = forces_along(machine, Pose(*both, trials))
+    E = _twist_of_rates(q)
+    by_angles = legs_along(machine, Pose(np.tile(q, (6, 1)), np.eye(6), np.eye(6)))[1].T
+    velocity = by_angles @ rate
+    # the wrench as forces of the legs that do the same work: Jᵀ F = w
+    equal = _solved(by_angles.T, E.T @ wrench)
+    return _solved((needed[1:] - needed[0]).T, force + equal - _friction(machine, velocity) - needed[0])
+
+
+def _stepped(
+    machine: Platform, q: FloatArray, rate: FloatArray, force: FloatArray, wrench: FloatArray, h: float
+) -> tuple[FloatArray, FloatArray]:
+    """Pose and rates after a plant step, forces held."""
+    parts = max(1, round(h / _SMALLEST_STEP))
+    dt = h / parts
+    x = np.concatenate([q, rate])
+
+    def slope(x: FloatArray) -> FloatArray:
+        return np.concatenate([x[6:], _accelerations(machine, x[:6], x[6:], force, wrench)])
+
+    for _ in range(parts):
+        a = slope(x)
+        b = slope(x + dt / 2 * a)
+        c = slope(x + dt / 2 * b)
+        d = slope(x + dt * c)
+        x = x + dt / 6 * (a + 2 * b + 2 * c + d)
+    return x[:6], x[6:]
+
+
+def _solved(A: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.solve(A, b), dtype=float)
