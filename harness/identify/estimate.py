@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
+from gough_stewart.harness.identify.diagnosis import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -26,7 +27,7 @@ class Residuals:
     rms: FloatArray  # of the fitted rows [unit]
     validation_rms: FloatArray | None  # of the validation rows [unit]
     signal_rms: FloatArray  # of the fitted signal, about its mean [unit]
-    # p-value of the Ljung–Box test; small if residuals are autocorrelated
+    # p-value of the Ljung–Box test of the prewhitened residuals; small if they are autocorrelated
     whiteness: FloatArray | None
 
 
@@ -57,6 +58,8 @@ class Estimate:
     notes: tuple[str, ...] = ()
     # reasons not to trust the values and their intervals, one sentence each; the command ends with exit code 3
     alarms: tuple[str, ...] = ()
+    # whether the log contradicts the model, and why; None for methods that cannot tell
+    diagnosis: Diagnosis | None = None
     # data for pages and figures
     details: dict[str, Any] = field(default_factory=dict)
 
@@ -124,6 +127,7 @@ class Estimate:
             "residuals": vars(self.residuals),
             "alarms": self.alarms,
             "notes": self.notes,
+            "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),
         }
         return (json.dumps(parts, indent=2, ensure_ascii=False, default=_plain) + "\n").encode()
 

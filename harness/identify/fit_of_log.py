@@ -7,15 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.diagnose import diagnosis_of
 from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.physical import BestFit
-from gough_stewart.harness.identify.statistics import uncertainty, whiteness
+from gough_stewart.harness.identify.statistics import uncertainty
+from gough_stewart.harness.identify.whitened import Whitened
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 # A combination whose standard error exceeds this share of its scale is not identifiable.
 _UNSEEN = 1.0
+# Sizes of delays [s] and tilts [rad].
+_DELAY, _TILT = 0.01, 0.1
 
 
 class Channels(NamedTuple):
@@ -41,6 +45,7 @@ def estimate_of(
     channels: Channels,
     notes: Sequence[str],
     alarms: Sequence[str] = (),
+    rows: Whitened | None = None,
 ) -> Estimate:
     """The estimate of a fit, with its covariance and its residuals.
 
@@ -54,23 +59,27 @@ def estimate_of(
         Remarks on the fit; one on active bounds is added.
     alarms
         Reasons not to trust the estimate, one sentence each.
+    rows
+        Of inverse dynamics at this fit, to test whether the model fits.
 
     Raises
     ------
     IdentificationError
         The log does not determine all parameters; names those.
     """
-    sigma, directions, covariance = uncertainty(*regression)
+    sigma, directions, covariance = uncertainty(*regression, white=method == "linear")
     _check_identifiable(sigma, directions, names)
     if fit.at_bound:
         notes = [*notes, f"at the bound of what is physical: {', '.join(fit.at_bound)}"]
+    covariance = covariance * np.outer(scale, scale)
+    found = None if rows is None else diagnosis_of(rows, covariance)
     fitted, validating = channels.residual[channels.is_fitted], channels.residual[~channels.is_fitted]
     return Estimate(
         method=method,
         names=names,
         values=fit.values,
         nominal=nominal,
-        covariance=covariance * np.outer(scale, scale),
+        covariance=covariance,
         singular_values=sigma,
         directions=directions,
         scale=scale,
@@ -81,10 +90,11 @@ def estimate_of(
             rms(fitted),
             rms(validating) if len(validating) else None,
             np.std(channels.measured[channels.is_fitted], axis=0),
-            whiteness(fitted),
+            None if found is None else found.whiteness,
         ),
-        notes=tuple(notes),
-        alarms=tuple(alarms),
+        notes=(*notes, *(() if found is None else found.sentences)),
+        alarms=(*alarms, *(() if found is None else found.alarms)),
+        diagnosis=found,
         details={
             "time": channels.time,
             "measured": channels.measured,
@@ -110,6 +120,9 @@ def scales(platform: Platform, names: Sequence[str], force: float, velocity: flo
         "leg_armature": mass / 6 + platform.leg_upper_mass,
         "leg_viscous_friction": force / max(velocity, 1e-12),
         "leg_coulomb_friction": force,
+        "force_offset": force,
+        "delay": _DELAY,
+        "base_tilt": _TILT,
         "base_points": rho,
         "platform_points": rho,
         "gravity": float(np.linalg.norm(platform.gravity)) or 1.0,

@@ -3,11 +3,14 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, rms, scales
+from gough_stewart.harness.identify.force_derivatives import ForceDerivatives, force_derivatives
+from gough_stewart.harness.identify.instruments import is_of_instruments
 from gough_stewart.harness.identify.linear_parameters import (
     FRICTION,
     SIZE,
@@ -17,10 +20,13 @@ from gough_stewart.harness.identify.linear_parameters import (
     with_estimated,
 )
 from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.names import expanded, value_of
 from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
 from gough_stewart.harness.identify.physical import BestFit, best_fit
-from gough_stewart.harness.identify.regression import Rows, joined, rows_of
+from gough_stewart.harness.identify.regression import Rows, joined, regression_of
+from gough_stewart.harness.identify.row_model import RowModel
+from gough_stewart.harness.identify.simulation import kernel_parameters
+from gough_stewart.harness.identify.whitened import Fit, Whitened, whitened
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -28,7 +34,6 @@ from gough_stewart.model.vectors import FloatArray
 _ROUNDING = 1e-9
 # Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine.
 _UNEXPLAINED = 0.5
-_REWEIGHTINGS = 3
 
 
 def identify_linear(
@@ -41,10 +46,11 @@ def identify_linear(
 ) -> Estimate:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
 
-    Rows of each leg are weighted with the inverse variance of its residuals; with Coulomb friction, rows in which the
-    leg reverses are left out, since friction models are uncertain there. The covariance of the result is the sandwich
-    A⁻¹ S A⁻¹ with A = Gᵀ Wᵀ Σ⁻¹ W G, G = ∂φ/∂θ, and S the long-run covariance of the scores, valid for residuals that
-    are autocorrelated, and correlated between legs.
+    Generalised least squares, (F − W φ)ᵀ V⁻¹ (F − W φ): the covariance V of the rows is that of white noise of forces
+    and lengths through the filters, with shares that fit the log (`noise`). With Coulomb friction, rows in which the
+    leg reverses are left out, since friction models are uncertain there. The covariance of the result is
+    (Gᵀ Wᵀ V⁻¹ W G)⁻¹, G = ∂φ/∂θ. Gains and offsets of force sensors, their delay and the tilt of the base are fitted
+    too if they are among the names.
 
     Parameters
     ----------
@@ -67,18 +73,21 @@ def identify_linear(
     names = expanded(names, platform)
     nominal = nominal_values(names, platform)
     elements = elements_of(platform)
-    for name in names:
+    of_platform = [k for k, name in enumerate(names) if not is_of_instruments(name)]
+    own = tuple(names[k] for k in of_platform)
+    for name in own:
         if name not in elements and name.partition("[")[0] not in FRICTION:
             raise IdentificationError(
                 f"{name}: inverse dynamics is not linear in it; use the method output_error, or geometry for joints "
                 "and offsets",
                 [name],
             )
-    elements = with_estimated(elements, names, nominal.tolist())
+    elements = with_estimated(elements, own, nominal[of_platform].tolist())
     parts = parts_of(log, validation)
-    each = [rows_of(part.log, platform, cutoff) for part in parts]
-    rows = joined(each)
-    is_fitted = np.concatenate([part.is_fitted(own.time) for part, own in zip(parts, each, strict=True)])
+    each = [regression_of(part.log, platform, cutoff) for part in parts]
+    regression = joined(each)
+    rows = regression.rows
+    is_fitted = np.concatenate([part.is_fitted(of_part.rows.time) for part, of_part in zip(parts, each, strict=True)])
     fitted = int(is_fitted.sum())
     if 6 * fitted < 3 * len(names):
         raise LogError(
@@ -86,25 +95,68 @@ def identify_linear(
         )
     scale = scales_of(rows, platform, names)
     W, F = rows.regressor[is_fitted], rows.force[is_fitted]
-    _check_excitation(W, elements, names, scale)
-
+    _check_excitation(W, elements, own, scale[of_platform])
     used = rows.sliding[is_fitted] if _has_coulomb(platform, names) else np.ones((fitted, 6))
+
+    # ordinary least squares first: the covariance of the rows depends on masses and friction
     weights = used / max(float(np.abs(F).max()), 1e-300)
-    for _ in range(_REWEIGHTINGS):
-        R, z = _compressed(weights[..., None] * W, weights * F)
-        fit = _fitted(R, z, elements, names, scale)
-        found = with_estimated(elements, names, fit.values)
-        phi, G = linear_parameters(found), gradient(found, names)
-        residual = rows.force - rows.regressor @ phi
-        power = (used * residual[is_fitted] ** 2).sum(axis=0) / np.maximum(used.sum(axis=0), 1.0)
-        weights = used / np.sqrt(power + 1e-24 * (F**2).mean(axis=0) + np.finfo(float).tiny)
+    R, z = _compressed(weights[..., None] * W, weights * F)
+    values = nominal.copy()
+    values[of_platform] = _fitted(R, z, elements, own, scale[of_platform]).values
+    model = RowModel(regression, platform, elements, names)
+    rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), platform)
+    if len(own) == len(names):
+        wide = rows_at.of(np.concatenate([W, F[..., None]], axis=2))
+        R, z = _compressed(wide[:, :SIZE], wide[:, SIZE])
+        fit = _fitted(R, z, elements, own, scale)
+    else:
+        fit = _with_instruments(model, rows_at, values, elements, scale)
+    rows_at = rows_at.at(_fit_at(model, fit.values, is_fitted, used, rows_at.fit.derivatives))
+    residual = model.residual(fit.values)
     _check_explained(residual[is_fitted], F)
-    D = weights[..., None] * (W @ (G * scale))
+    D = rows_at.of(rows_at.fit.columns * scale).reshape(fitted, 6, -1)
     notes = [f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept for validation"]
-    time, validating = on_one_axis(parts, [own.time for own in each])
     before = rows.regressor @ linear_parameters(elements)
+    time, validating = on_one_axis(parts, [of_part.rows.time for of_part in each])
     channels = Channels("force of leg", "N", time, rows.force, residual, before, is_fitted, validating)
-    return estimate_of("linear", names, nominal, scale, fit, (D, weights * residual[is_fitted]), channels, notes)
+    white = rows_at.of(residual[is_fitted, :, None]).reshape(fitted, 6)
+    return estimate_of("linear", names, nominal, scale, fit, (D, white), channels, notes, rows=rows_at)
+
+
+def _fit_at(
+    model: RowModel,
+    values: FloatArray,
+    is_fitted: NDArray[np.bool_],
+    used: FloatArray,
+    derivatives: ForceDerivatives | None = None,
+) -> Fit:
+    """What diagnosis needs of a fit, at these values; derivatives of a fit nearby do."""
+    phi, force = model.phi(values), model.force(values)
+    if derivatives is None:
+        derivatives = _derivatives_at(model, values, force)
+    return Fit(model.names, values, model.columns(values)[is_fitted], phi, force, derivatives, is_fitted, used)
+
+
+def _derivatives_at(model: RowModel, values: FloatArray, force: FloatArray) -> ForceDerivatives:
+    p, directions = kernel_parameters(model.platform, [model.names[k] for k in model.own])
+    nominal = np.array([value_of(model.platform, model.names[k]) for k in model.own])
+    p = p + directions @ (values[model.own] - nominal)
+    return force_derivatives(model.regression.motion, p, force)
+
+
+def _with_instruments(
+    model: RowModel, rows: Whitened, start: FloatArray, elements: Mapping[str, float], scale: FloatArray
+) -> BestFit:
+    """Minimise the whitened residual over platform and instruments."""
+    here = rows.fit.is_fitted
+
+    def residual(values: FloatArray) -> FloatArray:
+        return rows.of(model.residual(values)[here, :, None])[:, 0]
+
+    def jacobian(values: FloatArray) -> FloatArray:
+        return -rows.of(model.columns(values)[here])
+
+    return best_fit(residual, jacobian, elements, model.names, scale, start, 1e-10)
 
 
 def _fitted(

@@ -41,7 +41,8 @@ INERTIA = tuple(f"platform_inertia[{a + 1},{b + 1}]" for a, b in PAIRS)
 FRICTION = ("leg_viscous_friction", "leg_coulomb_friction")
 # The only other parameter of the equations is the smoothing velocity of friction; these make the regressor.
 _FIXED = ("base_points", "platform_points", "gravity")
-SIZE = 10 + 5 + 12
+INERTIAL = 10 + 5
+SIZE = INERTIAL + 12
 
 
 def elements_of(platform: Platform) -> dict[str, float]:
@@ -95,8 +96,14 @@ def regressor(platform: Platform, state: State, acceleration: Acceleration) -> F
     inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), transpose(columns))
     # friction acts along the actuator, only on its own leg
     rates = rates_of_legs(legs, state).length_rate
-    alone = [friction_force(_units(platform, **{name: 1}), rates)[..., None] * np.eye(6) for name in FRICTION]
-    return np.concatenate([inertial, *alone], axis=-1)
+    alone = np.split(friction_columns(platform, rates), 2, axis=-1)
+    return np.concatenate([inertial, *(part[..., None] * np.eye(6) for part in alone)], axis=-1)
+
+
+def friction_columns(platform: Platform, leg_velocity: FloatArray) -> FloatArray:
+    """Friction of n leg velocities (n, 6) [m/s] for unit viscous and unit Coulomb friction, side by side (n, 12)."""
+    alone = [friction_force(_units(platform, **{name: 1}), leg_velocity) for name in FRICTION]
+    return np.concatenate(alone, axis=-1)
 
 
 @cache

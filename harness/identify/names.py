@@ -14,8 +14,14 @@ from gough_stewart.model.parameters import PHYSICAL
 from gough_stewart.model.platform import Platform
 
 _ROWS = {row.name: row for row in PHYSICAL}
-# Quantities of a log, not of the platform: shape and unit. Their nominal value is 0.
-OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {"leg_length_offset": ((6,), "m")}
+# Quantities of a log, not of the platform: shape and unit. Their nominal value is 0, that of a gain 1.
+OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {
+    "leg_length_offset": ((6,), "m"),
+    "force_gain": ((6,), ""),
+    "force_offset": ((6,), "N"),
+    "delay": ((), "s"),
+    "base_tilt": ((2,), "rad"),
+}
 # One value for all legs, or six.
 PER_LEG = ("leg_viscous_friction", "leg_coulomb_friction")
 _ELEMENT = re.compile(r"(\w+)\[(\d+)(?:,(\d+))?\]")
@@ -61,10 +67,10 @@ def unit_of(element: str) -> str:
 
 
 def value_of(platform: Platform, element: str) -> float:
-    """The platform's value of an element; 0 for quantities of a log."""
+    """The platform's value of an element; for quantities of a log that of a perfect one."""
     stem, index = place_of(element)
     if stem in OF_LOGS:
-        return 0.0
+        return 1.0 if stem == "force_gain" else 0.0
     value = np.asarray(getattr(platform, stem))
     if index and stem in PER_LEG:
         return float(value * getattr(platform, f"{stem}_factor")[index])

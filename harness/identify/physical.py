@@ -23,6 +23,8 @@ from gough_stewart.model.vectors import FloatArray
 
 # Lower limit of elements with the bound "> 0", and of the moments of Σ_G, as a share of their scale.
 _SMALLEST = 1e-6
+# Magnitudes beyond which a log is not one of these instruments: the filters hardly reach further [s].
+_LARGEST = {"delay": 0.02}
 Function = Callable[[FloatArray], FloatArray]
 
 
@@ -61,8 +63,10 @@ def best_fit(
     low = np.array([_SMALLEST * s if _bound(name) == "> 0" else 0.0 for name, s in zip(names, scale, strict=True)])
     low = np.where([_bound(name) is None for name in names], -np.inf, low)
     options: Any = {"x_scale": scale, "xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": 60}
-    inside = np.maximum(start, low + _SMALLEST * scale)
-    theta = least_squares(residual, inside, jacobian, bounds=(low, np.inf), **options).x
+    largest = np.array([_LARGEST.get(name, np.inf) for name in names])
+    low = np.maximum(low, -largest)
+    inside = np.clip(start, low + _SMALLEST * scale, largest)
+    theta = least_squares(residual, inside, jacobian, bounds=(low, largest), **options).x
     held = tuple(name for name, value, b, s in zip(names, theta, low, scale, strict=True) if value < b + 1e-5 * s)
     inertias = [k for k, name in enumerate(names) if name in INERTIA]
     if not inertias or _is_body(with_estimated(elements, names, theta)):
@@ -128,7 +132,9 @@ def _as_body(
 
 
 def _bound(name: str) -> str | None:
-    return TABLE[name.partition("[")[0]].lower_bound
+    # instruments have none
+    found = TABLE.get(name.partition("[")[0])
+    return None if found is None else found.lower_bound
 
 
 def _second_moments(elements: Mapping[str, float]) -> FloatArray:

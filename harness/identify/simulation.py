@@ -125,6 +125,11 @@ def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatAr
         if any(name.startswith(f"{stem}[") for name in names):
             own |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
     p = parameter_vector(replace(platform, **own) if own else platform)
+    return p, parameter_columns(names)
+
+
+def parameter_columns(names: Sequence[str]) -> FloatArray:
+    """∂p/∂θ (N_PARAMETERS, k) of the kernel's p by elements of a platform."""
     places: dict[str, Any] = {}
     at = 0
     for variable in interface.PLATFORM_PARAMETERS:
@@ -139,7 +144,7 @@ def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatAr
         columns[where[index] if index else where, j] = 1.0
         if stem == "platform_inertia":
             columns[where[index[::-1]], j] = 1.0
-    return p, columns
+    return columns
 
 
 @cache

@@ -41,22 +41,29 @@ def smoothed(
     LogError
         The log is shorter than the filter.
     """
-    half = edge(sample_time, cutoff)
+    kernel = kernel_of(sample_time, cutoff, derivative, delay)
+    half = len(kernel) // 2
     if not 2 * half < len(values):
         raise LogError(
             f"{len(values)} rows at {1 / sample_time:.4g} Hz are shorter than the filter of {cutoff:.3g} Hz, "
             f"{2 * half + 1} rows; expected a longer log, or a higher cut-off"
         )
+    # correlation, not convolution: row k + half of the log is row k of the result
+    offset = values.mean(axis=0)
+    found = oaconvolve(values - offset, kernel[:, None], mode="valid", axes=0)
+    return np.asarray(found + offset if derivative == 0 else found)[::every]
+
+
+def kernel_of(sample_time: float, cutoff: float, derivative: int = 0, delay: float = 0.0) -> FloatArray:
+    """Weights (2 `edge` + 1,) of the samples about a row, as `smoothed` convolves them."""
+    half = edge(sample_time, cutoff)
     t = np.asarray(np.arange(-half, half + 1) * sample_time + delay, dtype=float)
     kernels = _kernel(t, cutoff)
     # a constant passes unchanged, and has no derivative
     kernel = kernels[derivative] / kernels[0].sum()
     if derivative:
         kernel -= kernel.mean()
-    # correlation, not convolution: row k + half of the log is row k of the result
-    offset = values.mean(axis=0)
-    found = oaconvolve(values - offset, kernel[:, None], mode="valid", axes=0)
-    return np.asarray(found + offset if derivative == 0 else found)[::every]
+    return np.asarray(kernel)
 
 
 def edge(sample_time: float, cutoff: float) -> int:

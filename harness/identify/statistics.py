@@ -21,10 +21,13 @@ def long_run_covariance(scores: FloatArray) -> FloatArray:
     return np.asarray(total)
 
 
-def uncertainty(D: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def uncertainty(
+    D: FloatArray, residual: FloatArray, *, white: bool = False
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Singular values (p,), their combinations (p, p) as rows, and the covariance (p, p), of a whitened regression.
 
-    A⁻¹ S A⁻¹ n/(n − p) with A = Σ_t D_tᵀ D_t and S the long-run covariance of the scores D_tᵀ e_t.
+    A⁻¹ S A⁻¹ n/(n − p) with A = Σ_t D_tᵀ D_t and S the long-run covariance of the scores D_tᵀ e_t. If the residuals are
+    white, S = s² A, and the covariance is s² A⁻¹ with s² = |e|²/(n − p).
 
     Parameters
     ----------
@@ -37,6 +40,9 @@ def uncertainty(D: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatA
     _, sigma, directions = np.linalg.svd(D.reshape(n * legs, p), full_matrices=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = directions.T / sigma**2 @ directions
+        if white:
+            used = int((residual != 0).sum())
+            return sigma, directions, float((residual**2).sum()) / max(used - p, 1) * inverse
         scores = np.einsum("tip,ti->tp", D, residual)
         covariance = n * legs / max(n * legs - p, 1) * inverse @ long_run_covariance(scores) @ inverse
     return sigma, directions, covariance

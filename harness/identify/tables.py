@@ -1,13 +1,20 @@
 """An estimate as tables."""
 
+from gough_stewart.harness.identify.diagnosis import Diagnosis
 from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.output.tables import Named, Sheet
 
 
 def sheets_of(estimate: Estimate) -> list[Sheet]:
-    """Parameters with their intervals; identifiability; residuals."""
-    return [_parameters(estimate), _identifiability(estimate), _residuals(estimate)]
+    """Parameters with their intervals; identifiability; residuals; whether the model fits."""
+    sheets = [_parameters(estimate), _identifiability(estimate), _residuals(estimate)]
+    if estimate.diagnosis is not None and estimate.diagnosis.test is not None:
+        sheets.append(_tests(estimate.diagnosis.test))
+        if estimate.diagnosis.findings:
+            sheets.append(_findings(estimate.diagnosis))
+    return sheets
 
 
 def _parameters(estimate: Estimate) -> Sheet:
@@ -37,4 +44,18 @@ def _residuals(estimate: Estimate) -> Sheet:
         share = f"{100 * rms / found.signal_rms[k]:.3g}" if found.signal_rms[k] > 0 else "–"
         white = "–" if found.whiteness is None else f"{found.whiteness[k]:.2g}"
         sheet.add(f"{found.quantity} {k + 1}", f"{rms:.4g}", aside, share, white)
+    return sheet
+
+
+def _tests(test: LackOfFit) -> Sheet:
+    sheet = Sheet(f"What the residuals contain; all together p = {test.combined:.2g}", ("tested", "p"))
+    for name, p in test.p_values.items():
+        sheet.add(name, f"{p:.2g}")
+    return sheet
+
+
+def _findings(diagnosis: Diagnosis) -> Sheet:
+    sheet = Sheet("Diagnosis: the first is most likely, the others are not separated from it", ("", "misfit explained"))
+    for finding in diagnosis.findings:
+        sheet.add(finding.text, f"{100 * finding.improvement:.0f} %")
     return sheet

@@ -7,6 +7,7 @@ that are not where the platform's file says, friction may be LuGre's bristles in
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -23,7 +24,7 @@ from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 
 RATE = 1000.0
-# Frictionless forces are smooth: at this rate a spline through them is exact to 1e-7.
+# Frictionless forces are smooth but for the ends of the fades: between those, at this rate, splines are exact to 1e-7.
 _COARSE = 25.0
 Friction = Callable[[FloatArray, float], FloatArray]
 
@@ -76,11 +77,21 @@ def lugre(viscous: float, coulomb: float, stiffness: float = 2e6) -> Friction:
 def _prescribed(machine: Platform, duration: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Time, leg lengths, leg velocities, frictionless forces of the excitation about the nominal home pose."""
     reference = excitation(duration).about(NOMINAL)
-    coarse = np.arange(0.0, duration + 1 / _COARSE, 1 / _COARSE)
-    force = frictionless_forces(machine, reference(coarse))
     time = np.arange(0.0, duration, 1 / RATE)
     length, velocity = legs(machine, reference, time)
-    return time, length, velocity, make_interp_spline(coarse, force, k=5)(time)
+    return time, length, velocity, smooth_forces(machine, reference, time, [0.0, 1.0, duration - 1.0, duration])
+
+
+def smooth_forces(machine: Platform, reference: Reference, time: FloatArray, breaks: list[float]) -> FloatArray:
+    """Frictionless forces at dense times, from coarse ones by splines that break where the motion's jerk jumps."""
+    found = np.empty((len(time), 6))
+    for start, end in pairwise(breaks):
+        coarse = np.linspace(start, end, round((end - start) * _COARSE) + 1)
+        # from inside, since accelerations at the break may belong to the other side
+        force = frictionless_forces(machine, reference(np.clip(coarse, start + 1e-9, end - 1e-9)))
+        here = (time >= start - 1e-9) & (time <= end + 1e-9)
+        found[here] = make_interp_spline(coarse, force, k=5)(time[here])
+    return found
 
 
 def legs(machine: Platform, reference: Reference, time: FloatArray) -> tuple[FloatArray, FloatArray]:
