@@ -198,7 +198,8 @@ class FunctionLaw:
     Raises
     ------
     ExportError
-        Other inputs or outputs, wrong sizes, or a function that CasADi cannot expand to plain operations.
+        Other inputs or outputs, wrong sizes, or a function that CasADi cannot expand to plain operations of C; of a
+        table, such as an interpolant, it names the signals and a way to write it.
     """
 
     function: casadi.Function
@@ -226,13 +227,14 @@ class FunctionLaw:
                 + ("" if MEMORY in inputs else f"; {MEMORY_NEXT} needs an input {MEMORY}")
             )
         try:
-            f.expand()
+            plain = f.expand()
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
             raise ExportError(
                 f"the CasADi function cannot be expanded to plain operations ({reason}); expected one without "
                 "solvers, tables or callbacks"
             ) from None
+        _check_operations(f, plain)
 
     @property
     def n_states(self) -> int:
@@ -253,6 +255,34 @@ class FunctionLaw:
 
 
 Law = PidLaw | MatrixLaw | FunctionLaw
+
+
+def _check_operations(function: casadi.Function, plain: casadi.Function) -> None:
+    """Refuse what is not an operation of C: calls, which remain of tables, and functions that its library lacks."""
+    inputs = plain.name_in()
+    signals_of = dict[int, frozenset[str]]()  # by the place of a value in memory
+    for k in range(plain.n_instructions()):
+        kind, read = plain.instruction_id(k), plain.instruction_input(k)
+        if kind == casadi.OP_INPUT:
+            found = frozenset([inputs[read[0]]])
+        elif kind in (casadi.OP_CONST, casadi.OP_PARAMETER):
+            found = frozenset()
+        else:
+            found = frozenset().union(*(signals_of.get(place, frozenset()) for place in read))
+        if kind in (casadi.OP_CALL, casadi.OP_ERFINV):
+            names = " and ".join(sorted(found)) or "constants"
+            if kind == casadi.OP_ERFINV:
+                raise ExportError(
+                    f"the CasADi function has erfinv of {names}, which C lacks; expected other operations"
+                )
+            tables = ", ".join(sorted(f"'{each.name()}'" for each in function.find_functions())) or "a function"
+            raise ExportError(
+                f"the CasADi function looks {names} up in {tables}, an interpolant or another call that is not plain "
+                "operations; expected plain ones: casadi.pw_lin(x, points, values) with SX is the same as a linear "
+                "interpolant of one input, and polynomials take the place of splines and of tables with more inputs"
+            )
+        if kind != casadi.OP_OUTPUT:
+            signals_of |= dict.fromkeys(plain.instruction_output(k), found)
 
 
 def sizes_of_inputs() -> dict[str, int]:

@@ -190,6 +190,10 @@ def test_matrices_are_refused_at_another_sample_time() -> None:
     assert exported.prepare() == 1
 
 
+POINTS = np.array([-0.05, -0.02, 0.0, 0.03, 0.06])
+VALUES = np.array([-90.0, -20.0, 0.0, 24.0, 77.0])
+
+
 def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Function:
     symbols = [casadi.MX.sym(name, size) for name, size in inputs.items()]
     results = [casadi.MX.zeros(size) + symbols[0][0] for size in outputs.values()]
@@ -214,6 +218,38 @@ def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Functio
 def test_a_controller_that_cannot_leave_is_refused(controller: Any, message: str) -> None:
     with pytest.raises(ExportError, match=message):
         designed(uneven_experiment(**GRAVITY), controller)
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_an_interpolant_is_refused_with_its_signals(kind: str) -> None:
+    """Expected: the signals that it depends on, and no other; the remedy is the test below."""
+    names = ["time", "leg_length", "reference_leg_length"]
+    inputs = [casadi.MX.sym(name, size) for name, size in zip(names, (1, 6, 6), strict=True)]
+    table = casadi.interpolant("gain", kind, [POINTS], VALUES)
+    force = casadi.vertcat(*(table(inputs[2][k] - inputs[1][k]) for k in range(6))) + inputs[0]
+    law = casadi.Function("law", inputs, [force], names, ["actuator_force"])
+    with pytest.raises(ExportError, match=r"looks leg_length and reference_leg_length up in 'gain'.*casadi\.pw_lin\(x"):
+        designed(uneven_experiment(**GRAVITY), law)
+
+
+def test_a_piecewise_linear_gain_gives_the_forces_of_the_interpolant() -> None:
+    """Expected: linear interpolation by NumPy, and the end pieces beyond the ends, as a casadi.interpolant has it."""
+    length, wanted = casadi.SX.sym("length", 6), casadi.SX.sym("wanted", 6)
+    force = casadi.vertcat(*(casadi.pw_lin(wanted[k] - length[k], POINTS, VALUES) for k in range(6)))
+    law = casadi.Function("law", [length, wanted], [force], ["leg_length", "reference_leg_length"], ["actuator_force"])
+    made = designed(uneven_experiment(reference=HOLD, controller={**PD, "feedforward": "none"}), law)
+    error = np.array([0.011, -0.034, 0.05, 0.0, 0.0871, -0.02])
+    force, _ = Exported(made).start().step(made.first_measured - error)
+    slope = (VALUES[-1] - VALUES[-2]) / (POINTS[-1] - POINTS[-2])
+    expected = np.interp(error, POINTS, VALUES) + slope * np.maximum(error - POINTS[-1], 0)
+    np.testing.assert_allclose(force, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_what_the_c_library_lacks_is_refused() -> None:
+    length = casadi.SX.sym("length", 6)
+    law = casadi.Function("law", [length], [casadi.erfinv(length - 3)], ["leg_length"], ["actuator_force"])
+    with pytest.raises(ExportError, match="has erfinv of leg_length, which C lacks"):
+        designed(uneven_experiment(**GRAVITY), law)
 
 
 def test_a_feedforward_looks_ahead_beyond_the_end_of_a_run() -> None:
