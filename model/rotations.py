@@ -1,8 +1,11 @@
 """Orientation of the platform: roll, pitch, yaw about the fixed world axes X, then Y, then Z.
 
 The paper (section IV): "rotated about the X-axis first, then about the Y-axis, and finally about the Z-axis".
-The first four functions are traceable (see `gough_stewart.model.kernel`); the others are NumPy only.
+The first four functions and `angles_of` are traceable (see `gough_stewart.model.kernel`); the others are NumPy only.
 """
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -92,11 +95,17 @@ def orientation_from_matrix(rotation: Array) -> Array:
             f"pitch within {PITCH_MARGIN:g} rad of ±90°: roll and yaw are not defined there; "
             "keep |pitch| below 90° (no Stewart platform reaches it)"
         )
+    return angles_of(rotation)
+
+
+def angles_of(rotation: Array, arctan2: Callable[[Any, Any], Any] = np.arctan2) -> Array:
+    """`orientation_from_matrix` without its checks; of symbols with their own `arctan2`."""
+    cos_pitch = np.hypot(rotation[..., 0, 0], rotation[..., 1, 0])
     return np.stack(
         [
-            np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
-            np.arctan2(-rotation[..., 2, 0], cos_pitch),
-            np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
+            arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+            arctan2(-rotation[..., 2, 0], cos_pitch),
+            arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
         ],
         axis=-1,
     )

@@ -14,6 +14,7 @@ from gough_stewart.harness.export import table_source
 from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.operations import operations_of, words_of
+from gough_stewart.harness.export.path_source import path_of, path_source
 from gough_stewart.harness.export.ranges import words_of_ranges
 from gough_stewart.harness.export.settings import Setting
 from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, comment, filled, number, numbers
@@ -89,7 +90,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
     has_constant = any(s.variable.name == "constant_force" for s in settings)
     safe = designed.faults.safe_force
     written = "".join(_functions(designed, functions, prefix))
-    table = table_source.table_of(designed.reference) if is_table and is_moving else ""  # type: ignore[arg-type]
+    table = _table(designed.reference, functions) if is_moving and isinstance(designed.reference, Piecewise) else ""
     facts: dict[str, str | bool] = {
         "CONSTANTS": f"{constant_bytes(designed, table)} bytes, besides those in the code",
         "P": prefix.upper(),
@@ -180,6 +181,14 @@ def _functions(designed: Designed, functions: Traced, prefix: str) -> list[str]:
     ):
         parts[1] = (None, doubles)
     return [function_source(f, "static void ", types, conditions=True) for f, types in parts if f is not None]
+
+
+def _table(reference: Piecewise, functions: Traced) -> str:
+    """The numbers of a motion that is not a formula, and `table_at`."""
+    path = path_of(reference)
+    if path is None or functions.path is None:
+        return table_source.table_of(reference)
+    return function_source(functions.path, "static void ", conditions=True) + "\n" + path_source(reference, path)
 
 
 def constant_bytes(designed: Designed, table: str) -> int:

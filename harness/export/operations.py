@@ -19,6 +19,7 @@ SIMPLE, DIVISIONS, OTHERS = (
 # Of the hand-written code for six forces: limits, excess, checks for finite values, of which there may be many of
 # inputs and states; and the search in a table.
 _A_FORCE, _A_CHECK, _A_SEARCH, _A_PIECE = 16, 2, 40, 6 * (5 + 4 + 3) * 2
+_A_LAW = 25
 
 
 def operations_of(functions: Traced) -> dict[str, int]:
@@ -33,6 +34,8 @@ def operations_of(functions: Traced) -> dict[str, int]:
         motions = (functions.feedforward is not None) + (functions.law is not None)
         if functions.motion.name() == "motion_of_table":
             total[SIMPLE] += motions * (_A_SEARCH + _A_PIECE)
+        if functions.path is not None:  # at both ends of a piece
+            total[SIMPLE] += motions * 2 * (_A_SEARCH + 2 * _A_LAW + _A_PIECE)
     used = [
         functions.extrapolated,
         functions.feedforward,
@@ -40,6 +43,7 @@ def operations_of(functions: Traced) -> dict[str, int]:
         functions.expected,
         functions.law,
         *[functions.motion] * motions,
+        *[functions.path] * 2 * motions,
     ]
     for function in used:
         for kind, n in _counts(function).items():

@@ -7,9 +7,14 @@ from pathlib import Path
 from textwrap import fill
 
 _ROOM = Path(__file__).parent / "c"
-SOURCE, HEADER, EXAMPLE = (
-    (_ROOM / name).read_text(encoding="utf-8") for name in ("step.c", "step.h", "example_main.c")
-)
+
+
+def read(name: str) -> str:
+    """A template."""
+    return (_ROOM / name).read_text(encoding="utf-8")
+
+
+SOURCE, HEADER, EXAMPLE = map(read, ("step.c", "step.h", "example_main.c"))
 _CONDITION = re.compile(r"^@(if|else|end)\b ?(\w*)\n", re.M)
 
 

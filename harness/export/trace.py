@@ -15,6 +15,7 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
 from gough_stewart.harness.export.laws import FORCE, MEMORY, MEMORY_NEXT, FunctionLaw, Law
+from gough_stewart.harness.export.path_source import path_function, path_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
 from gough_stewart.harness.motion.reach import legs_of
 from gough_stewart.model import interface
@@ -31,6 +32,7 @@ class Traced(NamedTuple):
     """The functions of a controller; None if it does not need one."""
 
     coefficients: casadi.Function | None  # settings -> law
+    path: casadi.Function | None  # of a motion along a path: splines, speed -> pose, rate, acceleration
     motion: casadi.Function | None  # time, or pose, rate, acceleration of a table -> motion
     extrapolated: casadi.Function | None  # motion, ahead -> later
     feedforward: casadi.Function | None  # motion, platform -> force
@@ -45,9 +47,11 @@ def traced(designed: Designed) -> Traced:
     law = designed.law
     linear = None if law is None or isinstance(law, FunctionLaw) else law.linear
     ahead = designed.feedforward != "none" and designed.reference_inputs
+    path = path_of(designed.reference)
     start, step = (None, None) if law is None else _law(designed, law)
     return Traced(
         None if linear is None else linear.coefficients,
+        None if path is None else path_function(path),
         None if designed.reference is None else motion_function(designed.reference),
         _extrapolation() if ahead else None,
         _feedforward(designed),

@@ -27,6 +27,22 @@ def reached(a: Array, b: Scalars) -> Array:
     return _elementwise("ge", a, b) if a.dtype == object else np.asarray((a >= b).astype(float))
 
 
+def where_below(a: Array, bound: float, below: Array, otherwise: Array) -> Array:
+    """The elements of one array where a < bound, of another elsewhere."""
+    if a.dtype != object:
+        return np.where(a < bound, below, otherwise)
+    import casadi  # needed for tracing only
+
+    return np.array(
+        [casadi.if_else(x < bound, y, z) for x, y, z in zip(a, below, otherwise, strict=True)], dtype=object
+    )
+
+
+def arctan2(y: Array, x: Array) -> Array:
+    """The angle of (x, y) [rad]."""
+    return _elementwise("atan2", y, x) if y.dtype == object else np.asarray(np.arctan2(y, x))
+
+
 def _elementwise(name: str, a: Array, b: Scalars) -> Array:
     import casadi  # needed for tracing only
 

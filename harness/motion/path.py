@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.branch_free import arctan2, where_below
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.real import real_array
-from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
-from gough_stewart.model.vectors import FloatArray, cross, dot, skew
+from gough_stewart.model.rotations import angles_of, matrix_from_orientation, orientation_from_matrix
+from gough_stewart.model.vectors import Array, FloatArray, cross, dot, skew
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -97,11 +98,26 @@ class GeometricPath:
     def __call__(self, s: ArrayLike) -> PathPoint:
         """Poses and their derivatives at path parameters (n,) from 0 to 1."""
         s = np.asarray(s, dtype=float)
-        value, first, second = (self._spline(s, k) for k in range(3))
+        return self.point(*(self._spline(s, k) for k in range(3)))
+
+    def point(self, value: Array, first: Array, second: Array) -> PathPoint:
+        """The poses of positions and rotation vectors (n, 6) and their derivatives; also of symbols."""
         rho, rate, acceleration = (part[:, 3:] for part in (value, first, second))
         turning, turning_rate = turning_of(rho, rate, acceleration)
-        orientation = orientation_from_matrix(rotation_of(rho) @ self._first)
+        rotation = rotation_of(rho) @ self._first
+        orientation = angles_of(rotation, arctan2) if rotation.dtype == object else orientation_from_matrix(rotation)
         return PathPoint(value[:, :3], orientation, first[:, :3], turning, second[:, :3], turning_rate)
+
+    @property
+    def pieces(self) -> tuple[FloatArray, FloatArray]:
+        """Positions and rotation vectors as polynomials: where each begins (m,), and coefficients since then (m, 6, k).
+
+        The highest power first.
+        """
+        k = self.degree
+        begins = self._spline.t[k : -k - 1]
+        powers = range(k, -1, -1)
+        return begins, np.stack([self._spline(begins, power) / math.factorial(power) for power in powers], axis=-1)
 
 
 def rotation_of(rho: FloatArray) -> FloatArray:
@@ -134,13 +150,12 @@ def turning_of(rho: FloatArray, rate: FloatArray, acceleration: FloatArray) -> t
 def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
     """For θ² = |ρ|²: sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³, and θ²-derivatives of the last two; each (n,)."""
     q = dot(rho, rho)
-    small = q < _SMALL_ANGLE**2
-    safe = np.where(small, 1.0, q)
+    safe = where_below(q, _SMALL_ANGLE**2, 1.0 + 0 * q, q)
     theta = np.sqrt(safe)
     a, b, c = np.sin(theta) / theta, (1 - np.cos(theta)) / safe, (theta - np.sin(theta)) / (safe * theta)
     # db/dq = (a − 2 b)/(2 q), dc/dq = (b − 3 c)/(2 q)
     exact = (a, b, c, (a - 2 * b) / (2 * safe), (b - 3 * c) / (2 * safe))
-    return tuple(np.where(small, _series(k, q), each) for k, each in enumerate(exact))
+    return tuple(where_below(q, _SMALL_ANGLE**2, _series(k, q), each) for k, each in enumerate(exact))
 
 
 def _series(k: int, q: FloatArray) -> FloatArray:

@@ -57,6 +57,10 @@ static double sign(double x)
 }
 @end
 
+static double between(double low, double value, double high)
+{
+    return value < low ? low : value > high ? high : value;
+}
 @TABLE@@FUNCTIONS@
 @if table
 /* The motion at a time; after its end the platform is at rest. */
@@ -119,11 +123,6 @@ static int all_finite(const double *values, int n)
     for (k = 0; k < n; ++k)
         finite = finite && values[k] > -HUGE_VAL && values[k] < HUGE_VAL;
     return finite;
-}
-
-static double between(double low, double value, double high)
-{
-    return value < low ? low : value > high ? high : value;
 }
 
 @if watches
