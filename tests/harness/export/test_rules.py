@@ -239,10 +239,10 @@ def test_a_piecewise_linear_gain_gives_the_forces_of_the_interpolant() -> None:
     law = casadi.Function("law", [length, wanted], [force], ["leg_length", "reference_leg_length"], ["actuator_force"])
     made = designed(uneven_experiment(reference=HOLD, controller={**PD, "feedforward": "none"}), law)
     error = np.array([0.011, -0.034, 0.05, 0.0, 0.0871, -0.02])
-    force, _ = Exported(made).start().step(made.first_measured - error)
+    found, _ = Exported(made).start().step(made.first_measured - error)
     slope = (VALUES[-1] - VALUES[-2]) / (POINTS[-1] - POINTS[-2])
     expected = np.interp(error, POINTS, VALUES) + slope * np.maximum(error - POINTS[-1], 0)
-    np.testing.assert_allclose(force, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_what_the_c_library_lacks_is_refused() -> None:
