@@ -9,6 +9,10 @@ class UsageError(GoughStewartError):
     """A command with options that contradict each other, or with an argument that has no meaning."""
 
 
+class MissedError(GoughStewartError):
+    """What was asked for is done, and misses a bound or a requirement."""
+
+
 class PlantError(GoughStewartError):
     """A plant that is not available or refuses a request: no FMU, another model, an error of the FMU."""
 
@@ -58,6 +62,14 @@ class ReachError(GoughStewartError, ValueError):
 
 class TuningError(GoughStewartError, ValueError):
     """An impossible search: nothing to vary, an unknown metric, conditions that no candidate meets."""
+
+
+class SearchError(TuningError, UsageError):
+    """A search that is written wrongly: a key, bounds, a metric or a condition."""
+
+
+class NoCandidateError(TuningError, MissedError):
+    """A search in which no candidate meets the conditions."""
 
 
 class ExperimentError(GoughStewartError, ValueError):

@@ -12,6 +12,7 @@ from gough_stewart.harness.cli.build import build_command
 from gough_stewart.harness.cli.check import check_command
 from gough_stewart.harness.cli.ensemble import ensemble_command
 from gough_stewart.harness.cli.excite import excite_command
+from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
 from gough_stewart.harness.cli.frf import frf_command
@@ -28,6 +29,7 @@ from gough_stewart.harness.cli.workspace import workspace_command
 app = typer.Typer(
     name="gough-stewart",
     help="Dynamics of the Gough–Stewart platform (Liu, Li & Li 2000): a plant for simulation and control.",
+    epilog="Exit codes: " + "; ".join(f"{code:d} {code.meaning}" for code in ExitCode) + ".",
     cls=PlainGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,

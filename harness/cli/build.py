@@ -10,6 +10,7 @@ from gough_stewart.harness.cli.options import (
     PresetOption,
     TargetOption,
     chosen_platform,
+    chosen_targets,
 )
 from gough_stewart.harness.cli.terminal import preparing, progress_bar
 
@@ -42,7 +43,7 @@ def build_command(
 
         chosen = chosen_platform(preset, platform)
         versions = [v.value for v in fmi] if fmi else VERSIONS
-        targets = target or ["native"]
+        targets = chosen_targets(target)
         with progress_bar() as progress:
             task = progress.add_task("building", total=number_of_steps(versions, targets))
 

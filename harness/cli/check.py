@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     OutOption,
@@ -19,9 +20,6 @@ from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.checking import MotionCheck
-
-# Besides 0 and 1 (an error): the check is complete, and the motion exceeds a limit.
-EXIT_BEYOND = 3
 
 
 class Fit(StrEnum):
@@ -52,7 +50,7 @@ def check_command(
 
     Writes **check.json**, and **shares**, the shares over time with the nearest limit, as PNG and SVG.
 
-    Exit code 0 if the motion, or the fitted one, is within all limits, 3 if it is not.
+    Exit code 3 if the motion, or the fitted one, exceeds a limit.
 
     Examples
     --------
@@ -85,7 +83,7 @@ def check_command(
             _show(found)
             command.close([path.name], path.parent, done=None, then=f"gough-stewart run {shlex.quote(str(path))}")
         if not found.within:
-            raise typer.Exit(EXIT_BEYOND)
+            raise typer.Exit(ExitCode.MISSED)
 
 
 def _show(found: "MotionCheck") -> None:

@@ -11,14 +11,10 @@ import typer
 from rich.padding import Padding
 from rich.text import Text
 
+from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.terminal import Terminal, errors
-from gough_stewart.harness.errors import UsageError
+from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
-
-# Besides 0, and 3 of `run` and `check`; docs/control.md lists them.
-EXIT_ERROR = 1
-EXIT_USAGE = 2
-EXIT_INTERRUPTED = 130
 
 
 @dataclass
@@ -102,16 +98,31 @@ def clear_errors() -> Iterator[Command]:
         yield command
     except GoughStewartError as error:
         _say_error(str(error), error)
-        raise typer.Exit(EXIT_USAGE if isinstance(error, UsageError) else EXIT_ERROR) from error
+        raise typer.Exit(_code_of(error)) from error
     except OSError as error:
         _say_error(f"{error.filename or 'output'}: {error.strerror or error}", error)
-        raise typer.Exit(EXIT_ERROR) from error
+        raise typer.Exit(ExitCode.FAILED) from error
     except MemoryError as error:
         _say_error("not enough memory; make the run shorter, its plant_step longer, or the grid coarser", error)
-        raise typer.Exit(EXIT_ERROR) from error
+        raise typer.Exit(ExitCode.FAILED) from error
     except KeyboardInterrupt as error:
         errors.say((f"interrupted; {_notes(error) or command.whereabouts()}", "bold red"))
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
+
+
+def _code_of(error: GoughStewartError) -> ExitCode:
+    if isinstance(error, UsageError):
+        return ExitCode.USAGE
+    return ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED
+
+
+@contextmanager
+def wrong_use_if(*kinds: type[GoughStewartError]) -> Iterator[None]:
+    """Take these errors as wrong usage: what caused them was given at the command line."""
+    try:
+        yield
+    except kinds as error:
+        raise UsageError(str(error)) from error
 
 
 def _say_error(message: str, error: BaseException) -> None:

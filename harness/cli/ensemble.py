@@ -15,9 +15,10 @@ from gough_stewart.harness.cli.options import (
     results_folder,
 )
 from gough_stewart.harness.cli.terminal import members_bar, show
-from gough_stewart.harness.errors import UsageError
+from gough_stewart.harness.errors import MissedError, UsageError
 
 if TYPE_CHECKING:
+    from gough_stewart.harness.ensemble.result import Ensemble
     from gough_stewart.harness.experiment.schema import Experiment
 
 
@@ -59,6 +60,8 @@ def ensemble_command(
     Writes **members.parquet** (one row per member: varied quantities, metrics, outcome), **bands.parquet** (quantiles
     of signals over time), **ensemble.json**, figures, **report.html**, and the records of the worst members in
     **worst**. `gough-stewart run FILE --member 17` repeats a member exactly.
+
+    Exit code 3 if no member completes its run.
 
     Ctrl-C keeps the finished chunks; the same command with `--resume` continues, and gives the same bytes.
 
@@ -108,6 +111,7 @@ def ensemble_command(
             files, sheets = write_report(found, folder)
         show(*sheets)
         command.close([MEMBERS, BANDS, METADATA, *files], folder)
+        _check_some_completed(found)
 
 
 def _compare(
@@ -133,3 +137,12 @@ def _compare(
         )
     show(*compare_sheets(found))
     command.close([*names, DIFFERENCES, PAGE], folder)
+    for each in (found.a, found.b):
+        _check_some_completed(each)
+
+
+def _check_some_completed(found: "Ensemble") -> None:
+    """Raise `MissedError` if none has."""
+    members = found.members
+    if not (members["outcome"] == "completed").any():
+        raise MissedError(f"none of {members.height} members completed its run; the first: {members['cause'][0]}")

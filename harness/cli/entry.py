@@ -9,9 +9,9 @@ import sys
 import time
 from types import FrameType
 
+from gough_stewart.harness.cli.exit_codes import ExitCode
+
 _INTERRUPTED = "interrupted; nothing written"
-_EXIT_ERROR = 1
-_EXIT_INTERRUPTED = 130  # 128 + SIGINT, the shells' convention
 _COMMAND = "gough_stewart.harness.cli.command"
 
 
@@ -117,10 +117,10 @@ def main() -> None:
             code = interrupt.__context__.code
         else:
             _say(_whereabouts())
-            code = _EXIT_INTERRUPTED
+            code = ExitCode.INTERRUPTED
     except OSError as error:  # the help cannot be printed
         _say(f"error: {error.strerror or error}")
-        code = _EXIT_ERROR
+        code = ExitCode.FAILED
     sys.exit(_flushed(code))
 
 
@@ -143,7 +143,7 @@ def _flushed(code: str | int | None) -> str | int | None:
         _say(f"error: standard output: {error.strerror or error}")
         # discard what is left in the buffer
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return code or _EXIT_ERROR
+        return code or ExitCode.FAILED
     return code
 
 

@@ -4,9 +4,10 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
 from gough_stewart.harness.cli.options import experiments
 from gough_stewart.harness.cli.terminal import show
+from gough_stewart.harness.errors import ExperimentError
 
 
 def experiments_command(
@@ -21,7 +22,9 @@ def experiments_command(
         from gough_stewart.harness.output.tables import Sheet
 
         if name is not None:
-            typer.echo(shipped_text(name), nl=False)
+            with wrong_use_if(ExperimentError):
+                text = shipped_text(name)
+            typer.echo(text, nl=False)
             return
         sheet = Sheet("", ("name", "platform", "what"))
         for each in experiment_names():

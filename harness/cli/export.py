@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     FmiOption,
@@ -16,8 +16,10 @@ from gough_stewart.harness.cli.options import (
     TargetOption,
     choices,
     chosen_experiment,
+    chosen_targets,
 )
 from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, warn
+from gough_stewart.harness.errors import ExportError
 
 
 class SafeForceChoice(StrEnum):
@@ -94,9 +96,10 @@ def export_command(
             from gough_stewart.harness.export.export import chosen_forms, export
 
         chosen = chosen_experiment(experiment, settings, no_python)
-        chosen_as = chosen_forms(form.strip() for form in forms.split(","))
+        with wrong_use_if(ExportError):
+            chosen_as = chosen_forms(form.strip() for form in forms.split(","))
         versions = [v.value for v in fmi] if fmi else ("2.0", "3.0")
-        targets = target or ["native"]
+        targets = chosen_targets(target)
         steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * number_of_steps(["2.0"], targets)}
         with progress_bar() as progress:
             task = progress.add_task("exporting", total=sum(steps[form] for form in chosen_as))

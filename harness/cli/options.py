@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gough_stewart.harness.cli.command import wrong_use_if
 from gough_stewart.harness.cli.terminal import errors, preparing, warn
 from gough_stewart.harness.errors import ExperimentError, UsageError
+from gough_stewart.model.errors import PlatformFileError
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
@@ -128,7 +130,7 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
     Raises
     ------
     UsageError
-        Both options are used.
+        Both options are used, or there is no such preset.
     """
     if preset is not None and platform is not None:
         raise UsageError("--preset and --platform exclude each other; give one")
@@ -137,11 +139,30 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
         from gough_stewart.model.platform_toml import load_platform, load_preset
 
         if platform is None:
-            return load_preset(cases.PAPER_PRESET if preset is None else preset)
+            with wrong_use_if(PlatformFileError):
+                return load_preset(cases.PAPER_PRESET if preset is None else preset)
         chosen = load_platform(platform)
         for hint in chosen.hints:
             warn(f"{platform}: {hint}")
         return chosen
+
+
+def chosen_targets(names: list[str] | None) -> list[str]:
+    """The targets by name, the native one by default.
+
+    Raises
+    ------
+    UsageError
+        There is no such target.
+    """
+    if names is None:
+        return ["native"]
+    from gough_stewart.fmu_build import targets as known
+    from gough_stewart.fmu_build.errors import BuildError
+
+    with wrong_use_if(BuildError):
+        known.chosen_targets(names)
+    return names
 
 
 def chosen_experiment(experiment: str, settings: list[str] | None, no_python: bool) -> "Experiment":

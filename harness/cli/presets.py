@@ -4,9 +4,10 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
 from gough_stewart.harness.cli.options import presets
 from gough_stewart.harness.cli.terminal import show
+from gough_stewart.model.errors import PlatformFileError
 
 
 def presets_command(
@@ -22,7 +23,9 @@ def presets_command(
         from gough_stewart.model.platform_toml import load_preset, preset_names, preset_text
 
         if name is not None:
-            typer.echo(preset_text(name), nl=False)
+            with wrong_use_if(PlatformFileError):
+                text = preset_text(name)
+            typer.echo(text, nl=False)
             return
         sheet = Sheet("", ("name", "platform kg", "home leg m", "condition", "source"))
         for each in preset_names():

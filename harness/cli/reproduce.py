@@ -16,8 +16,7 @@ from gough_stewart.harness.cli.options import (
     chosen_platform,
 )
 from gough_stewart.harness.cli.terminal import Terminal, errors, preparing, show
-from gough_stewart.harness.errors import UsageError
-from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.harness.errors import MissedError, UsageError
 
 if TYPE_CHECKING:
     from gough_stewart.model.formulations.cases import OpenLoopCase
@@ -52,7 +51,7 @@ def reproduce_command(
 
     Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
     **drift.png**, **report.md**, **report.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; with
-    `--report` also **report.html**. Exit code 1 if a comparison exceeds its bound.
+    `--report` also **report.html**. Exit code 3 if a comparison exceeds its bound.
 
     For another platform the case is scaled to its size: time and velocities by Froude scaling, forces about the
     platform's own static forces.
@@ -82,7 +81,7 @@ def reproduce_command(
             Terminal().print(weight_sentence(result.report["published_forces"]))
         command.close(result.files, out)
         if not result.agrees:
-            raise GoughStewartError("a comparison misses its bound; see the table above and report.md")
+            raise MissedError("a comparison misses its bound; see the table above and report.md")
 
 
 def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> "OpenLoopCase":

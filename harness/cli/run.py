@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from gough_stewart.harness.cli.command import EXIT_INTERRUPTED, clear_errors
+from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
@@ -24,9 +25,6 @@ from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
-
-# Besides 0 and 1 (an error): the run is written, but did not complete.
-EXIT_NOT_COMPLETED = 3
 
 
 def run_command(
@@ -76,8 +74,8 @@ def run_command(
     states, flags), **metrics.json**, and **pose**, **errors**, **forces** and **legs** as PNG and SVG; with `--report`
     also **report.html**.
 
-    Exit code 3 if the loop diverged, or was stopped by a limit, by its controller or by the FMU; 130 after Ctrl-C. The
-    rows up to that time are still written.
+    Exit code 3 if the loop diverged or grows by itself, or was stopped by a limit, by its controller or by the FMU; 130
+    after Ctrl-C. The rows up to that time are still written. A loop that oscillates by itself gets a warning.
 
     Examples
     --------
@@ -99,6 +97,7 @@ def run_command(
             task = progress.add_task("preparing", total=chosen.loop.duration)
             from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
             from gough_stewart.harness.experiment.run import run
+            from gough_stewart.harness.results.oscillation import oscillation
             from gough_stewart.harness.results.tables import metrics_sheets
             from gough_stewart.model.files import check_output_folder
 
@@ -126,6 +125,9 @@ def run_command(
             warn(warning)
         outcome = record.metadata["outcome"]
         is_whole = outcome["status"] == "completed"
+        own = oscillation(record)
+        if own is not None and not own.is_growing:
+            warn(own.text())
         simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {chosen.loop.duration:.6g} s"
         command.close(
             files,
@@ -135,7 +137,10 @@ def run_command(
         )
         if not is_whole:
             errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
-            raise typer.Exit(EXIT_INTERRUPTED if outcome["status"] == "interrupted" else EXIT_NOT_COMPLETED)
+            raise typer.Exit(ExitCode.INTERRUPTED if outcome["status"] == "interrupted" else ExitCode.MISSED)
+        if own is not None and own.is_growing:
+            errors.say(("growing: ", "bold red"), own.text())
+            raise typer.Exit(ExitCode.MISSED)
 
 
 def _unit_of(

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gough_stewart.harness.cli.command import EXIT_INTERRUPTED, clear_errors
+from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
@@ -134,7 +135,7 @@ def tune_command(
         command.close(files, folder, then=f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}")
         if found.is_interrupted:
             errors.say(("interrupted", "bold red"), "; the best candidate so far is written")
-            raise typer.Exit(EXIT_INTERRUPTED)
+            raise typer.Exit(ExitCode.INTERRUPTED)
 
 
 def _quantile(text: str | None) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.results.limits import shares_of_limits
+from gough_stewart.harness.results.oscillation import oscillation
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.steps import AXES, BAND, HIGH, LOW, step_in, step_numbers
 from gough_stewart.model.vectors import FloatArray
@@ -38,7 +39,9 @@ def metrics(record: Record) -> Metrics:
 
     Rows from the first one with values of the plant that are not finite are left out.
 
-    - `outcome` from the metadata; `rows` and `duration` [s] that the metrics below cover.
+    - `outcome` from the metadata, with the `oscillation` or growth of a loop by itself, None if it comes to rest:
+      `is_growing`, `leg`, `amplitude` and `earlier` [m], `frequency` [Hz], `since` [s].
+    - `rows` and `duration` [s] that the metrics below cover.
     - `tracking`: `rms` and `peak` of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] by axis or
       leg; for position and orientation also of the Euclidean `norm`.
     - `step_response`: for each axis whose reference goes from one value to another and stays there. The response
@@ -72,7 +75,7 @@ def metrics(record: Record) -> Metrics:
     with np.errstate(all="ignore"):
         return Metrics(
             {
-                "outcome": dict(record.metadata["outcome"]),
+                "outcome": {**record.metadata["outcome"], "oscillation": _oscillation(record)},
                 "rows": n,
                 "duration": float(time[-1] - time[0]) if n else None,
                 "tracking": _tracking(kept) if n else None,
@@ -100,6 +103,11 @@ def finite_part(record: Record) -> Record:
             fine &= np.isfinite(record[name]).all(axis=1)
     rows = len(fine) if fine.all() else int(fine.argmin())
     return Record(record.table.head(rows), record.metadata)
+
+
+def _oscillation(record: Record) -> dict[str, Any] | None:
+    found = oscillation(record)
+    return None if found is None else found._asdict()
 
 
 def _tracking(record: Record) -> dict[str, Any] | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gough_stewart.harness.ensemble.result import MARGINS, SHORT
-from gough_stewart.harness.errors import TuningError
+from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.quantities import PLAIN, UNITS, number
 from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.model.interface import nearest
@@ -47,12 +47,12 @@ def condition_of(text: str) -> Condition:
 
     Raises
     ------
-    TuningError
+    SearchError
         Not a condition; states what was expected.
     """
     parts = _CONDITION.fullmatch(text)
     if parts is None:
-        raise TuningError(
+        raise SearchError(
             f"--subject-to '{text}': cannot be read; expected METRIC < NUMBER or METRIC > NUMBER, for instance "
             "disk_margin > 0.5"
         )
@@ -64,7 +64,7 @@ def condition_of(text: str) -> Condition:
         size = number(bound if bound[-1:].isalpha() and unit in UNITS else float(bound), unit)
     except ValueError:
         expected = f"a number, or one with a unit such as {', '.join(list(UNITS[unit])[:3])}" if unit else "a number"
-        raise TuningError(f"--subject-to '{text}': the bound is '{bound}'; expected {expected}") from None
+        raise SearchError(f"--subject-to '{text}': the bound is '{bound}'; expected {expected}") from None
     return Condition(text.strip(), metric, sign.startswith("<"), "=" not in sign, size)
 
 
@@ -76,12 +76,12 @@ def check_metric(name: str, known: Iterable[str], where: str) -> str:
 
     Raises
     ------
-    TuningError
+    SearchError
         Unknown; suggests the nearest name.
     """
     full, known = SHORT.get(name, name), list(known)
     if full not in known and not full.startswith(MARGINS):
-        raise TuningError(f"{where}: no metric '{name}'{nearest(name, [*known, *SHORT])}")
+        raise SearchError(f"{where}: no metric '{name}'{nearest(name, [*known, *SHORT])}")
     if full.startswith(MARGINS) and full not in SHORT.values():
-        raise TuningError(f"{where}: no margin '{name}'{nearest(name, SHORT)}")
+        raise SearchError(f"{where}: no margin '{name}'{nearest(name, SHORT)}")
     return full

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gough_stewart.harness.errors import TuningError
+from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.varied import Place, place_of
@@ -65,17 +65,17 @@ def axes_of(texts: Sequence[str], members: Members) -> tuple[Axis, ...]:
 
     Raises
     ------
-    TuningError
+    SearchError
         No range, reversed bounds, an unknown key, one that is not a single number, or one that also varies in the
         ensemble.
     """
     if not texts:
-        raise TuningError("nothing to vary; expected --vary KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
+        raise SearchError("nothing to vary; expected --vary KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
     axes = tuple(_axis(text, members) for text in texts)
     paths = [axis.place.path for axis in axes]
     for axis in axes:
         if paths.count(axis.place.path) > 1:
-            raise TuningError(f"--vary {axis.key}: is repeated; expected every key once")
+            raise SearchError(f"--vary {axis.key}: is repeated; expected every key once")
     return axes
 
 
@@ -83,34 +83,34 @@ def _axis(text: str, members: Members) -> Axis:
     key, equals, range_text = (part.strip() for part in text.partition("="))
     parts = _RANGE.fullmatch(range_text)
     if not equals or not key or parts is None:
-        raise TuningError(f"--vary {text}: expected KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
+        raise SearchError(f"--vary {text}: expected KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
     low_text, low_unit, high_text, unit, log = parts.groups()
     experiment, preparation = members.nominal, members.preparation
     try:
         place = place_of(key, experiment, preparation.nominal(experiment), preparation.machine(experiment))
     except ValueError as error:
-        raise TuningError(f"--vary {text}: {key}: {error}") from None
+        raise SearchError(f"--vary {text}: {key}: {error}") from None
     target = place.target
     # integers, such as a delay in samples
     is_whole = isinstance(_now(experiment, place), int)
     if target.shape or (target.unit is None and not is_whole):
-        raise TuningError(f"--vary {text}: {key} is not a single number; expected the key of a number")
+        raise SearchError(f"--vary {text}: {key} is not a single number; expected the key of a number")
     if any(each.place.path == place.path for each in members.inputs):
-        raise TuningError(f"--vary {text}: {key} also varies in [ensemble]; expected it in one of them")
+        raise SearchError(f"--vary {text}: {key} also varies in [ensemble]; expected it in one of them")
     try:
         low, high = (
             number(digits + each if each else float(digits), target.unit or PLAIN)
             for digits, each in ((low_text, low_unit or unit), (high_text, unit))
         )
     except ValueError as error:
-        raise TuningError(f"--vary {text}: {error}") from None
+        raise SearchError(f"--vary {text}: {error}") from None
     if not low < high:
-        raise TuningError(f"--vary {text}: the bounds are {low:g} and {high:g}; expected the lower one first")
+        raise SearchError(f"--vary {text}: the bounds are {low:g} and {high:g}; expected the lower one first")
     if log and not low > 0:
-        raise TuningError(f"--vary {text}: the lower bound is {low:g}; expected > 0 for a logarithmic scale")
+        raise SearchError(f"--vary {text}: the lower bound is {low:g}; expected > 0 for a logarithmic scale")
     axis = Axis(key, place, low, high, _now(experiment, place), bool(log), is_whole)
     if axis.is_whole and (low % 1 or high % 1):
-        raise TuningError(f"--vary {text}: {key} is a whole number; expected whole bounds")
+        raise SearchError(f"--vary {text}: {key} is a whole number; expected whole bounds")
     return axis
 
 

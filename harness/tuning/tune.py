@@ -6,7 +6,7 @@ from pathlib import Path
 
 import polars
 
-from gough_stewart.harness.errors import TuningError
+from gough_stewart.harness.errors import NoCandidateError, TuningError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.hints import too_late
 from gough_stewart.harness.experiment.schema import Experiment
@@ -163,7 +163,7 @@ def tune(
     )
     best = found.best
     if best is None:
-        raise TuningError(f"no candidate meets the conditions ({found.ending}): {found.broken_most()}")
+        raise NoCandidateError(f"no candidate meets the conditions ({found.ending}): {found.broken_most()}")
     judges = [here]
     if here.is_random and not found.is_interrupted:
         other = Candidates(chosen, _number(chosen, fresh, FRESH), here.members.seed + 1)

@@ -1,0 +1,232 @@
+"""Loops that grow or oscillate by themselves, found in the rows of a run that completed.
+
+A loop is judged where its own behaviour can be told from what acts on it: at the end of the run, after the last row at
+which reference, external wrench, injection or parameters change; there a sound loop comes to rest. If the reference
+moves to the end, only frequencies far above its own are judged, where it can have no part.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.results.record import Record
+from gough_stewart.model.vectors import FloatArray
+
+# The end of a run is judged if nothing acts for this share of its rows, and at least so many rows.
+_REST, _ROWS = 0.2, 32
+# Share of the power in the five bins around the strongest line. Broadband noise does not reach it: with k bins in all,
+# the largest of k exponentials is seldom above log(k) / k of their sum.
+_LINE = 0.8
+# A line lasts if its RMS in the second half of the window is at least this share of that in the first, and is steady
+# below this one. An error grows if it comes to so many times its early size.
+_LASTS, _STEADY, _GROWS = 0.9, 1.3, 2.0
+_BLOCKS = 6
+_USED = ("error.leg_length", "reference.leg_length", "leg_length")
+# Cycles in the window: without and with a moving reference.
+_CYCLES, _CYCLES_MOVING = 3, 8
+# A reference has no part in what is so many times above 99.9 % of the power of its accelerations.
+_ABOVE, _POWER = 10.0, 0.999
+# Least amplitude: in standard deviations of the noise, in steps of the quantisation, and of the mean leg length.
+_NOISES, _STEPS, _RELATIVE = 6.0, 3.0, 1e-6
+
+_REMEDY = "Lower the bandwidth or the delay; `gough-stewart margins` shows what the loop allows"
+
+
+class Oscillation(NamedTuple):
+    """The motion of a loop by itself."""
+
+    is_growing: bool
+    leg: int  # with the largest amplitude, from 1
+    amplitude: float  # of that leg's error at the end [m]
+    frequency: float | None  # [Hz]; None if it does not oscillate
+    earlier: float | None  # its largest error at the beginning of the judged part, if it grows [m]
+    since: float  # start of the judged part [s]
+
+    def text(self) -> str:
+        """In one sentence."""
+        size = f"{1e3 * self.amplitude:.3g} mm"
+        rate = "" if self.frequency is None else f" at {self.frequency:.3g} Hz"
+        if self.is_growing:
+            grown = f"from {1e3 * (self.earlier or 0.0):.3g} to {size}"
+            return f"leg {self.leg}: by itself, the error grows{rate} {grown} after {self.since:.4g} s. {_REMEDY}"
+        return f"leg {self.leg} oscillates at {self.frequency:.3g} Hz by itself, with an amplitude of {size}. {_REMEDY}"
+
+
+def oscillation(record: Record) -> Oscillation | None:
+    """The oscillation or growth that a completed run of a closed loop ends with; None for a sound one.
+
+    The error is growing if, after the last change of what acts on the loop, it comes to twice the step of the reference
+    or twice the largest value of its first half cycle, or rises ever faster. It oscillates if one line of its spectrum
+    has most of the power and lasts, with an amplitude above what quantisation and noise of the sensors explain.
+    """
+    if not all(name in record for name in _USED) or record.metadata["outcome"]["status"] != "completed":
+        return None
+    choice = record.metadata.get("experiment", {})
+    error, time = record["error.leg_length"], record["time"]
+    if len(time) < _ROWS or not np.isfinite(error).all() or choice.get("controller", {}).get("type") == "open_loop":
+        return None
+    begin = _rest_begins(record)
+    if len(time) - begin >= max(_ROWS, _REST * len(time)):
+        return _at_rest(error[begin:], time[begin:], _step(record["reference.leg_length"], begin), record)
+    return _in_motion(record)
+
+
+def _rest_begins(record: Record) -> int:
+    """The row after the last at which something that acts on the loop changes."""
+    begin = 0
+    acting = [name for name in record.table.columns if _acts(name, record)]
+    for name in acting:
+        values = np.asarray(record[name], dtype=float)
+        changes = np.flatnonzero(np.abs(np.diff(values)) > 1e-9 * max(1.0, np.abs(values).max()))
+        begin = max(begin, int(changes[-1]) + 1 if changes.size else 0)
+    return begin
+
+
+def _step(legs: FloatArray, row: int) -> float:
+    """The largest step of a leg's reference (n, 6) to this row, from rest; 0 if it came in motion [m]."""
+    before = legs[max(row - _ROWS, 0) : row]
+    if len(before) < 2 or np.ptp(before, axis=0).max() > 1e-9:
+        return 0.0
+    return float(np.abs(legs[row] - before[-1]).max())
+
+
+def _acts(name: str, record: Record) -> bool:
+    parameters = record.metadata.get("machine", {})
+    inputs = ("reference.leg_length[", "controller.injection[", "external_force[", "external_torque[")
+    return name.startswith(inputs) or name.partition("[")[0] in parameters
+
+
+def _at_rest(error: FloatArray, time: FloatArray, step: float, record: Record) -> Oscillation | None:
+    since, n = float(time[0]), len(error)
+    line = _line(_detrended(error[n // 3 :]), time[n // 3 :], record, 0, _CYCLES)
+    steady = None if line is None else Oscillation(False, line.leg, line.amplitude, line.frequency, None, since)
+    if line is not None and line.ratio < _STEADY:
+        return steady
+    from_rest: FloatArray = error - error[-(n // 3) :].mean(axis=0)
+    leg = int(np.abs(from_rest).max(axis=0).argmax())
+    one = from_rest[:, leg]
+    crossings = np.flatnonzero(np.diff(np.signbit(one)))
+    late = float(np.abs(one[-(n // 3) :]).max())
+    rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]]) if len(crossings) > 1 else None
+    # a sound loop does not come farther from a step than it was; it starts there at rest
+    if late >= _GROWS * step > 0:
+        return Oscillation(True, leg + 1, late, rate, step, since)
+    if rate is not None and len(crossings) >= 3:
+        early = float(np.abs(one[: max(int(crossings[0]), n // 4)]).max())
+        if late >= _GROWS * early and late >= _least(record, rate):
+            return Oscillation(True, leg + 1, late, rate, early, since)
+    return steady or _rising(error, since, record)
+
+
+def _rising(error: FloatArray, since: float, record: Record) -> Oscillation | None:
+    """An error that leaves its value ever faster: its mean changes more from each block to the next than before.
+
+    Five changes of one sign, each 1.15 times the one before, come from six independent values in less than 1 of 1,000
+    cases.
+    """
+    means = np.stack([block.mean(axis=0) for block in np.array_split(error, _BLOCKS)])
+    leg = int(np.abs(means[-1] - means[0]).argmax())
+    changes = np.diff(means[:, leg])
+    is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
+    early, late = (float(abs(error[k, leg])) for k in (0, -1))
+    if is_faster.all() and late > early and abs(changes.sum()) >= _least(record, 1.0):
+        return Oscillation(True, leg + 1, late, None, early, since)
+    return None
+
+
+def _in_motion(record: Record) -> Oscillation | None:
+    n = record.table.height
+    part, time = slice(n // 3, n), record["time"][n // 3 :]
+    legs = record["reference.leg_length"][part]
+    motion = [legs, np.gradient(legs, time, axis=0)]
+    acceleration = np.gradient(motion[1], time, axis=0)
+    error = _detrended(record["error.leg_length"][part], [*motion, acceleration])
+    own = np.cumsum(_spectrum(_detrended(acceleration)).sum(axis=1))
+    if own[-1] <= 0:
+        return None
+    highest = int(np.searchsorted(own, _POWER * own[-1]))
+    found = _line(error, time, record, math.ceil(_ABOVE * max(highest, 1)), _CYCLES_MOVING)
+    if found is None:
+        return None
+    earlier = found.amplitude / found.ratio if found.ratio >= _STEADY else None
+    return Oscillation(earlier is not None, found.leg, found.amplitude, found.frequency, earlier, float(time[0]))
+
+
+class _Line(NamedTuple):
+    leg: int
+    frequency: float
+    amplitude: float
+    ratio: float  # RMS of the second half over that of the first
+
+
+def _line(error: FloatArray, time: FloatArray, record: Record, lowest: int, cycles: int) -> _Line | None:
+    """The line that dominates an error (n, 6) from a bin on, if it lasts and is large enough."""
+    n, step = len(error), float(time[1] - time[0])
+    power = _spectrum(error).sum(axis=1)
+    if len(power) <= lowest + 8:
+        return None
+    band = power.copy()
+    band[:lowest] = 0
+    peak = int(band.argmax())
+    near = slice(max(peak - 2, lowest), peak + 3)
+    # what leaks from below the band falls from its edge on
+    if peak < cycles or (lowest and peak < lowest + 3) or band[near].sum() < _LINE * band.sum():
+        return None
+    frequency = _between(power, peak) / (n * step)
+    kept = np.fft.rfft(error, axis=0)
+    kept[: max(lowest, 1)] = 0
+    line: FloatArray = np.fft.irfft(kept, n, axis=0)
+    size = np.sqrt(2 * np.mean(line[n // 2 :] ** 2, axis=0))
+    leg = int(size.argmax())
+    before = math.sqrt(2 * float(np.mean(line[: n // 2, leg] ** 2)))
+    ratio = float(size[leg]) / before if before > 0 else math.inf
+    if ratio < _LASTS or size[leg] < _least(record, frequency):
+        return None
+    return _Line(leg + 1, frequency, float(size[leg]), ratio)
+
+
+def _spectrum(values: FloatArray) -> FloatArray:
+    """Power by bin of a Hann window over (n, k)."""
+    window = np.hanning(len(values))[:, None]
+    power: FloatArray = np.abs(np.fft.rfft(values * window, axis=0)) ** 2
+    power[0] = 0
+    return power
+
+
+def _between(power: FloatArray, peak: int) -> float:
+    """The place of a maximum between bins, by a parabola through the logarithms."""
+    if not 0 < peak < len(power) - 1 or power[peak - 1 : peak + 2].min() <= 0:
+        return float(peak)
+    low, middle, high = np.log(power[peak - 1 : peak + 2])
+    return float(peak + 0.5 * (low - high) / (low - 2 * middle + high))
+
+
+def _detrended(values: FloatArray, explained_by: "list[FloatArray] | None" = None) -> FloatArray:
+    """Values (n, 6) without a straight line, and without what signals (n, 6) of the same leg explain."""
+    n = len(values)
+    line = np.stack([np.ones(n), np.linspace(-1, 1, n)], axis=1)
+    rest = np.empty_like(values)
+    for k in range(values.shape[1]):
+        basis = np.column_stack([line, *(each[:, k] for each in explained_by or ())])
+        scale = np.abs(basis).max(axis=0)
+        basis = basis[:, scale > 0] / scale[scale > 0]
+        rest[:, k] = values[:, k] - basis @ np.linalg.lstsq(basis, values[:, k], rcond=None)[0]
+    return rest
+
+
+def _least(record: Record, frequency: float) -> float:
+    """The amplitude of a leg's error that noise and quantisation of the sensors do not explain [m]."""
+    sensors = record.metadata.get("experiment", {}).get("sensors") or {}
+    # a record from elsewhere may have no platform
+    points = np.asarray(record.metadata["platform"].get("platform_points", [[0.0, 0.0, 1.0]]))
+    radius, turns = float(np.linalg.norm(points, axis=1).max()), 2 * math.pi * frequency
+    lengths = {"leg_length": 1.0, "position": 1.0, "orientation": radius}
+    lengths |= {"leg_velocity": 1 / turns, "velocity": 1 / turns, "angular_velocity": radius / turns}
+    explained = [
+        factor * value * lengths[name]
+        for factor, kind in ((_NOISES, "noise"), (_STEPS, "quantisation"))
+        for name, value in (sensors.get(kind) or {}).items()
+        if name in lengths
+    ]
+    return float(max(_RELATIVE * record["leg_length"].mean(), *explained, 0.0))

@@ -1,0 +1,175 @@
+"""Loops that grow or oscillate by themselves: closed forms of errors, and loops whose stability is known otherwise."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from scipy import signal
+
+from gough_stewart.harness.results.oscillation import Oscillation, oscillation
+from gough_stewart.harness.results.record import Record, columns
+from gough_stewart.model.vectors import FloatArray
+from tests.harness.cli.test_terminal import invoke
+
+STEP, N = 1e-3, 2000
+TIME = STEP * np.arange(N)
+# Six different legs.
+SHARES = np.array([1.0, -0.7, 0.4, 0.9, -0.2, 0.55])
+POINTS = [[0.3, 0.1, 0.0]] * 6
+
+
+def record_of(error: FloatArray, motion: FloatArray | None = None, **sensors: Any) -> Record:
+    """A record with these errors (n, 6) [m] about a reference that moves so (n,) in all legs [m]."""
+    n = len(error)
+    moves = np.zeros(n) if motion is None else motion
+    reference = 2.0 + moves[:, None] * np.ones(6)
+    values = {
+        "time": STEP * np.arange(n)[:, None],
+        "leg_length": reference - error,
+        "reference.leg_length": reference,
+        "reference.leg_velocity": np.gradient(reference, STEP, axis=0),
+        "error.leg_length": error,
+    }
+    table = {
+        name: values[key][:, k]
+        for key in values
+        for k, name in enumerate(["time"] if key == "time" else columns(key, 6))
+    }
+    known = {
+        "outcome": {"status": "completed", "time": STEP * (n - 1), "cause": None},
+        "platform": {"platform_points": POINTS},
+        "experiment": {"controller": {"type": "pd"}, "sensors": sensors},
+    }
+    return Record(polars.DataFrame(table), known)
+
+
+def found_in(error: FloatArray, motion: FloatArray | None = None, **sensors: Any) -> Oscillation | None:
+    """From one signal (n,), with another share in each leg."""
+    return oscillation(record_of(error[:, None] * SHARES, motion, **sensors))
+
+
+@pytest.mark.parametrize(("frequency", "amplitude"), [(3.7, 0.02), (38.3, 4e-4), (140.0, 5e-5)])
+def test_a_cycle_is_told_by_frequency_and_amplitude(frequency: float, amplitude: float) -> None:
+    """Expected: those of a sine in the errors, in the leg with the largest share; it does not grow."""
+    found = found_in(2e-3 * np.exp(-9 * TIME) + amplitude * np.sin(2 * np.pi * frequency * TIME + 0.3))
+    assert found is not None
+    assert not found.is_growing
+    assert found.leg == 1
+    assert found.frequency == pytest.approx(frequency, rel=0.03)
+    assert found.amplitude == pytest.approx(amplitude, rel=0.1)
+    assert f"{found.frequency:.3g} Hz" in found.text()
+
+
+@pytest.mark.parametrize("frequency", [3.7, 38.3])
+def test_an_oscillation_that_decays_is_none(frequency: float) -> None:
+    """Expected: none at a damping ratio of 2 %, whose decay from one half of the rest to the other is 10 to 100 %."""
+    assert found_in(0.02 * np.exp(-0.02 * 2 * np.pi * frequency * TIME) * np.cos(2 * np.pi * frequency * TIME)) is None
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.0])
+def test_what_rises_exponentially_is_growing(rate: float) -> None:
+    """Expected: growth, for a mode that oscillates, and for one that does not and starts slower than it goes on."""
+    swinging = found_in(1e-3 * np.exp(rate * TIME) * np.sin(2 * np.pi * 4 * TIME))
+    assert swinging is not None
+    assert swinging.is_growing
+    assert swinging.frequency == pytest.approx(4, rel=0.05)
+    assert swinging.amplitude == pytest.approx(1e-3 * np.exp(rate * 2), rel=0.25)
+    leaving = found_in(1e-3 * np.exp((1 + rate) * TIME))
+    assert leaving is not None
+    assert leaving.is_growing
+    assert leaving.frequency is None
+
+
+@pytest.mark.parametrize("constant", [0.1, 0.6, 3.0])
+def test_what_comes_to_rest_elsewhere_is_none(constant: float) -> None:
+    """Expected: none for a first-order approach to an error that stays, however slow."""
+    assert found_in(0.01 * (1 - np.exp(-TIME / constant))) is None
+
+
+def test_a_step_that_comes_back_twice_as_far_is_growing() -> None:
+    """Expected: growth by the step of the reference, in a run too short for a cycle."""
+    moves = np.where(TIME >= 1.5, 0.01, 0.0)
+    error = np.where(TIME >= 1.5, 0.01 * np.cos(2 * np.pi * 2 * (TIME - 1.5)) * np.exp(3 * (TIME - 1.5)), 0.0)
+    found = found_in(error, moves)
+    assert found is not None
+    assert found.is_growing
+    assert found.earlier == pytest.approx(0.01)
+    assert found.since == pytest.approx(1.5)
+    assert found_in(np.where(TIME >= 1.5, 0.01 * np.cos(2 * np.pi * 2 * (TIME - 1.5)), 0.0), moves) is None
+
+
+def _white(random: np.random.Generator) -> FloatArray:
+    return 1e-3 * random.normal(size=N)
+
+
+def _through_a_loop(random: np.random.Generator) -> FloatArray:
+    """White noise through a second-order loop of 1 to 10 Hz with a damping ratio of 0.2 to 1."""
+    w, damping = 2 * np.pi * random.uniform(1, 10), random.uniform(0.2, 1)
+    polynomials = [2 * damping * w, w * w], [1.0, 2 * damping * w, w * w]
+    over, under = signal.bilinear(*polynomials, fs=1 / STEP)
+    response: FloatArray = 1e-3 * signal.lfilter(over, under, random.normal(size=N + 500))[500:]
+    return response
+
+
+@pytest.mark.parametrize("noise", [_white, _through_a_loop])
+def test_declared_noise_is_no_alarm(noise: Callable[[np.random.Generator], FloatArray]) -> None:
+    """Expected: no alarm in 200 records, which a false-alarm rate of 2.3 % would give in 1 of 100 cases only.
+
+    An alarm takes an amplitude of 6 σ; the RMS of the error is at most about σ.
+    """
+    random = np.random.default_rng(25)
+    assert sum(found_in(noise(random), noise={"leg_length": 1e-3}) is not None for _ in range(200)) == 0
+
+
+def test_white_noise_that_nobody_declares_is_no_line() -> None:
+    """Expected: none in 200 records: of 667 bins, five have seldom more than 3 % of the power."""
+    random = np.random.default_rng(26)
+    assert sum(found_in(_white(random)) is not None for _ in range(200)) == 0
+
+
+def test_what_the_reference_explains_is_none() -> None:
+    """Expected: none for errors of a loop that follows sines and slow moves, with friction and a nonlinear part."""
+    random = np.random.default_rng(27)
+    for _ in range(60):
+        f, phase = random.uniform(0.3, 6), random.uniform(0, 6)
+        angle = 2 * np.pi * f * TIME + phase
+        friction = np.tanh(20 * np.cos(angle))
+        error = 2e-3 * np.sin(angle - 0.4) + 4e-4 * friction + 1e-4 * np.sin(angle) ** 2
+        assert found_in(error, 0.02 * np.sin(angle)) is None
+        share = np.clip(TIME / random.uniform(0.5, 3), 0, 1)
+        moves = share**3 * (10 - 15 * share + 6 * share**2)
+        assert found_in(1e-3 * np.gradient(moves, STEP) + 2e-4 * np.sin(3 * moves), 0.1 * moves) is None
+
+
+def test_a_cycle_beside_a_slow_sine_is_told() -> None:
+    """Expected: the cycle's frequency, far above the reference's; its growth, if it grows."""
+    slow = np.sin(2 * np.pi * 0.4 * TIME)
+    cycle = 3e-4 * np.sin(2 * np.pi * 47 * TIME)
+    found = found_in(1e-3 * slow + cycle, 0.05 * slow)
+    assert found is not None
+    assert not found.is_growing
+    assert found.frequency == pytest.approx(47, rel=0.02)
+    growing = found_in(1e-3 * slow + cycle * np.exp(2 * TIME), 0.05 * slow)
+    assert growing is not None
+    assert growing.is_growing
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (("heave_step", "--set", "loop.delay=60"), 0, r"oscillates at 2\.[67]\d? Hz by itself"),
+        (("heave_step", "--set", "controller.bandwidth=20", "--set", "loop.delay=4"), 0, "oscillates at 38 Hz"),
+        (("too_slow", "--set", "loop.duration=1.6"), 3, "growing: leg"),
+        (("heave_step",), 0, ""),
+    ],
+)
+def test_a_run_says_how_its_loop_ends(arguments: tuple[str, ...], code: int, says: str, tmp_path: Path) -> None:
+    """Expected: three loops with an eigenvalue outside of the unit circle are told, the shipped one is not."""
+    done = invoke("run", *arguments, "--out", str(tmp_path))
+    assert done.exit_code == code
+    assert re.search(says, done.stderr)
+    assert ("by itself" in done.stderr) == bool(says)
