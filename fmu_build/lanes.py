@@ -24,6 +24,15 @@ FLAGS = (
     # fused operations are the same for all members; NaN is kept, since the checks look for it
     *("-ffp-contract=fast", "-fno-math-errno", "-freciprocal-math", "-fno-signed-zeros"),
 )
+# Which steps are repeated with twice as many substeps to estimate their error; see c/lanes/lanes.h.
+REPEATED = {
+    "ERROR_OF_DIFFERENCE": 0.5,
+    # smaller differences of the stages are far below every tolerance, and in the end rounding
+    "SMALLEST_DIFFERENCE": 1e-12,
+    "RECORD": 1.1,
+    "REPEATED_FIRST": 50.0,
+    "REPEATED_SHARE": 0.1,
+}
 _NAME = "lanes"
 # Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
@@ -138,6 +147,7 @@ def _table(scalar_kernel: str) -> str:
 #include "plant_table.h"
 
 {defines(sizes)}
+{defines(REPEATED)}
 
 /* why a member has failed; for a collapsed leg, its number from 0 is added */
 {defines({f"FAILURE_{each.name}": int(each) for each in Failure})}

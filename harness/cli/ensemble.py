@@ -14,7 +14,7 @@ from gough_stewart.harness.cli.options import (
     chosen_experiment,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import members_bar, show
+from gough_stewart.harness.cli.terminal import members_bar, show, warn
 from gough_stewart.harness.errors import MissedError, UsageError
 
 if TYPE_CHECKING:
@@ -107,9 +107,12 @@ def ensemble_command(
             progress.update(task, total=None, description="figures and page")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
             from gough_stewart.harness.ensemble.files import write_report
+            from gough_stewart.harness.ensemble.statistics import integration_warning
 
             files, sheets = write_report(found, folder)
         show(*sheets)
+        if warning := integration_warning(found):
+            warn(warning)
         command.close([MEMBERS, BANDS, METADATA, *files], folder)
         _check_some_completed(found)
 

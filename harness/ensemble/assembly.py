@@ -7,11 +7,10 @@ from typing import Any
 
 import polars
 
-from gough_stewart.harness.ensemble.chunk import INTEGRATION_ERROR
 from gough_stewart.harness.ensemble.chunk_files import ChunkFiles
 from gough_stewart.harness.ensemble.local import Range
 from gough_stewart.harness.ensemble.made_with import made_with
-from gough_stewart.harness.ensemble.result import CAUSE, OUTCOME, Ensemble
+from gough_stewart.harness.ensemble.result import CAUSE, INTEGRATION_ERROR, OUTCOME, Ensemble
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions

@@ -7,7 +7,17 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.ensemble.result import CAUSE, ENDED, IMPOSSIBLE, MARGINS, MEMBER, OUTCOME, SHORT, VARIED
+from gough_stewart.harness.ensemble.result import (
+    CAUSE,
+    ENDED,
+    IMPOSSIBLE,
+    INTEGRATION_ERROR,
+    MARGINS,
+    MEMBER,
+    OUTCOME,
+    SHORT,
+    VARIED,
+)
 from gough_stewart.harness.errors import ExperimentError, RecordError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.members import Members
@@ -23,7 +33,6 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import LIMITS
 from gough_stewart.model.vectors import FloatArray
 
-INTEGRATION_ERROR = "integration_error"
 # Members per chunk: enough to make Python's overhead small, few enough that two workers share a thousand evenly.
 SIZE = 512
 

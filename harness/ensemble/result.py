@@ -6,6 +6,7 @@
 - `varied.KEY`, every number that varies, KEY as in the experiment, elements as in `varied.base_points[1,2]`;
 - `outcome`: `completed`, `diverged`, `stopped`, or `impossible` if it could not run; `ended`, its time [s]; `cause`, a
   text, null if there is none;
+- `integration_error`, the largest estimated error of a plant step;
 - the metrics by path (`tracking.position.norm_rms`), and `margins.stable`, `margins.disk` if requested; null if
   undefined.
 
@@ -26,8 +27,9 @@ from gough_stewart.model.vectors import FloatArray
 MEMBER, OUTCOME, ENDED, CAUSE = "member", "outcome", "ended", "cause"
 VARIED, MARGINS = "varied.", "margins."
 IMPOSSIBLE = "impossible"
+INTEGRATION_ERROR = "integration_error"
 # Part of the metrics of runs, but not used for ranking.
-_CIRCUMSTANCES = ("rows", "duration", "integration_error")
+_CIRCUMSTANCES = ("rows", "duration", INTEGRATION_ERROR)
 # Short names of frequently used metrics.
 SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 

@@ -6,12 +6,26 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.result import CAUSE, ENDED, IMPOSSIBLE, MEMBER, OUTCOME, metric_names, numbers
+from gough_stewart.harness.ensemble.result import (
+    CAUSE,
+    ENDED,
+    IMPOSSIBLE,
+    INTEGRATION_ERROR,
+    MEMBER,
+    OUTCOME,
+    Ensemble,
+    metric_names,
+    numbers,
+)
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 from gough_stewart.model.vectors import FloatArray
 
 # A number in the text of a cause, which differs between members.
 _NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(\.\d+)?([eE][-+]?\d+)?")
+
+
+# So many times the tolerance is no matter of the members that the pilot has not run.
+_FAR_BEYOND = 10.0
 
 
 class Failure(NamedTuple):
@@ -65,6 +79,20 @@ def failures(members: polars.DataFrame) -> tuple[Failure, ...]:
         first.setdefault(key, text)
     made = [Failure(key[0], first[key], tuple(each)) for key, each in found.items()]
     return tuple(sorted(made, key=lambda failure: -len(failure.members)))
+
+
+def integration_warning(ensemble: Ensemble) -> str:
+    """A warning if the integration error of some members is far beyond the tolerance; "" if not."""
+    errors, tolerance = numbers(ensemble.members, INTEGRATION_ERROR), float(ensemble.metadata["tolerance"])
+    beyond = int(np.count_nonzero(errors > _FAR_BEYOND * tolerance))
+    if not beyond:
+        return ""
+    worst = int(ensemble.members[MEMBER][int(np.nanargmax(errors))])
+    return (
+        f"integration errors up to {np.nanmax(errors):.2g} in a plant step (member {worst}), and more than "
+        f"{_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {len(errors)} members; lower "
+        "ensemble.tolerance"
+    )
 
 
 def worst_members(members: polars.DataFrame, by: str, number: int) -> list[int]:

@@ -171,7 +171,6 @@ def substeps_of(members: Members) -> int:
     substeps = 1
     for _ in range(_TRIES):
         batch = batch_of(prepared, substeps)
-        batch.plant.estimate_every = 1
         with batch.plant:
             observe_all(batch.plant, batch.law_from, batch.loop, _Nothing())
             error = float(np.max(batch.plant.integration_error))

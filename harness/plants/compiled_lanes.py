@@ -34,11 +34,11 @@ class CompiledLanes:
         return int(self.library.lanes_check(reference(batch)))
 
     def step(
-        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, checked: bool = True
+        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, plain: bool = False
     ) -> int:
         """See `LaneKernel`."""
         out = ctypes.c_void_p(None if signals is None else signals.ctypes.data)
-        numbers = ctypes.c_double(size), ctypes.c_int64(substeps), ctypes.c_int64(not checked)
+        numbers = ctypes.c_double(size), ctypes.c_int64(substeps), ctypes.c_int64(plain)
         return int(self.library.lanes_step(reference(batch), *numbers, out))
 
     def signals(self, batch: Batch, out: FloatArray) -> None:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import WIDTH
+from gough_stewart.fmu_build.lanes import REPEATED, WIDTH
 from gough_stewart.model import interface
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.vectors import FloatArray
@@ -31,6 +31,9 @@ class Batch:
     failure: IntArray  # (M), see `Failure`
     reached: FloatArray  # (N_STATES, M), where a member failed
     failed_at: IntArray  # (M), the substep, from 1
+    difference: FloatArray  # (M), largest difference of the stages of a repeated step so far
+    allowed: FloatArray  # (M), steps that may be repeated before a new record
+    error: FloatArray  # (M), largest estimate of the error of a step so far
 
     @classmethod
     def of(cls, members: int) -> "Batch":
@@ -52,6 +55,9 @@ class Batch:
             failure,
             rows(N_STATES, blocks),
             failed_at,
+            np.zeros(blocks * WIDTH),
+            np.full(blocks * WIDTH, REPEATED["REPEATED_FIRST"]),
+            np.zeros(blocks * WIDTH),
         )
 
     @property
@@ -93,9 +99,12 @@ class LaneKernel(Protocol):
         """The number of members that cannot start a motion in their state."""
 
     def step(
-        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, checked: bool = True
+        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, plain: bool = False
     ) -> int:
-        """Do RK4 substeps of this size [s] and compute the signals at their end; the number of failed members."""
+        """Do RK4 substeps of this size [s] and compute the signals at their end; the number of failed members.
+
+        Poses are checked, and errors estimated as in c/lanes/lanes.h; neither if `plain`.
+        """
 
     def signals(self, batch: Batch, out: FloatArray) -> None:
         """The first part of the results (24, M)."""

@@ -6,7 +6,6 @@ A member's bits depend only on its own numbers, not on the number or choice of t
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,7 +15,7 @@ from gough_stewart.fmu_build.lanes import Failure, lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.compiled_lanes import CompiledLanes
-from gough_stewart.harness.plants.lane_batch import N_INPUTS, N_STATES, Batch, LaneKernel, rows
+from gough_stewart.harness.plants.lane_batch import N_INPUTS, Batch, LaneKernel, rows
 from gough_stewart.harness.plants.lane_failures import failure_of, short_legs
 from gough_stewart.harness.plants.numpy_lanes import NumpyLanes
 from gough_stewart.harness.plants.parameter_changes import changed_parameter, refuse_impossible
@@ -31,8 +30,6 @@ from gough_stewart.model.vectors import FloatArray
 
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.
 MOST_SUBSTEPS = 1024
-# Interval of plant steps at which the integration error is estimated; each estimate costs two more steps.
-ESTIMATE_EVERY = 64
 
 
 class LanesPlant(Plant):
@@ -46,21 +43,18 @@ class LanesPlant(Plant):
         Whether machine code steps it, and the processor features it was compiled for: equal texts mean equal bits.
     integration_error
         The largest estimate so far (N,): the plant step with `substeps` against one with twice as many,
-        max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and absolute in SI units.
-    estimate_every
-        Interval of plant steps at which the error is estimated, starting with the first.
+        max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and absolute in SI units. The stages of
+        all steps decide which steps are estimated: those that may have the largest error; see c/lanes/lanes.h.
     """
 
     def __init__(
         self, kernel: LaneKernel, platforms: Sequence[Platform], starts: Sequence[State], substeps: int
     ) -> None:
         self.shape = (len(platforms),)
-        self.substeps, self.estimate_every = substeps, ESTIMATE_EVERY
+        self.substeps = substeps
         self.compiled, self.features = isinstance(kernel, CompiledLanes), kernel.features
-        self.integration_error = np.zeros(self.shape)
         self._kernel, self._platforms = kernel, platforms
         self._batch = batch = Batch.of(len(platforms))
-        self._fine = replace(batch, states=rows(N_STATES, batch.blocks))
         self._signals = rows(signals.SIZE, batch.blocks)
         self._time, self._steps = 0.0, 0
         for name in (v.name for v in interface.PLATFORM_PARAMETERS):
@@ -69,6 +63,11 @@ class LanesPlant(Plant):
         home = batch.padded(np.stack([_home_pose(platform) for platform in platforms])).T
         batch.inputs[:6] = static_leg_forces(batch.parameters_of(), home[:, :3], home[:, 3:]).T
         batch.running[: len(platforms)] = -1
+
+    @property
+    def integration_error(self) -> FloatArray:
+        """The largest estimate so far (N,)."""
+        return self._batch.error[: self.shape[0]]
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2; a non-finite input fails in the step, for its member only."""
@@ -105,15 +104,9 @@ class LanesPlant(Plant):
         end = end_of_step(time, step, self._time)
         batch, substep = self._batch, step / self.substeps
         failures = self._begin() if self._steps == 0 else {}
-        is_estimated = self._steps % self.estimate_every == 0
-        if is_estimated:
-            self._fine.states[:] = batch.states
-            self._kernel.step(self._fine, substep / 2, 2 * self.substeps, checked=False)
         failed = self._kernel.step(batch, substep, self.substeps, self._signals)
         if failed:
             failures |= self._stop_failed(substep)
-        if is_estimated:
-            self._estimate()
         self._time, self._steps = end, self._steps + 1
         if failures:
             raise MembersError(failures)
@@ -141,14 +134,6 @@ class LanesPlant(Plant):
         batch.running[batch.failure != Failure.GOES_ON] = 0
         batch.failure[:] = Failure.GOES_ON
         return found
-
-    def _estimate(self) -> None:
-        n = self.shape[0]
-        x, fine = self._batch.states[:, :n], self._fine.states[:, :n]
-        with np.errstate(all="ignore"):
-            error = (np.abs(x - fine) / (1 + np.abs(x))).max(axis=0)
-        larger = (self._batch.running[:n] != 0) & ~(error <= self.integration_error)
-        self.integration_error[larger] = error[larger]
 
 
 def lanes_plant(

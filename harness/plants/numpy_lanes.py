@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import Failure
+from gough_stewart.fmu_build.lanes import REPEATED, Failure
 from gough_stewart.harness.plants.lane_batch import Batch
 from gough_stewart.model import dynamics, energy, interface, kinematics
 from gough_stewart.model.parameters import Parameters
@@ -23,16 +23,20 @@ class NumpyLanes:
         return _check(batch, batch.states, batch.running != 0, 0)
 
     def step(
-        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, checked: bool = True
+        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, plain: bool = False
     ) -> int:
         """See `LaneKernel`."""
         parameters, running = batch.parameters_of(), batch.running != 0
-        x, failed = batch.states.copy(), 0
+        x, failed, difference = batch.states.copy(), 0, np.zeros(batch.states.shape[1])
+        start = x
         for k in range(1, substeps + 1):
-            x = _rk4(parameters, x, batch.inputs, size)
-            if checked:
+            x, found = _rk4(parameters, x, batch.inputs, size)
+            difference = np.fmax(difference, found)
+            if not plain:
                 failed += _check(batch, x, running, k)
                 running &= batch.failure == Failure.GOES_ON
+        if not plain:
+            _watch(batch, np.flatnonzero(running), start, x, difference, size, substeps)
         batch.states[:] = np.where(running, x, batch.states)
         if signals is not None:
             self.signals(batch, signals)
@@ -59,8 +63,36 @@ class NumpyLanes:
 
 
 @np.errstate(all="ignore")
-def _rk4(parameters: Parameters, x: FloatArray, u: FloatArray, size: float) -> FloatArray:
-    """States (12, M) after one step of classical RK4."""
+def _watch(
+    batch: Batch,
+    members: NDArray[np.intp],
+    start: FloatArray,
+    end: FloatArray,
+    difference: FloatArray,
+    size: float,
+    substeps: int,
+) -> None:
+    """As in c/lanes/lanes.c: estimate the error of a step that may have the largest one."""
+    now, largest, error = difference[members], batch.difference[members], batch.error[members]
+    allowed = np.minimum(batch.allowed[members] + REPEATED["REPEATED_SHARE"], REPEATED["REPEATED_FIRST"])
+    is_small = (now <= REPEATED["SMALLEST_DIFFERENCE"]) & (largest != 0)
+    is_below = (now <= REPEATED["RECORD"] * largest) & ((allowed < 1) | (now * allowed <= largest))
+    is_chosen = ~(is_small | (REPEATED["ERROR_OF_DIFFERENCE"] * now <= error) | is_below)
+    batch.allowed[members] = np.where(is_chosen, np.maximum(allowed - 1, 0), allowed)
+    chosen = members[is_chosen]
+    if not len(chosen):
+        return
+    batch.difference[chosen] = np.maximum(batch.difference[chosen], difference[chosen])
+    parameters, x = batch.parameters_of(chosen), start[:, chosen]
+    for _ in range(2 * substeps):
+        x, _ = _rk4(parameters, x, batch.inputs[:, chosen], size / 2)
+    found = (np.abs(end[:, chosen] - x) / (1 + np.abs(end[:, chosen]))).max(axis=0)
+    batch.error[chosen] = np.maximum(batch.error[chosen], np.where(np.isnan(found), np.inf, found))
+
+
+@np.errstate(all="ignore")
+def _rk4(parameters: Parameters, x: FloatArray, u: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+    """States (12, M) after one step of classical RK4, and the largest differences of its stages (M)."""
     inputs = Inputs.from_vector(u.T)
 
     def derivatives(x: FloatArray) -> FloatArray:
@@ -73,7 +105,8 @@ def _rk4(parameters: Parameters, x: FloatArray, u: FloatArray, size: float) -> F
     k2 = derivatives(x + size / 2 * k1)
     k3 = derivatives(x + size / 2 * k2)
     k4 = derivatives(x + size * k3)
-    return np.asarray(x + size / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+    difference = size * np.maximum(np.abs(k2 - k3), np.abs(k1 - k2 - k3 + k4)) / (1 + np.abs(x))
+    return np.asarray(x + size / 6 * (k1 + 2 * k2 + 2 * k3 + k4)), difference.max(axis=0)
 
 
 def _solve(matrix: Array, vector: Array) -> Array:

@@ -31,8 +31,17 @@ typedef struct {
     int64_t first; /* member */
     const lanes *p;
     lanes x[N_STATES], u[N_INPUTS], side;
+    lanes difference; /* of the stages, relative to 1 + |x|, the largest of the substeps */
     mask running;
 } group;
+
+/* Members whose step is repeated with twice as many substeps: collected from all groups, so that vectors are full. */
+typedef struct {
+    group g;
+    lanes p[N_PARAMETERS], end[N_STATES];
+    int64_t member[WIDTH];
+    int waiting;
+} repeated;
 
 static void read_rows(lanes rows[], int n, const double *from, int64_t stride)
 {
@@ -66,6 +75,7 @@ static void read_group(group *g, const batch *of, int64_t block, int parameters)
     fetch(of, block + 1, parameters);
     g->of = of;
     g->first = block * WIDTH;
+    g->difference = (lanes)0.0;
     g->p = (const lanes *)of->parameters + block * N_PARAMETERS;
     g->running = *(const mask_anywhere *)(of->running + g->first);
     g->side = get(of->side + g->first);
@@ -146,23 +156,43 @@ static void check(group *g, int64_t substep)
     }
 }
 
+/* The larger one of two numbers without NaN. */
+static lanes larger(lanes a, lanes b)
+{
+    return choose(a > b, a, b);
+}
+
+static lanes magnitude(lanes x)
+{
+    return __builtin_elementwise_abs(x);
+}
+
 /* Classical RK4: one copy of the kernel in a loop, so that it stays in the instruction cache. */
 static void substep(group *g, double size)
 {
     static const double NEXT[] = {0.5, 0.5, 1}, WEIGHT[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
-    lanes at[N_STATES], end[N_STATES], rate[N_STATES];
-    for (int i = 0; i < N_STATES; i++)
+    static const double INNER[] = {0, 1, -1, 0}, ALL[] = {1, -1, -1, 1};
+    lanes at[N_STATES], end[N_STATES], rate[N_STATES], inner[N_STATES], all[N_STATES];
+    for (int i = 0; i < N_STATES; i++) {
         at[i] = end[i] = g->x[i];
+        inner[i] = all[i] = g->x[i] * 0;
+    }
     for (int stage = 0; stage < 4; stage++) {
         kernel_derivatives(at, g->u, g->p, rate);
-        for (int i = 0; i < N_STATES; i++)
+        for (int i = 0; i < N_STATES; i++) {
             end[i] += (WEIGHT[stage] * size) * rate[i];
+            inner[i] += INNER[stage] * rate[i];
+            all[i] += ALL[stage] * rate[i];
+        }
         if (stage < 3)
             for (int i = 0; i < N_STATES; i++)
                 at[i] = g->x[i] + (NEXT[stage] * size) * rate[i];
     }
-    for (int i = 0; i < N_STATES; i++)
+    for (int i = 0; i < N_STATES; i++) {
+        lanes largest = larger(magnitude(inner[i]), magnitude(all[i]));
+        g->difference = larger(g->difference, size * largest * reciprocal(1 + magnitude(g->x[i])));
         g->x[i] = end[i];
+    }
 }
 
 /* Writes the states of the members still running; returns the number that failed. */
@@ -188,24 +218,92 @@ static void write_signals(const group *g, double *signals)
     write_rows(signals + g->first, N_SIGNALS, y, g->of->stride);
 }
 
-int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t unchecked, double *signals)
+/* Repeats the steps that are waiting, and keeps the errors that are larger. */
+static void repeat(repeated *r, double size, int64_t substeps)
+{
+    const batch *of = r->g.of;
+    for (int64_t k = 0; k < 2 * substeps; k++)
+        substep(&r->g, size / 2);
+    lanes error = r->g.x[0] * 0;
+    mask is_known = error == 0;
+    for (int i = 0; i < N_STATES; i++) {
+        lanes each = magnitude(r->end[i] - r->g.x[i]) / (1 + magnitude(r->end[i]));
+        is_known &= each == each;
+        error = larger(error, each);
+    }
+    for (int k = 0; k < r->waiting; k++) {
+        double found = is_known[k] ? error[k] : __builtin_inf(), *kept = &of->error[r->member[k]];
+        if (found > *kept)
+            *kept = found;
+    }
+    r->waiting = 0;
+}
+
+/* Whether a running member's step may have its largest error so far, and is among those that it may repeat. */
+static int is_watched(const batch *of, int64_t member, double difference)
+{
+    double *largest = &of->difference[member], *allowed = &of->allowed[member];
+    int is_first = *largest == 0;
+    *allowed = __builtin_fmin(*allowed + REPEATED_SHARE, REPEATED_FIRST);
+    if ((difference <= SMALLEST_DIFFERENCE && !is_first) || ERROR_OF_DIFFERENCE * difference <= of->error[member])
+        return 0;
+    if (difference <= RECORD * *largest && (*allowed < 1 || difference * *allowed <= *largest))
+        return 0;
+    *allowed = __builtin_fmax(*allowed - 1, 0);
+    if (difference > *largest)
+        *largest = difference;
+    return 1;
+}
+
+/* Collects the steps of a group that are repeated; `start` are their states before. */
+static void watch(const group *g, const lanes start[], repeated *r, double size, int64_t substeps)
+{
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (!g->running[lane] || !is_watched(g->of, g->first + lane, g->difference[lane]))
+            continue;
+        int k = r->waiting++;
+        r->member[k] = g->first + lane;
+        for (int i = 0; i < N_STATES; i++) {
+            r->g.x[i][k] = start[i][lane];
+            r->end[i][k] = g->x[i][lane];
+        }
+        for (int i = 0; i < N_INPUTS; i++)
+            r->g.u[i][k] = g->u[i][lane];
+        for (int i = 0; i < N_PARAMETERS; i++)
+            r->p[i][k] = g->p[i][lane];
+        if (r->waiting == WIDTH)
+            repeat(r, size, substeps);
+    }
+}
+
+int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t plain, double *signals)
 {
     int64_t failed = 0;
+    repeated r = {0};
+    r.g.of = of;
+    r.g.p = r.p;
     for (int64_t block = 0; block < of->blocks; block++) {
         group g;
+        lanes start[N_STATES];
         read_group(&g, of, block, N_PARAMETERS);
         read_inputs(&g);
+        for (int i = 0; i < N_STATES; i++)
+            start[i] = g.x[i];
         mask ran = g.running;
         for (int64_t k = 1; k <= substeps && any(g.running); k++) {
             substep(&g, size);
-            if (!unchecked)
+            if (!plain)
                 check(&g, k);
         }
         if (any(ran))
             failed += settle(&g, ran);
+        if (!plain && any(g.running))
+            watch(&g, start, &r, size, substeps);
         if (signals)
             write_signals(&g, signals);
     }
+    if (r.waiting)
+        repeat(&r, size, substeps);
     return failed;
 }
 

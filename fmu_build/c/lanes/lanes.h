@@ -24,12 +24,23 @@ typedef struct {
     int64_t *failure;         /* (M), a FAILURE of lanes_table.h */
     double *reached;          /* (N_STATES, M), state at the failure */
     int64_t *failed_at;       /* (M), substep of the failure, from 1 */
+    double *difference;       /* (M), largest difference of the stages of a repeated step so far */
+    double *allowed;          /* (M), steps that may be repeated before a new record */
+    double *error;            /* (M), largest estimate of the error of a step so far */
 } batch;
 
 /* `substeps` steps of classical RK4, each of `size` [s], under constant inputs. Returns the number of members that
-   fail; their states do not change, and `failure` has the reason. Poses are checked at the end of each substep unless
-   `unchecked`. Writes the signals at the end (N_SIGNALS, M) unless NULL; computing them here is cheap. */
-OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t unchecked, double *signals);
+   fail; their states do not change, and `failure` has the reason. Poses are checked at the end of each substep, and
+   errors estimated; neither if `plain`. Writes the signals at the end (N_SIGNALS, M) unless NULL; computing them here is
+   cheap.
+
+   The error is max |x - x'| / (1 + |x|), x' with twice as many substeps, which only some steps are repeated with. The
+   stages k1 to k4 of all substeps tell which: the differences size |k2 - k3| and size |k1 - k2 - k3 + k4|, relative to
+   1 + |x|, are of lower order than the error; in all trials they were at least four times as large. A step is repeated where
+   ERROR_OF_DIFFERENCE of them is more than the member's largest error so far, if they exceed their own largest by the
+   factor RECORD; and below that as long as the member has repeated no more than REPEATED_FIRST steps and REPEATED_SHARE
+   of all: the fewer are allowed, the nearer to the largest. Each member decides by its own numbers alone. */
+OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t plain, double *signals);
 /* Checks the current poses: like `lanes_step` of zero duration. */
 OFFERED int64_t lanes_check(const batch *of);
 /* (N_SIGNALS, M) */

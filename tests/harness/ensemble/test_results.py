@@ -14,7 +14,7 @@ from gough_stewart.harness.ensemble.figures import ensemble_figures
 from gough_stewart.harness.ensemble.page import ensemble_page
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
-from gough_stewart.harness.ensemble.statistics import failures, quantiles, worst_members
+from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members
 from gough_stewart.harness.ensemble.tables import ensemble_sheets, sensitivity_sheet
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import to_terminal
@@ -102,6 +102,19 @@ def test_a_confidence_that_is_not_known_is_none() -> None:
     known = Sensitivity(PEAK, "regression", INPUTS[:1], np.ones(1), np.array([np.nan]), None, None, 1.0, 40, 0)
     page = ensemble_page(ensemble_of(x), PEAK, {}, [known]).decode()
     assert '"confidence": [null]' in page or '"confidence":[null]' in page
+
+
+def test_integration_errors_far_beyond_the_tolerance_are_told() -> None:
+    """Expected: the largest with its member, and how many are more than tenfold; nothing below that."""
+    ensemble = ensemble_of(normal(40), tolerance=1e-8)
+    errors = np.full(40, 9e-8)
+    members = ensemble.members.with_columns(polars.Series("integration_error", errors))
+    assert not integration_warning(Ensemble(members, ensemble.bands, ensemble.metadata))
+    errors[[3, 17]] = 2e-7, 3.4e-5
+    members = ensemble.members.with_columns(polars.Series("integration_error", errors))
+    said = integration_warning(Ensemble(members, ensemble.bands, ensemble.metadata))
+    assert "up to 3.4e-05 in a plant step (member 17)" in said
+    assert "the tolerance of 1e-08 in 2 of 40 members" in said
 
 
 def test_an_ensemble_shows_itself_in_a_few_lines() -> None:

@@ -85,9 +85,10 @@ def test_the_files_run_and_keep_the_comments(found: Tuning, tmp_path: Path) -> N
 def test_a_tuned_parameter_of_a_platform_is_written_with_its_unit_and_runs(tmp_path: Path, table: str) -> None:
     """Expected: the same value by a run of the file alone."""
     key = f"{table}.platform_mass"
-    tuned = tune("heave_step", [f"{key}=900..1100kg"], RMS, {"loop.duration": 0.1}, generations=1, population=5)
+    short = {"loop.duration": 0.1, "reference.at": 0.02}
+    tuned = tune("heave_step", [f"{key}=900..1100kg"], RMS, short, generations=1, population=5)
     path = tmp_path / "tuned.toml"
-    path.write_bytes(tuning_files(tuned, "heave_step", tmp_path, {"loop.duration": 0.1})["tuned.toml"])
+    path.write_bytes(tuning_files(tuned, "heave_step", tmp_path, short)["tuned.toml"])
     assert tomllib.loads(path.read_text())[table]["parameters"]["platform_mass"] == f"{tuned.values[key]!r} kg"
     assert flattened(metrics(run(path)))[RMS] == pytest.approx(tuned.seen.value, rel=1e-6)
 
