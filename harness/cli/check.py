@@ -11,9 +11,9 @@ from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
-    OutOption,
     SetOption,
     choices,
+    out_option,
     results_folder,
 )
 from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
@@ -31,7 +31,7 @@ class Fit(StrEnum):
 
 def check_command(
     experiment: ExperimentArgument,
-    out: OutOption = None,
+    out: Annotated[Path | None, out_option("results/check_NAME, after the experiment")] = None,
     settings: SetOption = None,
     fit: Annotated[
         Fit | None,
@@ -59,7 +59,7 @@ def check_command(
     - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
     """
     with clear_errors() as command:
-        folder = out or results_folder(experiment, "-check")
+        folder = out or results_folder("check", experiment)
         with progress_bar() as bar:
             bar.add_task("shares of all limits", total=None)
             from gough_stewart.harness.experiment.check_display import FILES, check_files

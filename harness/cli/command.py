@@ -2,6 +2,7 @@
 
 import logging
 import time
+import webbrowser
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -34,9 +35,12 @@ class Command:
         folder: Path,
         done: str | None = "Done",
         then: str | None = None,
-        is_open: bool = False,
+        open_it: bool = False,
     ) -> None:
-        """Print the closing lines: what is done, how long it took, the files and their size, the next step."""
+        """Print the closing lines: what is done, how long it took, the files and their size, the next step.
+
+        With `open_it`, open the last page among the files in the browser.
+        """
         names = [str(file) for file in files]
         took = f"{done} in {duration_text(time.perf_counter() - self.started)}. " if done else ""
         size = size_text(sum(_size(folder / name) for name in names))
@@ -46,9 +50,12 @@ class Command:
         else:
             terminal.say(f"{took}Wrote to {folder} ({size}):")
             terminal.print(Padding(Text(", ".join(names), "dim"), (0, 0, 0, 2), expand=False))
-        for name in names:
-            if name.endswith(".html") and not is_open:
-                terminal.say(f"Open {folder / name} in a browser.")
+        pages = [folder / name for name in names if name.endswith(".html")]
+        for page in pages:
+            if not open_it:
+                terminal.say(f"Open {page} in a browser.")
+            elif page == pages[-1] and not webbrowser.open(page.absolute().as_uri()):
+                errors.say(f"no browser could be started; open {page} by hand")
         if then is not None:
             terminal.say(f"Next: {then}")
 

@@ -9,9 +9,10 @@ from gough_stewart.harness.cli.command import Command, clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
-    OutOption,
+    OpenOption,
     SetOption,
     chosen_experiment,
+    out_option,
     results_folder,
 )
 from gough_stewart.harness.cli.terminal import members_bar, show, warn
@@ -30,7 +31,8 @@ def ensemble_command(
     seed: Annotated[
         int | None, typer.Option(help="Seed of samples and noise. Default: from the experiment.", metavar="N", min=0)
     ] = None,
-    out: OutOption = None,
+    out: Annotated[Path | None, out_option("results/ensemble_NAME, after the experiment")] = None,
+    open_it: OpenOption = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted run in the folder from its finished chunks.")
     ] = False,
@@ -79,12 +81,12 @@ def ensemble_command(
         if workers is not None and scheduler is not None:
             raise UsageError("--workers and --scheduler exclude each other: a scheduler has its own workers; give one")
         chosen = chosen_experiment(experiment, settings, no_python)
-        folder = out or results_folder(experiment, "_ensemble")
+        folder = out or results_folder("ensemble", experiment)
         if compare is not None:
             other = chosen_experiment(compare, None, no_python)
-            folder = out or results_folder(experiment, "_compared")
+            folder = out or results_folder("ensemble", experiment, "_compared")
             options = {"members": members, "seed": seed, "resume": resume, "workers": workers, "scheduler": scheduler}
-            _compare(command, (chosen, other), (experiment, compare), folder, options)
+            _compare(command, (chosen, other), (experiment, compare), folder, options, open_it)
             return
         with members_bar() as progress:
             task = progress.add_task("preparing", total=None)
@@ -113,7 +115,7 @@ def ensemble_command(
         show(*sheets)
         if warning := integration_warning(found):
             warn(warning)
-        command.close([MEMBERS, BANDS, METADATA, *files], folder)
+        command.close([MEMBERS, BANDS, METADATA, *files], folder, open_it=open_it)
         _check_some_completed(found)
 
 
@@ -123,6 +125,7 @@ def _compare(
     texts: tuple[str, str],
     folder: Path,
     options: dict[str, Any],
+    open_it: bool,
 ) -> None:
     with members_bar() as progress:
         task = progress.add_task("preparing", total=None)
@@ -139,7 +142,7 @@ def _compare(
             progress=lambda done, total: progress.update(task, completed=done, total=total),
         )
     show(*compare_sheets(found))
-    command.close([*names, DIFFERENCES, PAGE], folder)
+    command.close([*names, DIFFERENCES, PAGE], folder, open_it=open_it)
     for each in (found.a, found.b):
         _check_some_completed(each)
 

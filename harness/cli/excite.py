@@ -9,12 +9,13 @@ import typer
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
-    FolderOption,
     PlatformOption,
     PresetOption,
     SeedOption,
     choices,
     chosen_platform,
+    out_option,
+    platform_folder,
 )
 from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar
 from gough_stewart.harness.errors import UsageError
@@ -53,7 +54,7 @@ def excite_command(
     ] = Criterion.condition,
     trials: Annotated[int, typer.Option(help="Number of motions to evaluate.", metavar="N", min=1)] = 150,
     seed: SeedOption = 0,
-    out: FolderOption = Path("results/excite"),
+    out: Annotated[Path | None, out_option("results/excite_NAME, after the platform")] = None,
 ) -> None:
     """Design a motion for the identification of parameters: a finite Fourier series within all limits.
 
@@ -62,9 +63,10 @@ def excite_command(
 
     Examples
     --------
-    - `gough-stewart excite --preset motion_base`, then `gough-stewart run results/excite/excitation.toml`
+    - `gough-stewart excite --preset motion_base`, then `gough-stewart run results/excite_motion_base/excitation.toml`
     """
     with clear_errors() as command:
+        out = out or platform_folder("excite", preset, platform)
         for name, value in (("duration", duration), ("frequency", frequency), ("fade", fade)):
             if not 0 < value < float("inf"):
                 raise UsageError(f"--{name} is {value:g}; expected a number > 0")

@@ -35,7 +35,7 @@ def frf_command(
 
     Examples
     --------
-    - `gough-stewart run frequency_response` and `gough-stewart frf results/frequency_response`
+    - `gough-stewart run frequency_response` and `gough-stewart frf results/run_frequency_response`
     """
     with clear_errors() as command:
         folder = out or (record if record.is_dir() else record.parent)

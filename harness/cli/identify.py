@@ -8,8 +8,8 @@ import typer
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
-    FolderOption,
     NoPythonOption,
+    OpenOption,
     PlatformOption,
     PresetOption,
     SetOption,
@@ -17,6 +17,8 @@ from gough_stewart.harness.cli.options import (
     chosen_experiment,
     chosen_platform,
     experiments,
+    log_folder,
+    out_option,
     path,
 )
 from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, show
@@ -75,7 +77,8 @@ def identify_command(
     ] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
-    out: FolderOption = Path("results/identify"),
+    out: Annotated[Path | None, out_option("results/identify_NAME, after the log")] = None,
+    open_it: OpenOption = False,
 ) -> None:
     """Identify parameters of a platform from a log of time, leg lengths and forces, with their uncertainty.
 
@@ -92,6 +95,7 @@ def identify_command(
     - `gough-stewart identify poses.csv --platform nominal.toml --estimate base_points,leg_length_offset`
     """
     with clear_errors() as command:
+        out = out or log_folder("identify", log)
         nominal = chosen_platform(preset, platform)
         with preparing():
             from gough_stewart.harness.identify.files import FILES, identification_files
@@ -117,4 +121,4 @@ def identify_command(
         show(*sheets_of(found), *more)
         for note in found.notes:
             Terminal().say(note)
-        command.close(files, out)
+        command.close(files, out, open_it=open_it)

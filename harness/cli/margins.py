@@ -1,12 +1,15 @@
 """The command `margins`: linear analysis of an experiment."""
 
+from pathlib import Path
+from typing import Annotated
+
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
-    OutOption,
     SetOption,
     chosen_experiment,
+    out_option,
     results_folder,
 )
 from gough_stewart.harness.cli.terminal import progress_bar, show
@@ -14,7 +17,7 @@ from gough_stewart.harness.cli.terminal import progress_bar, show
 
 def margins_command(
     experiment: ExperimentArgument,
-    out: OutOption = None,
+    out: Annotated[Path | None, out_option("results/margins_NAME, after the experiment")] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
 ) -> None:
@@ -31,7 +34,7 @@ def margins_command(
     """
     with clear_errors() as command:
         chosen = chosen_experiment(experiment, settings, no_python)
-        folder = out or results_folder(experiment, "-margins")
+        folder = out or results_folder("margins", experiment)
         with progress_bar() as bar:
             bar.add_task("linear model, margins, figures", total=None)
             from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets

@@ -3,9 +3,10 @@
 Commands import what they need inside their functions, so that --help and mistyped commands do not wait for NumPy.
 """
 
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -97,11 +98,19 @@ SetOption = Annotated[
     ),
 ]
 _FOLDER = "Folder for the files; created if needed."
-OutOption = Annotated[
-    Path | None,
-    typer.Option(help=f"{_FOLDER} Default: results/NAME, after the experiment.", metavar="DIR", parser=path),
+FolderOption = Annotated[
+    Path,
+    typer.Option("--out", help=_FOLDER, metavar="DIR", parser=path, show_default="the current folder"),
 ]
-FolderOption = Annotated[Path, typer.Option("--out", help=_FOLDER, metavar="DIR", parser=path)]
+OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in the browser.")]
+OpenReportOption = Annotated[bool, typer.Option("--open", help="Open report.html in the browser; implies --report.")]
+
+
+def out_option(default: str) -> Any:
+    """The option --out of a command that writes to a folder of its own by default."""
+    return typer.Option("--out", help=f"{_FOLDER} Default: {default}.", metavar="DIR", parser=path)
+
+
 SeedOption = Annotated[
     int, typer.Option(help="Seed of the random numbers; the same seed gives the same result.", metavar="N", min=0)
 ]
@@ -186,13 +195,33 @@ def chosen_experiment(experiment: str, settings: list[str] | None, no_python: bo
     return chosen
 
 
-def results_folder(experiment: str, suffix: str = "") -> Path:
-    """Default folder for the files of an experiment: results/NAME, without the suffix of a file.
+def results_folder(command: str, experiment: str, suffix: str = "") -> Path:
+    """Default folder of a command for the files of an experiment: results/COMMAND_NAME, without the suffix of a file.
 
     A file with the name of a shipped experiment keeps its suffix, so that their folders differ.
     """
     from gough_stewart.harness.experiment.file import experiment_names
 
-    file = Path(experiment)
-    name = file.name if file.stem in experiment_names() and experiment != file.stem else file.stem
-    return Path("results", name + suffix)
+    return _folder_of(command, experiment, experiment_names(), suffix)
+
+
+def platform_folder(command: str, preset: str | None, platform: Path | None) -> Path:
+    """The same for a preset or a platform file; the paper's preset by default."""
+    from gough_stewart.model.formulations import cases
+    from gough_stewart.model.platform_toml import preset_names
+
+    chosen = preset or cases.PAPER_PRESET if platform is None else str(platform)
+    return _folder_of(command, chosen, preset_names())
+
+
+def log_folder(command: str, log: Path) -> Path:
+    """The same for a log, without the suffix of a file; for a record, the name of its folder."""
+    place = log.absolute()
+    name = place.parent.name if place.name in ("record.parquet", "record.csv") else place.stem
+    return Path("results", f"{command}_{place.name if place.is_dir() else name}")
+
+
+def _folder_of(command: str, given: str, shipped: Iterable[str], suffix: str = "") -> Path:
+    file = Path(given)
+    name = file.name if file.stem in shipped and given != file.stem else file.stem
+    return Path("results", f"{command}_{name}{suffix}")

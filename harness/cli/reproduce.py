@@ -8,12 +8,14 @@ import typer
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
-    FolderOption,
+    OpenReportOption,
     PlatformOption,
     PresetOption,
     ReportOption,
     choices,
     chosen_platform,
+    out_option,
+    platform_folder,
 )
 from gough_stewart.harness.cli.terminal import Terminal, errors, preparing, show
 from gough_stewart.harness.errors import MissedError, UsageError
@@ -30,7 +32,7 @@ class Order(StrEnum):
 
 
 def reproduce_command(
-    out: FolderOption = Path("results/reproduce"),
+    out: Annotated[Path | None, out_option("results/reproduce_NAME, after the platform")] = None,
     order: Annotated[
         Order | None,
         typer.Option(
@@ -42,6 +44,7 @@ def reproduce_command(
     preset: PresetOption = None,
     platform: PlatformOption = None,
     report: ReportOption = False,
+    open_it: OpenReportOption = False,
 ) -> None:
     """Reproduce the paper's open-loop simulation, and verify it with independent formulations.
 
@@ -64,7 +67,9 @@ def reproduce_command(
 
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
+    report = report or open_it
     with clear_errors() as command:
+        out = out or platform_folder("reproduce", preset, platform)
         with preparing():
             from gough_stewart.harness.paper.report import report_sheets, weight_sentence
             from gough_stewart.harness.paper.reproduce import FILES, reproduce
@@ -79,7 +84,7 @@ def reproduce_command(
         show(*report_sheets(result.report))
         if result.report["readings"]:
             Terminal().print(weight_sentence(result.report["published_forces"]))
-        command.close(result.files, out)
+        command.close(result.files, out, open_it=open_it)
         if not result.agrees:
             raise MissedError("a comparison misses its bound; see the table above and report.md")
 

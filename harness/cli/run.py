@@ -13,10 +13,11 @@ from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
-    OutOption,
+    OpenReportOption,
     ReportOption,
     SetOption,
     chosen_experiment,
+    out_option,
     path,
     results_folder,
 )
@@ -63,9 +64,10 @@ def run_command(
             metavar="K",
         ),
     ] = None,
-    out: OutOption = None,
+    out: Annotated[Path | None, out_option("results/run_NAME, after the experiment")] = None,
     settings: SetOption = None,
     report: ReportOption = False,
+    open_it: OpenReportOption = False,
     no_python: NoPythonOption = False,
 ) -> None:
     """Run an experiment: a controller in a loop with the stepping model or the FMU, sampled as on the machine.
@@ -89,9 +91,10 @@ def run_command(
 
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
+    report = report or open_it
     with clear_errors() as command:
         chosen = chosen_experiment(experiment, settings, no_python)
-        folder = out or results_folder(experiment, "" if member is None else f"_member_{member}")
+        folder = out or results_folder("run", experiment, "" if member is None else f"_member_{member}")
         # each refresh takes as long as a hundred steps of the run
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=chosen.loop.duration)
@@ -133,6 +136,7 @@ def run_command(
             files,
             folder,
             done=f"{'Completed' if is_whole else 'Not completed'}: {simulated} simulated",
+            open_it=open_it,
             then=None if report else f"gough-stewart view {shlex.quote(str(folder))} --open",
         )
         if not is_whole:

@@ -1,6 +1,7 @@
 """The command `tune`: searches numbers of an experiment for the best value of a metric."""
 
 import shlex
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,10 +11,10 @@ from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
-    OutOption,
     SeedOption,
     SetOption,
     chosen_experiment,
+    out_option,
     results_folder,
 )
 from gough_stewart.harness.cli.terminal import Terminal, errors, progress_bar, show, warn
@@ -63,7 +64,7 @@ def tune_command(
         int | None, typer.Option(help="Candidates per generation. Default: 16 per key.", metavar="N", min=5)
     ] = None,
     seed: SeedOption = 0,
-    out: OutOption = None,
+    out: Annotated[Path | None, out_option("results/tune_NAME, after the experiment")] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
 ) -> None:
@@ -83,7 +84,7 @@ def tune_command(
     with clear_errors() as command:
         quantile = _quantile(over_ensemble)
         chosen = chosen_experiment(experiment, settings, no_python)
-        folder = out or results_folder(experiment, "_tuned")
+        folder = out or results_folder("tune", experiment)
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=None)
             from gough_stewart.harness.experiment.setting_file import text_with_settings

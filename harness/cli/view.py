@@ -1,14 +1,13 @@
 """The command `view`: shows records in a browser."""
 
-import webbrowser
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from gough_stewart.harness.cli.command import clear_errors
-from gough_stewart.harness.cli.options import path
-from gough_stewart.harness.cli.terminal import errors, progress_bar
+from gough_stewart.harness.cli.options import OpenOption, path
+from gough_stewart.harness.cli.terminal import progress_bar
 from gough_stewart.harness.errors import UsageError
 
 
@@ -24,7 +23,7 @@ def view_command(
     out: Annotated[Path, typer.Option(help="The page to write.", metavar="FILE.html", parser=path)] = Path(
         "report.html"
     ),
-    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    open_it: OpenOption = False,
 ) -> None:
     """Show runs in a browser: the platform in 3-D motion, with charts, metrics and parameters.
 
@@ -32,9 +31,9 @@ def view_command(
 
     Examples
     --------
-    - `gough-stewart view results/heave_step --open`
+    - `gough-stewart view results/run_heave_step --open`
 
-    - `gough-stewart view results/circle results/circle_computed_torque --out compared.html`
+    - `gough-stewart view results/run_circle results/run_circle_computed_torque --out compared.html`
     """
     with clear_errors() as command:
         if out.suffix not in (".html", ".htm"):
@@ -45,6 +44,4 @@ def view_command(
 
             view(records, out, progress=lambda what: progress.update(task, description=what))
         command.written.append(out)
-        command.close([out.name], out.parent, is_open=open_it)
-        if open_it and not webbrowser.open(out.absolute().as_uri()):
-            errors.say(f"no browser could be started; open {out} by hand")
+        command.close([out.name], out.parent, open_it=open_it)

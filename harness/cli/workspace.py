@@ -6,7 +6,14 @@ from typing import Annotated
 import typer
 
 from gough_stewart.harness.cli.command import clear_errors
-from gough_stewart.harness.cli.options import FolderOption, PlatformOption, PresetOption, chosen_platform
+from gough_stewart.harness.cli.options import (
+    OpenOption,
+    PlatformOption,
+    PresetOption,
+    chosen_platform,
+    out_option,
+    platform_folder,
+)
 from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, show, warn
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import WorkspaceError
@@ -35,7 +42,8 @@ def workspace_command(
     points: Annotated[
         int | None, typer.Option(help="Points per swept coordinate. Default: 101; 31 for a volume.", metavar="N")
     ] = None,
-    out: FolderOption = Path("results/workspace"),
+    out: Annotated[Path | None, out_option("results/workspace_NAME, after the platform")] = None,
+    open_it: OpenOption = False,
 ) -> None:
     """Map the reachable poses of the platform, its conditioning and its strength.
 
@@ -57,6 +65,7 @@ def workspace_command(
     - `gough-stewart workspace --preset desktop_hexapod --over x,y,z --points 41 --out results/volume`
     """
     with clear_errors() as command:
+        out = out or platform_folder("workspace", preset, platform)
         ranges, fixed = None if over is None else _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
         with preparing():
@@ -88,7 +97,7 @@ def workspace_command(
         Terminal().print(size_text(workspace))
         for notice in notices(workspace):
             warn(notice)
-        command.close(files, out)
+        command.close(files, out, open_it=open_it)
 
 
 def _swept(coordinates: str) -> dict[str, tuple[float, float] | None]:

@@ -111,6 +111,7 @@ def read_record(path: Path | str) -> Record:
     >>> files = gs.save_record(gs.run("heave_step", {"loop.duration": 0.1}), "results/heave")
     >>> gs.read_record("results/heave")["error.position"].shape
     """
+    from gough_stewart.harness.results.folders import contents
     from gough_stewart.harness.results.record_checks import check_metadata, check_table
 
     path = Path(path)
@@ -118,7 +119,7 @@ def read_record(path: Path | str) -> Record:
     if path.is_dir():
         found = [path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()]
         if not found:
-            raise RecordError(f"{path}: the folder has no record; {expected}")
+            raise RecordError(f"{path}: the folder has no record; {contents(path)}; {expected}")
         path = found[0]
     if not path.is_file():
         raise RecordError(f"{path}: no such file; {expected}")

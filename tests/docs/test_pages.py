@@ -109,7 +109,7 @@ def test_the_blocks_of_a_page_run_in_order(
     for fmu in fmus.values() if page != "README.md" else ():
         shutil.copy(fmu.path, tmp_path)
     (tmp_path / "results").mkdir()
-    (tmp_path / "results/heave_step").symlink_to(demo.heave)
+    (tmp_path / "results/run_heave_step").symlink_to(demo.heave)
 
     def left_out(command: str) -> bool:
         if "libcosimpy" in command:

@@ -62,14 +62,14 @@ def test_what_the_text_says_of_the_results_is_so(tutorial: PageRun) -> None:
     """Expected: the sentences of the page, from the files of the run."""
     results = tutorial.folder / "results"
     # "reaches more than 12° in every direction"
-    poses = polars.read_csv(results / "workspace/workspace.csv")
+    poses = polars.read_csv(results / "workspace_stand/workspace.csv")
     tilt = np.rad2deg(np.hypot(poses["roll"], poses["pitch"]))
     assert poses["reachable"].to_numpy()[tilt < 12].all()
     # "the errors are micrometres"
-    nominal = gs.metrics(gs.read_record(results / "walk"))["tracking"]["position"]["norm_peak"]
+    nominal = gs.metrics(gs.read_record(results / "run_walk"))["tracking"]["position"]["norm_peak"]
     assert 1e-7 < nominal < 5e-6
     # "95 % of the stands stay within 0.5 mm", and Coulomb friction decides
-    stands = gs.read_ensemble(results / "walk_ensemble")
+    stands = gs.read_ensemble(results / "ensemble_walk")
     assert stands.members["outcome"].to_list() == ["completed"] * 1000
     assert np.quantile(stands.values("tracking.position.norm_peak"), 0.95) < 0.5e-3
     # "3 Hz is the end for this motion"

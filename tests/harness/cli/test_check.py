@@ -42,7 +42,7 @@ def test_a_motion_beyond_its_limits_ends_with_3_and_says_what_would_fit() -> Non
     assert "beyond its limits: " in text
     assert "times as long (--fit time)" in text
     assert "times as large (--fit amplitude)" in text
-    assert {path.name for path in Path("results/pitch_sine-check").iterdir()} == FILES
+    assert {path.name for path in Path("results/check_pitch_sine").iterdir()} == FILES
 
 
 def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_prepared() -> None:

@@ -211,14 +211,14 @@ def test_run_says_which_code_it_executes(own: Path) -> None:
 
 
 def test_a_file_with_the_name_of_a_shipped_experiment_has_a_folder_of_its_own(own: Path) -> None:
-    """Expected: results/NAME for what ships and for files, but for one whose name ships as well."""
+    """Expected: results/run_NAME for what ships and for files, but for one whose name ships as well."""
     done = invoke("run", "heave_step.toml")
     assert done.exit_code == 0, done.output
     (own / "mine.toml").write_text((own / "heave_step.toml").read_text())
     assert invoke("run", "mine.toml").exit_code == 0
     assert invoke("run", "heave_step", "--set", "loop.duration=0.3").exit_code == 0
-    assert {path.name for path in (own / "results").iterdir()} == {"heave_step", "heave_step.toml", "mine"}
-    assert read_record(own / "results" / "heave_step").metadata["title"] != "own"
+    assert {path.name for path in (own / "results").iterdir()} == {"run_heave_step", "run_heave_step.toml", "run_mine"}
+    assert read_record(own / "results" / "run_heave_step").metadata["title"] != "own"
 
 
 def test_no_file_of_an_older_run_stays_beside_a_new_record(own: Path) -> None:

@@ -58,6 +58,7 @@ def test_an_ensemble_in_which_all_fail_is_exit_code_3(tmp_path: Path) -> None:
         done.stderr,
     )
     assert (tmp_path / "members.parquet").is_file()
+    assert "it has an ensemble;" in invoke("view", str(tmp_path)).stderr
 
 
 def test_a_search_without_a_candidate_is_exit_code_3(tmp_path: Path) -> None:
@@ -65,3 +66,76 @@ def test_a_search_without_a_candidate_is_exit_code_3(tmp_path: Path) -> None:
     done = invoke(*TUNE, *BANDWIDTH, *conditions, "--generations", "1", "--population", "5", "--out", str(tmp_path))
     assert done.exit_code == ExitCode.MISSED
     assert "no candidate meets the conditions" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("tuning.json", "it has a tuning; run tuned.toml"),
+        ("plan.json", "it has an unfinished ensemble; continue it with"),
+        ("gough_stewart_fmi3.fmu", "it has FMUs: gough_stewart_fmi3.fmu"),
+        ("a.txt", "it has a.txt; expected record.parquet"),
+        ("member-3/record.parquet", "it has folders of records: member-3; view one of them"),
+        (".hidden", "it is empty"),
+    ],
+)
+def test_view_says_what_a_folder_without_a_record_has(name: str, says: str, tmp_path: Path) -> None:
+    (tmp_path / "of" / name).parent.mkdir(parents=True)
+    (tmp_path / "of" / name).touch()
+    done = invoke("view", str(tmp_path / "of"), "--out", str(tmp_path / "page.html"))
+    assert done.exit_code == ExitCode.FAILED
+    assert f"the folder has no record; {says}" in done.stderr
+
+
+def test_each_command_has_a_folder_of_its_own_that_view_knows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: results/COMMAND_NAME, NAME after experiment, platform or log; `view` names what they hold."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(invoke("presets", "desktop_hexapod").stdout)
+    uses = {
+        "check_circle": (("check", "circle"), "a motion check"),
+        "workspace_mine": (("workspace", "--platform", "mine.toml", "--points", "5"), "a workspace"),
+        "workspace_liu2000": (("workspace", "--points", "3"), "a workspace"),
+        "excite_motion_base": (
+            ("excite", "--preset", "motion_base", "--trials", "1", "--duration", "10"),
+            "an excitation",
+        ),
+    }
+    for folder, (arguments, what) in uses.items():
+        done = invoke(*arguments)
+        assert done.exit_code == 0, (arguments, done.stderr)
+        assert [path.name for path in Path("results").iterdir()] == [folder]
+        assert f"it has {what};" in invoke("view", f"results/{folder}").stderr
+        Path("results", folder).rename(folder)
+
+
+def test_open_opens_the_page_wherever_one_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the page of a workspace and that of a run, which --open asks for."""
+    opened: list[str] = []
+
+    def opens(address: str) -> bool:
+        opened.append(address)
+        return True
+
+    monkeypatch.setattr("webbrowser.open", opens)
+    for arguments, page in (
+        (("workspace", "--points", "3"), "workspace.html"),
+        (("run", "heave_step", "--set", "loop.duration=0.3"), "report.html"),
+    ):
+        done = invoke(*arguments, "--open", "--out", str(tmp_path))
+        assert done.exit_code == 0, done.stderr
+        assert opened.pop() == (tmp_path / page).as_uri()
+
+
+@pytest.mark.parametrize("command", ["run", "ensemble", "view", "identify", "workspace", "reproduce"])
+def test_commands_that_write_a_page_can_open_it(command: str) -> None:
+    assert "--open" in invoke(command, "--help").stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "place"),
+    [(each, f"results/{each}_NAME") for each in ("run", "check", "margins", "ensemble", "tune", "identify")]
+    + [(each, f"results/{each}_NAME") for each in ("workspace", "excite", "reproduce")]
+    + [("build", "the current folder"), ("export", "the current folder"), ("frf", "the record's folder")],
+)
+def test_help_names_the_default_folder(command: str, place: str) -> None:
+    assert place in " ".join(invoke(command, "--help", columns=300).stdout.split())
