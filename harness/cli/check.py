@@ -36,8 +36,8 @@ def check_command(
     fit: Annotated[
         Fit | None,
         typer.Option(
-            help="Also slow the motion down (time) or reduce it (amplitude) until it is within all limits, write it to "
-            "NAME-fitted.toml beside the experiment, and check it.",
+            help="Also slow the motion down (time) or reduce it (amplitude) until it is within all limits, less the "
+            "margin of a path, write it to NAME-fitted.toml beside the experiment, and check it.",
             metavar=choices(Fit),
         ),
     ] = None,
@@ -46,9 +46,11 @@ def check_command(
 
     Along the whole motion it checks stroke, joint angles, distance from singular poses, leg velocity, leg acceleration,
     and force and power by inverse dynamics without load. It prints the largest share of each limit by leg, and when; if
-    a limit is exceeded, also how much slower or smaller the motion would have to be.
+    a limit is exceeded, also how much slower or smaller the motion would have to be. It always prints what the motion
+    needs of each leg: stroke, speed, force, power, energy and joint angles, peak and RMS.
 
-    Writes **check.json**, and **shares**, the shares over time with the nearest limit, as PNG and SVG.
+    Writes **check.json**, **needs.csv**, a row for each leg to choose actuators by, and **shares**, the shares over
+    time with the nearest limit, as PNG and SVG.
 
     Exit code 3 if the motion, or the fitted one, exceeds a limit.
 
@@ -73,7 +75,7 @@ def check_command(
         command.written.append(folder)
         _show(found)
         command.close(files, folder)
-        if fit is not None and not found.within:
+        if fit is not None and not (found.within and found.keeps_margin):
             with progress_bar() as bar:
                 bar.add_task("fitting", total=None)
                 path = _write_fitted(experiment, settings or [], found, fit.value)
@@ -90,6 +92,7 @@ def _show(found: "MotionCheck") -> None:
     from gough_stewart.harness.experiment.check_display import check_sheets, verdict
 
     show(*check_sheets(found))
+    Terminal().print(f"Needs: {'; '.join(found.needs.notes)}.")
     Terminal().print(verdict(found))
 
 

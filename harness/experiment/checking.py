@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -14,17 +14,19 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.fitting import factor_near, shrinking_that_fits, slowing_that_fits
 from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.needs import Needs, needs_along
 from gough_stewart.harness.motion.scaling import Scaled, centre_of
-from gough_stewart.harness.motion.shares import Shares, shares_along
+from gough_stewart.harness.motion.shares import DYNAMIC, OPTIONAL, Shares, shares_along
 from gough_stewart.model.platform import Platform
 
 Fit = Literal["time", "amplitude"]
 _DIGITS = 9
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionCheck:
-    """The share of every limit that the motion of an experiment uses, from `check`."""
+    """The share of every limit that the motion of an experiment uses, and what it needs, from `check`."""
 
     experiment: Experiment
     """The experiment."""
@@ -32,26 +34,44 @@ class MotionCheck:
     """The nominal model, with the force limit of the experiment's actuators."""
     shares: Shares
     """Shares of every limit at every row of the run; see `shares_along`."""
+    needs: Needs
+    """What the motion needs of each leg, whatever limits are stated; see `needs_along`."""
     _requested: ReferenceMotion
 
     @property
     def within(self) -> bool:
-        """Whether all limits are kept."""
+        """Whether all limits are kept that the platform states; `not_stated` has the others."""
         return self.shares.within
+
+    @property
+    def not_stated(self) -> tuple[str, ...]:
+        """Names of the limits that the platform does not state, so that they were not checked."""
+        return tuple(name for name in OPTIONAL if name not in self.shares.of)
+
+    @property
+    def margin(self) -> float:
+        """The share of the dynamic limits that the reference reserves for the controller; 0 if it reserves none."""
+        return float(getattr(self.experiment.reference, "margin", 0.0))
+
+    @property
+    def keeps_margin(self) -> bool:
+        """Whether the motion leaves its margin of leg velocity, leg acceleration, force and power."""
+        used = max((self.shares.peak(name).share for name in DYNAMIC if name in self.shares.of), default=0.0)
+        return used <= (1 - self.margin) * (1 + _ROUNDING)
 
     @cached_property
     def time_factor(self) -> float | None:
-        """The time scale at which the motion fits, 1 if it fits already; None if no slower one fits."""
-        return slowing_that_fits(self.platform, self._motion, self._worst)
+        """The time scale at which the motion fits and leaves its margin, 1 if it does already; None if none does."""
+        return slowing_that_fits(self._less_margin, self._motion, self._worst)
 
     @cached_property
     def amplitude_factor(self) -> float | None:
-        """The amplitude scale at which the motion fits, 1 if it fits already; None if no smaller one fits."""
+        """The amplitude scale at which the motion fits and leaves its margin, 1 if it does; None if none does."""
         centre = centre_of(self._requested.reference)
-        return shrinking_that_fits(self.platform, self._motion, centre, self._worst)
+        return shrinking_that_fits(self._less_margin, self._motion, centre, self._worst)
 
     def settings_that_fit(self, fit: Fit) -> dict[str, float]:
-        """Settings of the experiment with which its motion fits: none if it fits already.
+        """Settings of the experiment with which its motion fits and leaves its margin: none if it does already.
 
         A slower motion needs a longer run: `loop.duration` grows with `reference.time_scale`.
 
@@ -60,7 +80,7 @@ class MotionCheck:
         MotionError
             The chosen kind of scale does not help.
         """
-        if self.within:
+        if self.within and self.keeps_margin:
             return {}
         factor = self.time_factor if fit == "time" else self.amplitude_factor
         if factor is None:
@@ -107,6 +127,14 @@ class MotionCheck:
     def _worst(self) -> float:
         return self.experiment.limits.condition_number
 
+    @cached_property
+    def _less_margin(self) -> Platform:
+        """The platform with its dynamic limits less the margin."""
+        stated = {name: getattr(self.platform, name) for name in DYNAMIC if self.margin}
+        # rounding of a plan at its margin is not beyond it
+        left = (1 - self.margin) * (1 + _ROUNDING)
+        return replace(self.platform, **{name: left * most for name, most in stated.items() if most is not None})
+
     def _slower_clocks(self, factor: float) -> Timing:
         """Clocks of a run that much longer, in whole plant steps within the motion."""
         clocks = self._requested.timing
@@ -119,7 +147,7 @@ class MotionCheck:
     def _largest_share_if_slower(self, factor: float) -> float:
         times = self._slower_clocks(factor).times
         motion = Scaled(self._requested.reference, factor)(times)
-        return float(shares_along(self.platform, times, motion, self._worst).total.max())
+        return float(shares_along(self._less_margin, times, motion, self._worst).total.max())
 
 
 def _rounded(scale: float, to: Callable[[float], int]) -> float:
@@ -129,7 +157,7 @@ def _rounded(scale: float, to: Callable[[float], int]) -> float:
 
 
 def check(experiment: Experiment | Path | str, settings: Settings = ()) -> MotionCheck:
-    """The share of every limit of its platform that the motion of an experiment uses, without a run.
+    """The share of every limit of its platform that the motion of an experiment uses, and its needs, without a run.
 
     Stroke, joint angles, distance from singular poses, leg velocity, leg acceleration, and force and power by inverse
     dynamics of the nominal model without load, at every row of the run.
@@ -150,11 +178,13 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     --------
     >>> found = gs.check("pitch_sine", {"reference.frequency": 4})
     >>> found.within, found.time_factor, found.shares.largest.limit
+    >>> found.needs["actuator_force_peak"], found.needs["actuator_force_rms"]  # of each leg [N]
     >>> slower = found.fitted("time")
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
     chosen = experiment_of(experiment, settings)
     planning = Planning()
     platform, requested = planning.limited(chosen), planning.reference_motion(chosen)
-    shares = shares_along(platform, requested.timing.times, requested.motion, chosen.limits.condition_number)
-    return MotionCheck(chosen, platform, shares, requested)
+    time, motion = requested.timing.times, requested.motion
+    shares = shares_along(platform, time, motion, chosen.limits.condition_number)
+    return MotionCheck(chosen, platform, shares, needs_along(platform, time, motion), requested)

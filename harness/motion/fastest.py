@@ -13,6 +13,7 @@ from gough_stewart.harness.motion.extremes import largest_share
 from gough_stewart.harness.motion.legs_along import DynamicLimits, LegsAlong, coefficients_at
 from gough_stewart.harness.motion.path import GeometricPath
 from gough_stewart.harness.motion.polynomials import polynomials_of
+from gough_stewart.harness.motion.shares import DYNAMIC
 from gough_stewart.harness.motion.time_law import AlongPath, Averaged, Stepwise, Stretched, TimeLaw
 from gough_stewart.harness.motion.time_optimal import TimeOptimal
 from gough_stewart.harness.motion.timed_path import TimedPath
@@ -62,8 +63,7 @@ def fastest(platform: Platform, path: GeometricPath, margin: float = 0.0, ramp: 
 
 
 def _limits(platform: Platform, margin: float) -> DynamicLimits:
-    names = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
-    stated = [getattr(platform, name) for name in names]
+    stated = [getattr(platform, name) for name in DYNAMIC]
     if stated[1] is None and stated[2] is None:
         raise MotionError(
             "timing is 'fastest', but the platform states neither leg_acceleration_max nor actuator_force_max; "

@@ -7,27 +7,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.motion.leg_loads import LegLoads
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (
     LegGeometry,
     condition_number_bound,
     conditioning_of_legs,
     joint_angles,
-    leg_accelerations,
     leg_geometry,
-    rates_of_legs,
     scaled_jacobian_of_legs,
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 # Of the leg Jacobian with angles scaled to lengths; a motion with a larger one is too close to a singular pose.
 WORST_CONDITION_NUMBER = 100.0
 # Limits of the poses alone; a slower motion or stronger actuators do not help.
 GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
+# Limits of speed and effort, of which a margin can be reserved.
+DYNAMIC = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
+# Limits that a platform may state or not.
+OPTIONAL = ("stroke", "joint_angle_max", *DYNAMIC)
 
 
 class Beyond(NamedTuple):
@@ -204,27 +206,16 @@ def moving_limits(
     regular
         Rows (n,) in which the legs can hold the pose; all rows by default.
     """
-    found = []
-    state, rates = State(*motion[:4]), motion[4:]
-    velocity = np.asarray(rates_of_legs(legs, state).length_rate)
-    moving = {"leg_velocity_max": ("the velocity", "m/s", velocity)}
-    if platform.leg_acceleration_max is not None:
-        moving["leg_acceleration_max"] = ("the acceleration", "m/s²", leg_accelerations(legs, state, *rates))
-    if platform.actuator_force_max is not None or platform.actuator_power_max is not None:
-        force = _forces_of(platform, motion, np.ones(len(velocity), dtype=bool) if regular is None else regular)
-        moving["actuator_force_max"] = ("the force", "N", force)
-        moving["actuator_power_max"] = ("the power", "W", force * velocity)
-    for limit, (quantity, unit, values) in moving.items():
-        most = getattr(platform, limit)
-        if most is not None:
-            found.append(Limited(limit, quantity, unit, values, -most, most))
-    return found
-
-
-def _forces_of(platform: Platform, motion: Motion, regular: NDArray[np.bool_]) -> FloatArray:
-    """Actuator forces (n, 6) of the motion; 0 where the legs cannot hold the pose, which is refused separately."""
-    forces = np.zeros((len(regular), 6))
-    if regular.any():
-        rows = [part[regular] for part in motion]
-        forces[regular] = inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))
-    return forces
+    loads = LegLoads(platform, motion, legs, regular)
+    quantities = {
+        "leg_velocity_max": ("velocity", "m/s"),
+        "leg_acceleration_max": ("acceleration", "m/s²"),
+        "actuator_force_max": ("force", "N"),
+        "actuator_power_max": ("power", "W"),
+    }
+    stated = {limit: getattr(platform, limit) for limit in quantities}
+    return [
+        Limited(limit, f"the {name}", unit, getattr(loads, name), -stated[limit], stated[limit])
+        for limit, (name, unit) in quantities.items()
+        if stated[limit] is not None
+    ]

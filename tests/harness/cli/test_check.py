@@ -4,6 +4,7 @@ import json
 import tomllib
 from pathlib import Path
 
+import polars
 import pytest
 
 from gough_stewart.harness.errors import ReachError
@@ -11,7 +12,7 @@ from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from tests.support.commands import invoke
 
-FILES = {"check.json", "shares.png", "shares.svg"}
+FILES = {"check.json", "needs.csv", "shares.png", "shares.svg"}
 COARSE = ["--set", "loop.duration=2.5", "--set", "loop.sample_time=25 ms"]
 FAST = ["--set", "reference.frequency=4", *COARSE]
 
@@ -26,7 +27,9 @@ def test_a_motion_within_its_limits_is_printed_drawn_and_ends_with_0() -> None:
     assert done.exit_code == 0, done.output
     assert {path.name for path in Path("out").iterdir()} == FILES
     assert "leg velocity, %" in done.output
-    assert "within all limits; most used: stroke" in " ".join(done.output.split())
+    text = " ".join(done.output.split())
+    assert "within all limits that are stated; most used: stroke" in text
+    assert "not checked, as the platform states no limit: leg acceleration" in text
     assert max(len(line.rstrip()) for line in done.stdout.splitlines() if "│" in line) <= 80
     numbers = json.loads(Path("out/check.json").read_text())
     assert numbers["within"] is True
@@ -59,6 +62,24 @@ def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_prepared()
     with pytest.raises(ReachError):
         prepare(load_experiment("pitch_sine", [*FAST[1::2], *slow]))
     prepare(load_experiment("pitch_sine-fitted.toml", slow))
+
+
+def test_a_platform_without_limits_gets_its_needs_and_no_word_that_all_limits_are_kept() -> None:
+    """Expected: the table in the terminal, in a file with a row for each leg, and in the record, the same numbers."""
+    done = invoke("check", "pitch_sine", "--set", "platform.preset=liu2000", *COARSE, "--out", "out")
+    assert done.exit_code == 0, done.output
+    text = " ".join(done.output.split())
+    assert "within all limits;" not in text
+    missing = "stroke, joint angle, leg velocity, leg acceleration, force, power"
+    assert f"not checked, as the platform states no limit: {missing}" in text
+    assert "the platform states no friction" in text
+    table, numbers = polars.read_csv("out/needs.csv"), json.loads(Path("out/check.json").read_text())
+    assert table["leg"].to_list() == [1, 2, 3, 4, 5, 6]
+    assert list(table.columns[1:]) == [f"{name} [{need['unit']}]" for name, need in numbers["needs"].items()]
+    for column, need in zip(table.columns[1:], numbers["needs"].values(), strict=True):
+        assert table[column].to_list() == pytest.approx(need["of_leg"], rel=1e-12)
+    assert f"{max(numbers['needs']['actuator_force_peak']['of_leg']):.3g}" in text
+    assert max(len(line.rstrip()) for line in done.stdout.splitlines() if "│" in line) <= 80
 
 
 def test_what_nothing_fits_ends_with_an_error_and_no_file() -> None:

@@ -16,7 +16,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.setting_file import text_with_settings
-from gough_stewart.harness.motion.shares import shares_along
+from gough_stewart.harness.motion.shares import DYNAMIC, shares_along
 from gough_stewart.harness.output.tables import text_of, to_terminal
 from gough_stewart.model.parameters import TABLE
 from tests.support.uneven import UNEVEN
@@ -93,11 +93,25 @@ def test_a_fitted_motion_uses_all_of_its_limit_on_the_rows_of_its_own_run_and_no
         assert found.amplitude_factor == pytest.approx(choice.amplitude_scale / -1.1, rel=1e-6)
 
 
+def test_a_fitted_fastest_path_keeps_its_margin() -> None:
+    """Expected: 90 % of the limits of speed and effort, where the motion is played 4 % too fast for its margin."""
+    fast = {"reference.time_scale": 0.96, "loop.duration": 2.6, "loop.sample_time": 0.005}
+    found = check("fastest_path", fast)
+    assert (found.within, found.keeps_margin) == (True, False)
+    assert verdict(found).startswith("within its limits, but not within its margin of 10 %: ")
+    fitted = found.fitted("time")
+    assert fitted.keeps_margin
+    used = max(fitted.shares.peak(name).share for name in DYNAMIC if name in fitted.shares.of)
+    assert 0.9 - 1e-6 <= used <= 0.9 + 1e-9
+
+
 def test_a_motion_that_fits_is_left_alone() -> None:
     found = check(experiment())
     assert found.within
     assert (found.time_factor, found.amplitude_factor) == (1, 1)
     assert found.settings_that_fit("time") == found.settings_that_fit("amplitude") == {}
+    # this platform states every limit
+    assert found.not_stated == ()
     assert verdict(found).startswith("within all limits; most used: ")
 
 
@@ -161,7 +175,7 @@ def test_tables_hold_the_peaks_of_all_legs_in_80_columns() -> None:
             assert np.ravel(values["time"])[leg] == found.shares.time[row]
     assert numbers["largest"]["limit"] in ("leg_velocity_max", "leg_acceleration_max")
     assert repr(found).startswith("Motion: sway, of platform")
-    assert found._repr_html_().count("<table>") == 2
+    assert found._repr_html_().count("<table>") == 3
 
 
 OWN = """# mine

@@ -12,7 +12,7 @@ from gough_stewart.harness.experiment.checking import check
 from gough_stewart.harness.motion.fastest import fastest
 from gough_stewart.harness.motion.path import GeometricPath
 from gough_stewart.harness.motion.polynomials import polynomials_of
-from gough_stewart.harness.motion.shares import shares_along
+from gough_stewart.harness.motion.shares import DYNAMIC, shares_along
 from gough_stewart.harness.motion.timed_path import TimedPath
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
@@ -22,7 +22,6 @@ from tests.support.direct_transcription import least_time
 from tests.support.forces import forces_by_newton_euler
 from tests.support.uneven import UNEVEN
 
-DYNAMIC = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
 LIMITED = replace(
     UNEVEN, leg_velocity_max=0.9, leg_acceleration_max=7.0, actuator_force_max=190.0, actuator_power_max=95.0
 )
