@@ -22,12 +22,13 @@ _HAS = frozenset(
 _HARMLESS = {"limits.stroke": ("warn", "ignore")}
 # A controller alone has no plant, of whichever kind.
 _OF_PLANT = ("plant",)
+_OTHER_MACHINES = "ensemble (its other machines)"
 
 
 def left_out(experiment: Experiment, host: Host) -> list[str]:
     """Keys that are set in an experiment, and that a form does not include: `actuators.lag`, `injection`.
 
-    Of an `[ensemble]`, the keys that vary are named: a form holds one value of each.
+    Of an `[ensemble]`, the keys that vary are named, since a form holds one value of each; an SSP holds one machine.
     """
     around = () if host == "ssp" else _OF_PLANT
     found = [key for key in _set(experiment) if key not in _HAS and key.split(".")[0] not in (*_HAS, *around)]
@@ -35,8 +36,8 @@ def left_out(experiment: Experiment, host: Host) -> list[str]:
         for key, path in _varied(experiment):
             is_named = any(".".join(path).startswith(each) for each in found)
             if path[0] not in around and not is_named:
-                found.append(f"ensemble.{key}")
-    return found
+                found.append(_OTHER_MACHINES if path[0] in _OF_PLANT else f"ensemble.{key}")
+    return list(dict.fromkeys(found))
 
 
 def _set(experiment: Experiment) -> Iterator[str]:

@@ -68,7 +68,7 @@ def complaint(loop: Judgement) -> str:
     """What is unstable: where, by how much, for which machine."""
     worst = loop.worst_of_all
     text = (
-        f"{loop.surroundings.where} the closed loop is unstable{_circumstances(loop)}: |z| = {worst.size:.5g} at "
+        f"{loop.surroundings.where} the closed loop is unstable{_circumstances(worst)}: |z| = {worst.size:.5g} at "
         f"{worst.frequency:.3g} Hz for {worst.what}, expected below 1"
     )
     if loop.unstable:
@@ -129,16 +129,17 @@ def _verdict(loop: Judgement) -> str:
         parts.append(f"along the motion at most {_size(loop.on_the_way)} ({loop.poses} poses)")
     parts += [f"{case.what} {_size(case)}" for case in loop.changed]
     if loop.worst is not None:
-        parts.append(f"{loop.members} members of [ensemble] at most {_size(loop.worst)} ({loop.worst.what})")
+        own = "" if loop.worst[1:3] == loop.nominal[1:3] else f",{_circumstances(loop.worst)}"
+        parts.append(f"{loop.members} members of [ensemble] at most {_size(loop.worst)} ({loop.worst.what}{own})")
     if loop.impossible:
         parts.append(f"{loop.impossible} members are impossible and not judged")
-    return f"Stability {loop.surroundings.where}{_circumstances(loop)}: {verdict}; {'; '.join(parts)}."
+    return f"Stability {loop.surroundings.where}{_circumstances(loop.nominal)}: {verdict}; {'; '.join(parts)}."
 
 
 def _margins(loop: Judgement) -> list[str]:
-    found = [] if loop.margins is None else [("the nominal machine", loop.margins)]
+    found = [] if loop.margins is None else [(loop.nominal, loop.margins)]
     found += [] if loop.margins_of_worst is None else [loop.margins_of_worst]
-    return [f"Margins of {what}{_circumstances(loop)}: {_in_words(margins)}." for what, margins in found]
+    return [f"Margins of {case.what}{_circumstances(case)}: {_in_words(margins)}." for case, margins in found]
 
 
 def _in_words(margins: Margins) -> str:
@@ -157,14 +158,14 @@ def _in_short(loop: Judgement) -> str:
     alpha = min((each.disk.alpha for each in margins if each is not None), default=None)
     known = "" if alpha is None else f", disk margin {alpha:.3g}"
     return (
-        f"{loop.surroundings.where}{_circumstances(loop)} {'stable' if loop.is_stable else 'UNSTABLE'}: |z| = "
+        f"{'stable' if loop.is_stable else 'UNSTABLE'} {loop.surroundings.where}{_circumstances(worst)}: |z| = "
         f"{worst.size:.5g} ({worst.what}){known}"
     )
 
 
-def _circumstances(loop: Judgement) -> str:
-    lag = f" and a lag of {1000 * loop.lag:.3g} ms" if loop.lag else ""
-    return f" with {_delay_of(loop.delay)}{lag}"
+def _circumstances(case: Case) -> str:
+    lag = f" and a lag of {1000 * case.lag:.3g} ms" if case.lag else ""
+    return f" with {_delay_of(case.delay)}{lag}"
 
 
 def _delay_of(number: int) -> str:

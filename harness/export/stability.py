@@ -77,6 +77,8 @@ class Case(NamedTuple):
     """One linear loop, judged."""
 
     what: str
+    delay: int  # [samples]
+    lag: float  # [s]
     eigenvalue: complex  # z with the largest |z|
     frequency: float  # its frequency [Hz]
     damping_ratio: float  # of the least damped mode
@@ -92,8 +94,6 @@ class Judgement:
     """The loop of an exported controller in its surroundings."""
 
     surroundings: Surroundings
-    delay: int  # [samples]
-    lag: float  # [s]
     nominal: Case
     poses: int  # judged along the motion
     on_the_way: Case  # the worst of them
@@ -103,7 +103,7 @@ class Judgement:
     unstable: int  # members
     worst: Case | None  # of the members
     margins: Margins | None  # of the nominal machine, if it is stable
-    margins_of_worst: tuple[str, Margins] | None  # the smallest of the members with the largest |z|, the least damping
+    margins_of_worst: tuple[Case, Margins] | None  # the smaller of two members: of largest |z|, of least damping
     remedy: str  # for the nominal machine, if it is unstable
 
     @property
@@ -174,9 +174,8 @@ def judged(
             machine, of_member = each
             at = (s.delay(of_member), s.lag(of_member))
             if at not in cases:
-                own_delay = "" if at[0] == s.delay(experiment) else f" with its own delay of {at[0]}"
-                cases[at] = _case_of(loops, f"member {member}{own_delay}", machine, at)
-            found.add(cases[at], machine, at)
+                cases[at] = _case_of(loops, f"member {member}", machine, at)
+            found.add(cases[at], machine)
         if progress is not None:
             progress(done, of_all)
     return {
@@ -192,11 +191,9 @@ def _kind_of(controller: Any) -> str:
 def _judgement(
     loops: "_Loops", surroundings: Surroundings, nominal: "_OfNominal", members: "_OfMembers", *, margins: bool
 ) -> Judgement:
-    at = (nominal.delay, nominal.lag)
+    at = nominal.at
     return Judgement(
         surroundings=surroundings,
-        delay=nominal.delay,
-        lag=nominal.lag,
         nominal=nominal.first,
         poses=len(loops.poses),
         on_the_way=nominal.on_the_way,
@@ -244,7 +241,8 @@ class _Loops:
         z = np.asarray(closed_loop(self.transfer(machine, delay, lag, pose)).poles(), dtype=complex)
         worst = complex(z[np.abs(z).argmax()])
         s = np.log(z[np.abs(z) > 1e-9])
-        return Case(what, worst, frequency_of(worst, self.sample_time), float(np.min(-s.real / np.abs(s), initial=1.0)))
+        least = float(np.min(-s.real / np.abs(s), initial=1.0))
+        return Case(what, delay, lag, worst, frequency_of(worst, self.sample_time), least)
 
     def margins(self, machine: Platform, delay: int, lag: float) -> Margins | None:
         """Its margins; None if it is unstable."""
@@ -269,7 +267,7 @@ class _OfNominal:
     """The cases of the experiment's own machine."""
 
     def __init__(self, loops: _Loops, experiment: Experiment, around: Surroundings) -> None:
-        self.delay, self.lag = delay, lag = around.delay(experiment), around.lag(experiment)
+        self.at = delay, lag = around.delay(experiment), around.lag(experiment)
         self._loops, self._delay_of_experiment = loops, experiment.loop.delay
         machine = loops.machine
         self.first = loops.case("the nominal machine in its first pose", machine, delay, lag)
@@ -287,8 +285,9 @@ class _OfNominal:
     def remedy(self) -> str:
         """What would make an unstable loop stable."""
         loops, own = self._loops, self._delay_of_experiment
-        gains = remedy_of(loops.transfer(loops.machine, self.delay, self.lag))
-        if self.delay == own or loops.case("", loops.machine, own, self.lag).size >= 1:
+        delay, lag = self.at
+        gains = remedy_of(loops.transfer(loops.machine, delay, lag))
+        if delay == own or loops.case("", loops.machine, own, lag).size >= 1:
             return gains
         return f"it is stable {f'with the delay of {own} samples' if own else 'without delay'}; {gains}"
 
@@ -299,9 +298,9 @@ class _OfMembers:
     def __init__(self) -> None:
         self.count = self.unstable = self.impossible = 0
         self.largest: Case | None = None
-        self._kept: dict[str, tuple[Case, Platform, tuple[int, float]]] = {}
+        self._kept: dict[str, tuple[Case, Platform]] = {}
 
-    def add(self, case: Case | None, machine: Platform | None = None, at: tuple[int, float] = (0, 0.0)) -> None:
+    def add(self, case: Case | None, machine: Platform | None = None) -> None:
         """A member's case; None if the member is impossible, or its machine has no linear model there."""
         if case is None or machine is None:
             self.impossible += 1
@@ -310,17 +309,17 @@ class _OfMembers:
         self.unstable += case.size >= 1
         if self.largest is None or case.size > self.largest.size:
             self.largest = case
-            self._kept["largest"] = (case, machine, at)
+            self._kept["largest"] = (case, machine)
         if "least damped" not in self._kept or case.damping_ratio < self._kept["least damped"][0].damping_ratio:
-            self._kept["least damped"] = (case, machine, at)
+            self._kept["least damped"] = (case, machine)
 
-    def margins(self, loops: _Loops) -> tuple[str, Margins] | None:
+    def margins(self, loops: _Loops) -> tuple[Case, Margins] | None:
         """The smaller margins of two members, of largest |z| and of least damping; None if a member is unstable."""
         if self.unstable:
             return None
-        found = {case.what: loops.margins(machine, *at) for case, machine, at in self._kept.values()}
-        known = {what: margins for what, margins in found.items() if margins is not None}
-        return min(known.items(), key=lambda each: each[1].disk.alpha, default=None)
+        found = [(case, loops.margins(machine, case.delay, case.lag)) for case, machine in self._kept.values()]
+        known = [(case, margins) for case, margins in found if margins is not None]
+        return min(known, key=lambda each: each[1].disk.alpha, default=None)
 
 
 def _case_of(loops: _Loops, what: str, machine: Platform, at: tuple[int, float]) -> Case | None:

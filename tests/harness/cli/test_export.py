@@ -26,7 +26,7 @@ def test_forms_are_written_together(tmp_path: Path) -> None:
     for form in ("FMU", "C", "SSP"):
         assert f"the {form} is without sensors.quantisation: it " in done.output
     for where in ("in C", "with the FMU", "in the SSP"):
-        assert f"{where} with a delay of 1 sample stable: |z| = 0.99098 (the nominal machine" in done.output
+        assert f"stable {where} with a delay of 1 sample: |z| = 0.99098 (the nominal machine" in done.output
 
 
 def test_the_exported_unit_runs_in_the_place_of_the_controller(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_an_unstable_loop_is_refused_and_with_anyway_exported(tmp_path: Path) ->
     done = invoke(*arguments, "--anyway")
     assert done.exit_code == 0, done.output
     assert "warning: exported anyway: in the SSP the closed loop is unstable" in done.output
-    assert "in the SSP with a delay of 1 sample UNSTABLE: |z| = 1.0505" in done.output
+    assert "UNSTABLE in the SSP with a delay of 1 sample: |z| = 1.0505" in done.output
     assert (tmp_path / "out" / "circle.ssp").exists()
 
 

@@ -30,6 +30,7 @@ AROUND: dict[str, Any] = {
     "change": [{"at": 0.3, "factors": {"platform_mass": 1.2}}],
     "plant.parameters.platform_mass": 900.0,
     "ensemble.leg_viscous_friction": {"uniform": [1, 2]},
+    "ensemble.leg_armature": {"uniform": [1, 2]},
     "ensemble.loop.delay": {"choice": [0, 2]},
     "ensemble.controller.bandwidth": {"uniform": [1, 2]},
     "ensemble.sensors.quantisation.leg_length": {"uniform": [0, 1e-5]},
@@ -56,7 +57,7 @@ def test_everything_around_the_controller_is_named_and_nothing_else() -> None:
     experiment = experiment_of("heave_step", AROUND)
     assert sorted(left_out(experiment, "c")) == EVERYWHERE
     assert sorted(left_out(experiment, "fmu")) == EVERYWHERE
-    assert sorted(left_out(experiment, "ssp")) == sorted([*EVERYWHERE, "ensemble.leg_viscous_friction"])
+    assert sorted(left_out(experiment, "ssp")) == sorted([*EVERYWHERE, "ensemble (its other machines)"])
 
 
 def test_an_experiment_that_is_complete_in_its_forms_lacks_nothing() -> None:

@@ -100,15 +100,15 @@ def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple
 def test_shipped_loops_have_the_eigenvalues_of_another_formulation(name: str, host: Host, size: float | None) -> None:
     """Expected: `radius`; and, for those that are unstable, literal figures that were measured by another program."""
     (loop, *_), prepared = found_of(name, host), prepare(experiment_of(name))
-    assert loop.delay == (0 if host == "c" else 1)
-    assert loop.nominal.size == pytest.approx(radius(prepared, loop.delay, loop.lag), abs=1e-7)
+    assert loop.nominal.delay == (0 if host == "c" else 1)
+    assert loop.nominal.size == pytest.approx(radius(prepared, loop.nominal.delay, loop.nominal.lag), abs=1e-7)
     assert loop.is_stable == (size is None)
     if size is not None:
         assert loop.nominal.size == pytest.approx(size, abs=5e-3 if size > 2 else 5e-4)
     time = prepared.loop.timing.times
     rows = np.unique(np.linspace(0, len(time) - 1, 25).round().astype(int))
     assert loop.on_the_way.size == pytest.approx(
-        max(radius(prepared, loop.delay, loop.lag, row=int(row)) for row in rows), abs=1e-7
+        max(radius(prepared, loop.nominal.delay, loop.nominal.lag, row=int(row)) for row in rows), abs=1e-7
     )
 
 
@@ -131,7 +131,7 @@ def test_a_machine_that_is_not_what_is_believed_is_the_one_that_is_judged(space:
     )
     prepared = prepare(experiment)
     found = judged(experiment, prepared, HOSTS, margins=False)
-    loops = [(loop.delay, loop.lag, loop.nominal.size) for host in HOSTS for loop in found[host].loops]
+    loops = [(loop.nominal.delay, loop.nominal.lag, loop.nominal.size) for host in HOSTS for loop in found[host].loops]
     # a delay of two samples: the C and the FMU in the experiment's loop, the FMU alone, and the SSP without drives
     expected = [(2, 0.003), (2, 0.003), (1, 0.0), (2, 0.0)]
     assert [loop[:2] for loop in loops] == expected
@@ -204,7 +204,7 @@ def test_margins_are_those_of_the_nominal_machine_and_of_the_worst_member() -> N
         expected = loop_margins(loop_transfer(machine, linear, 1e-3, delay=1, **pose))
         assert found.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-6)
     assert loop.margins_of_worst is not None
-    assert loop.margins_of_worst[0] == "member 1"
+    assert loop.margins_of_worst[0].what == "member 1"
 
 
 def at_home(platform: Platform) -> tuple[Platform, NDArray[np.float64], NDArray[np.float64]]:
@@ -284,8 +284,9 @@ def test_one_unstable_form_refuses_the_whole_export(tmp_path: Path) -> None:
     assert len(gs.export("circle", forms=["c"], out=tmp_path)) == 3
     header = (tmp_path / "circle_controller.h").read_text()
     assert "Stability in C with no delay: stable; the nominal machine in its first pose |z| = 0.98112" in header
-    assert "Margins of the nominal machine with no delay: all legs at once disk margin 0.276" in " ".join(
-        header.split()
+    assert (
+        "Margins of the nominal machine in its first pose with no delay: all legs at once disk margin 0.276"
+        in " ".join(header.split())
     )
 
 
