@@ -129,7 +129,7 @@ def _verdict(loop: Judgement) -> str:
         parts.append(f"along the motion at most {_size(loop.on_the_way)} ({loop.poses} poses)")
     parts += [f"{case.what} {_size(case)}" for case in loop.changed]
     if loop.worst is not None:
-        own = "" if loop.worst[1:3] == loop.nominal[1:3] else f",{_circumstances(loop.worst)}"
+        own = "" if loop.worst.loop == loop.nominal.loop else f",{_circumstances(loop.worst)}"
         parts.append(f"{loop.members} members of [ensemble] at most {_size(loop.worst)} ({loop.worst.what}{own})")
     if loop.impossible:
         parts.append(f"{loop.impossible} members are impossible and not judged")

@@ -84,6 +84,11 @@ class Case(NamedTuple):
     damping_ratio: float  # of the least damped mode
 
     @property
+    def loop(self) -> tuple[int, float]:
+        """Its delay and lag."""
+        return self.delay, self.lag
+
+    @property
     def size(self) -> float:
         """|z|."""
         return abs(self.eigenvalue)
@@ -317,7 +322,7 @@ class _OfMembers:
         """The smaller margins of two members, of largest |z| and of least damping; None if a member is unstable."""
         if self.unstable:
             return None
-        found = [(case, loops.margins(machine, case.delay, case.lag)) for case, machine in self._kept.values()]
+        found = [(case, loops.margins(machine, *case.loop)) for case, machine in self._kept.values()]
         known = [(case, margins) for case, margins in found if margins is not None]
         return min(known, key=lambda each: each[1].disk.alpha, default=None)
 

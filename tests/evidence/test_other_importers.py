@@ -90,18 +90,24 @@ def test_plant_and_controller_connected_in_libcosim_are_the_loop_in_python(
     assert "[warning]" not in log.out + log.err
 
 
+@pytest.fixture(scope="module", params=[1, 3])
+def delay(request: pytest.FixtureRequest) -> int:
+    """Of the loop [samples]."""
+    return int(request.param)
+
+
 @pytest.fixture(scope="module")
-def ssp(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return exported_loop(tmp_path_factory.mktemp("ssp"), MISTAKEN)
+def ssp(delay: int, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported_loop(tmp_path_factory.mktemp("ssp"), {**MISTAKEN, "loop.delay": delay})
 
 
-def lengths_expected() -> FloatArray:
+def lengths_expected(delay: int) -> FloatArray:
     """Of the harness, on its own model of the plant."""
-    found: FloatArray = gs.run("heave_step", MISTAKEN)["leg_length"]
+    found: FloatArray = gs.run("heave_step", {**MISTAKEN, "loop.delay": delay})["leg_length"]
     return found
 
 
-def test_the_exported_loop_in_libcosim(ssp: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_exported_loop_in_libcosim(ssp: Path, delay: int, capfd: pytest.CaptureFixture[str]) -> None:
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimObserver import CosimObserver
 
@@ -111,24 +117,24 @@ def test_the_exported_loop_in_libcosim(ssp: Path, capfd: pytest.CaptureFixture[s
     references = {v.name.decode(): v.reference for v in execution.slave_variables(index)}
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    expected, rows = lengths_expected(), []
+    expected, rows = lengths_expected(delay), []
     for _ in range(len(expected) - 1):
         execution.step(1)
         rows.append(observer.last_real_values(index, [references[f"leg_length[{k}]"] for k in range(1, 7)]))
     error = np.abs(np.array(rows) - expected[1:]).max()
     log = capfd.readouterr()
-    print(f"the exported loop, libcosim against the harness: {error:.1e} m")
+    print(f"the exported loop with a delay of {delay}, libcosim against the harness: {error:.1e} m")
     assert error <= 1e-9
     assert "[error]" not in log.out + log.err
     assert "[warning]" not in log.out + log.err
 
 
-def test_the_exported_loop_in_ecos(ssp: Path) -> None:
+def test_the_exported_loop_in_ecos(ssp: Path, delay: int) -> None:
     try:
         from ecospy.EcosSimulation import EcosSimulation
     except (ImportError, OSError) as missing:
         pytest.skip(f"Ecos does not load here: {missing}")
-    expected = lengths_expected()
+    expected = lengths_expected(delay)
     simulation = EcosSimulation(MISTAKEN["loop.sample_time"], ssp_path=str(ssp))
     simulation.init()
     rows = []
@@ -136,5 +142,5 @@ def test_the_exported_loop_in_ecos(ssp: Path) -> None:
         rows.append([simulation.get_real(f"plant::leg_length[{k}]") for k in range(1, 7)])
         simulation.step()
     error = np.abs(np.array(rows) - expected).max()
-    print(f"the exported loop, Ecos against the harness: {error:.1e} m")
+    print(f"the exported loop with a delay of {delay}, Ecos against the harness: {error:.1e} m")
     assert error <= 1e-9
