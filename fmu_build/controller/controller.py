@@ -9,7 +9,7 @@ from gough_stewart.model.interface import Variable
 from gough_stewart.model.vectors import Array
 
 # [samples]; a unit has memory for it from the beginning. One that starts with a longer delay has memory for that.
-MOST_OUTPUT_DELAY = 16
+MOST_OUTPUT_DELAY = 12
 OUTPUT_DELAY = "output_delay"
 
 OUTPUTS = (
