@@ -21,6 +21,10 @@ class ControllerError(GoughStewartError, ValueError):
     """A controller of the wrong size or sample time, impossible gains, or a control law that gave no forces."""
 
 
+class SharedMemoryError(ControllerError):
+    """A function with memory as the controller of several members, which would share it."""
+
+
 class ExportError(GoughStewartError, ValueError):
     """A controller or a loop that cannot be exported: no law that C can express, or an SSP that is not portable."""
 

@@ -15,8 +15,9 @@ from pydantic import Field, model_validator
 from gough_stewart.harness.control.feedforward import Feedforward
 from gough_stewart.harness.control.gains import DAMPING_RATIO, gains_from_bandwidth
 from gough_stewart.harness.control.laws import Controller, LinearController, Space
+from gough_stewart.harness.control.makers import Design
 from gough_stewart.harness.control.pid import DerivativeOn, Gains, pid_matrices
-from gough_stewart.harness.control.python_file import controller_from_file
+from gough_stewart.harness.control.python_file import controller_of_file
 from gough_stewart.harness.control.state_space import Method, discretised
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
@@ -65,6 +66,10 @@ class ControllerChoice(Kind):
         """Files that it names and a run executes."""
         return ()
 
+    def design(self, platform: Platform, sample_time: float) -> Design:
+        """What a class or factory, also one that replaces the controller, designs from."""
+        return Design(platform, sample_time)
+
     def planned(self, feedforward: FloatArray) -> FloatArray:
         """Forces known in advance (n, 6) [N], including the feedforward (n, 6)."""
         return feedforward
@@ -102,6 +107,10 @@ class OpenLoop(ControllerChoice):
     def is_closed(self) -> bool:
         """An open loop has no feedback."""
         return False
+
+    def design(self, platform: Platform, sample_time: float) -> Design:
+        """What a class or factory, also one that replaces the controller, designs from."""
+        return Design(platform, sample_time)
 
     def planned(self, feedforward: FloatArray) -> FloatArray:
         """The constant forces plus the feedforward."""
@@ -228,20 +237,38 @@ class PID(_SixChannels):
 
 
 class PythonController(ControllerChoice):
-    """A controller from a Python file: a discrete python-control system, a LinearController, or a function."""
+    """A controller from a Python file, which is executed anew for each run and each member of an ensemble.
+
+    `name` ("controller") is a class, a discrete python-control system, a `LinearController`, or an object or function
+    that is called with a `Sample`; `factory` instead of it is a function that makes one. Class and factory are called
+    as `make(platform, sample_time, **parameters)`, with the nominal model and `[controller.parameters]`.
+    """
 
     type: Literal["python"] = "python"
     file: FileName
-    name: str = "controller"
+    name: str | None = None
+    factory: str | None = None
+    parameters: dict[str, Any] = Field(default_factory=dict)
 
     @property
     def code(self) -> tuple[str, ...]:
         """The file."""
         return (self.file,)
 
-    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:  # noqa: ARG002
-        """The object of that name in the file. The file is executed."""
-        return controller_from_file(folder / self.file, self.name)
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:
+        """The linear controller, or the maker of controllers, of that name in the file. The file is executed."""
+        design = self.design(platform, sample_time)
+        return controller_of_file(folder / self.file, self.name, self.factory, design)
+
+    def design(self, platform: Platform, sample_time: float) -> Design:
+        """With its parameters."""
+        return Design(platform, sample_time, self.parameters)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "PythonController":
+        if self.name is not None and self.factory is not None:
+            raise ValueError("expected name or factory, not both")
+        return self
 
 
 class UnitChoice(ControllerChoice):

@@ -1,28 +1,37 @@
 """Control laws in a run: from references and measurements at a sample to six forces."""
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol
+from types import BuiltinFunctionType, FunctionType
+from typing import Any, Literal, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.linear_law import N_LEGS, LegLaw, TaskLaw
+from gough_stewart.harness.control.makers import Copied, Design, Made, Maker, is_maker, name_of
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 Space = Literal["leg", "task"]
 
 
-class Sample(NamedTuple):
-    """The argument of a controller that is a function; signals by name, in SI units.
+_NO_FORCE = np.zeros(N_LEGS)
+_NO_FORCE.flags.writeable = False
 
-    Names are position, orientation, velocity, angular_velocity, leg_length, leg_velocity.
+
+class Sample(NamedTuple):
+    """What a controller in Python is told at a sample: what a digital controller on the machine knows.
+
+    Signals are by name, in SI units: position, orientation, velocity, angular_velocity, leg_length, leg_velocity.
+    Arrays are its own: to change or to keep them has no effect on the run.
 
     Examples
     --------
@@ -30,14 +39,46 @@ class Sample(NamedTuple):
     ...     error = sample.reference["leg_length"] - sample.measured["leg_length"]
     ...     return 8e4 * error - 9e3 * sample.measured["leg_velocity"]
     >>> record = gs.run("heave_step", {"loop.duration": 0.1}, controller=law)
+
+    With memory, as a class:
+
+    >>> class Integral:
+    ...     def __init__(self, platform, sample_time, ki=2e5):
+    ...         self.gain, self.force = ki * sample_time, 0.0
+    ...     def __call__(self, sample):
+    ...         self.force += self.gain * (sample.reference["leg_length"] - sample.measured["leg_length"])
+    ...         return law(sample) + self.force
+    >>> record = gs.run("heave_step", {"loop.duration": 0.1}, controller=Integral)
     """
 
     time: float
-    """[s]"""
+    """[s], a multiple of the sample time, also with jitter."""
     reference: Mapping[str, FloatArray]
     """The reference signals, with acceleration and angular_acceleration."""
     measured: Mapping[str, FloatArray]
     """The measurements of the sensors."""
+    index: int = 0  # type: ignore[assignment]  # hides the method of a tuple
+    """The number of the sample, from 0."""
+    sample_time: float = 0.0
+    """[s]."""
+    command: FloatArray = _NO_FORCE
+    """The forces (6,) [N] commanded at the last sample, with feedforward and injection, before the limits: the
+    `controller.force` of a record. Zeros at the first sample."""
+    excess: FloatArray = _NO_FORCE
+    """What the limits took off that command (6,) [N]: the force that force and rate limits left, minus the command."""
+    feedforward: FloatArray = _NO_FORCE
+    """The forces (6,) [N] that the loop adds at this sample to those that the controller returns."""
+    platform: Platform = cast("Platform", None)
+    """The nominal model."""
+
+
+class Known(NamedTuple):
+    """What a loop knows in advance and tells its controllers."""
+
+    platform: Platform  # the nominal model
+    sample_time: float  # [s]
+    feedforward: FloatArray  # at every sample (m, 6) [N]
+    planned: FloatArray  # the same with the injection (m, 6) [N]
 
 
 _ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
@@ -112,7 +153,8 @@ class LinearController:
             )
 
 
-Controller = LinearController | UnitController | ControlFunction
+# A maker and a function without memory give all members their controllers; a function is called by all of them.
+Controller = LinearController | UnitController | ControlFunction | Maker
 
 
 class Law(Protocol):
@@ -137,35 +179,70 @@ class Law(Protocol):
         """
 
 
-def controller_of(controller: Any) -> Controller:
-    """A controller from a user's object: a controller, a function, the path of an FMU, or a python-control system.
+def controller_of(controller: Any, design: Design | None = None) -> Controller:
+    """A controller from a user's object; one in Python with memory becomes the maker of fresh ones.
 
-    Such a system acts on leg lengths.
+    - A `LinearController`, or a python-control system, which acts on leg lengths.
+    - The path of an FMU.
+    - A class or factory: called as `make(platform, sample_time, **parameters)`.
+    - A function of a `Sample`.
+    - Another object that can be called with a `Sample`, or a method: copied.
 
     Raises
     ------
     ControllerError
-        As `LinearController`.
+        None of them, as `LinearController`, a class or factory that cannot be called so, or an object that cannot be
+        copied.
     """
-    if isinstance(controller, LinearController | UnitController):
+    if isinstance(controller, LinearController | UnitController | Maker):
         return controller
     if isinstance(controller, Path | str):
         return UnitController(Path(controller))
     # python-control's systems are callable too, with a frequency
-    if callable(controller) and not is_control_system(controller):
-        return controller  # type: ignore[no-any-return]
-    return LinearController(controller)
+    if not callable(controller) or (is_control_system(controller) and not inspect.isclass(controller)):
+        return LinearController(controller)
+    if is_maker(controller):
+        if design is None:
+            raise ControllerError(f"{name_of(controller)} is a class or factory; expected a controller here")
+        return Made(controller, design)
+    return controller if isinstance(controller, FunctionType | BuiltinFunctionType) else Copied(controller)
 
 
-def signals_of(controller: Controller) -> tuple[str, ...]:
-    """The signals that a controller uses; a function may use all."""
-    return controller.signals if isinstance(controller, LinearController) else signals.NAMES
+def made_from(controller: Controller) -> LinearController | UnitController | ControlFunction:
+    """A controller for one run of one member: a fresh one of a maker, any other as it is.
+
+    Raises
+    ------
+    ControllerError
+        The maker fails, or makes something that is not a controller.
+    """
+    if not isinstance(controller, Maker):
+        return controller
+    made = controller.make()
+    if isinstance(made, LinearController):
+        return made
+    if inspect.isclass(made):
+        raise ControllerError(f"a factory gave the {name_of(made)}; expected an object of it, made for each call")
+    if not callable(made) or is_control_system(made):
+        return LinearController(made)
+    return cast("ControlFunction", made)
+
+
+def linear_of(controller: Controller | None) -> LinearController | None:
+    """The linear controller that it is or makes; None if it is none."""
+    found = None if controller is None else made_from(controller)
+    return found if isinstance(found, LinearController) else None
 
 
 def law_of(
-    controller: Controller, sample_time: float, jacobians: FloatArray, reference: FloatArray, measured: FloatArray
+    controller: Controller,
+    sample_time: float,
+    jacobians: FloatArray,
+    reference: FloatArray,
+    measured: FloatArray,
+    known: Known | None = None,
 ) -> Law:
-    """The law of a controller, ready for a run; a controller that is an FMU is opened instead.
+    """The law of a controller, ready for a run, with fresh memory; a controller that is an FMU is opened instead.
 
     Parameters
     ----------
@@ -180,47 +257,60 @@ def law_of(
     Raises
     ------
     ControllerError
-        The controller has another sample time.
+        The controller has another sample time, or its maker fails.
     """
     if isinstance(controller, UnitController):
         raise ControllerError("a controller that is an FMU has to be opened, and closed after the run")
-    if not isinstance(controller, LinearController):
-        return FunctionLaw(controller)
-    controller.check_sample_time(sample_time)
-    return (TaskLaw if controller.space == "task" else LegLaw)(controller, jacobians, reference, measured)
+    made = made_from(controller)
+    if isinstance(made, UnitController):
+        raise ControllerError("a class or factory made an FMU; expected type = 'fmu', or the path of the FMU")
+    if not isinstance(made, LinearController):
+        return FunctionLaw(made, known)
+    made.check_sample_time(sample_time)
+    return (TaskLaw if made.space == "task" else LegLaw)(made, jacobians, reference, measured)
 
 
 class FunctionLaw:
     """A control function during a run; exceptions and invalid results become errors of the controller."""
 
     limited = None
+    used = signals.NAMES
 
-    def __init__(self, function: ControlFunction) -> None:
-        self._function = function
-        self.used = signals_of(function)
+    def __init__(self, function: ControlFunction, known: Known | None = None) -> None:
+        self._function, self._known = function, known
+        self._command = _NO_FORCE
 
     @property
     def state(self) -> FloatArray:
         """Empty: the memory of a function is not visible."""
         return np.zeros(0)
 
-    def force(
-        self, _k: int, time: float, reference: FloatArray, measured: FloatArray, _excess: FloatArray
-    ) -> FloatArray:
+    def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """As `Law`."""
         by_name = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), reference.copy())
+        sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
+        if self._known is not None:
+            platform, sample_time, feedforward, _ = self._known
+            told = (self._command.copy(), excess.copy(), feedforward[k].copy(), platform)
+            sample = Sample(*sample[:4], sample_time, *told)
         try:
-            result = self._function(Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy())))
+            result = self._function(sample)
         except (Exception, SystemExit) as error:  # user code may raise anything
             raise ControllerError(
                 f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
             ) from error
-        try:
-            force = np.array(result)
-        except ValueError:  # ragged
-            force = np.zeros(0)
-        if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
-            raise ControllerError(
-                f"the control function returned {result!r} at time {time:g} s; expected {N_LEGS} forces"
-            )
-        return force.astype(float)
+        force = _forces(result, time)
+        if self._known is not None:
+            self._command = self._known.planned[k] + force  # in this order, as the loop adds them
+        return force
+
+
+def _forces(result: Any, time: float) -> FloatArray:
+    """The result of a control function as six forces."""
+    try:
+        force = np.array(result)
+    except ValueError:  # ragged
+        force = np.zeros(0)
+    if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
+        raise ControllerError(f"the control function returned {result!r} at time {time:g} s; expected {N_LEGS} forces")
+    return force.astype(float)

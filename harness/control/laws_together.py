@@ -4,15 +4,26 @@ A member's forces equal those of its own law, `laws.law_of`, up to rounding; the
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from types import FunctionType
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import Controller, FunctionLaw, Law, LinearController
+from gough_stewart.harness.control.laws import (
+    ControlFunction,
+    Controller,
+    FunctionLaw,
+    Known,
+    Law,
+    LinearController,
+    made_from,
+)
 from gough_stewart.harness.control.linear_law import N_LEGS, as_slice, integrates, integrating_modes, rest
+from gough_stewart.harness.control.makers import Copied, Maker, name_of
+from gough_stewart.harness.control.shared_memory import Watch, functions_in
 from gough_stewart.harness.control.sums import Product
 from gough_stewart.harness.control.unit_controller import UnitController
-from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.errors import ControllerError, SharedMemoryError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
@@ -38,18 +49,28 @@ class LawOfMany(Law, Protocol):
 
 
 def laws_together(
-    controllers: Sequence[Controller], sample_time: float, jacobians: FloatArray
+    controllers: Sequence[Controller],
+    sample_time: float,
+    jacobians: FloatArray,
+    known: Sequence[Known] = (),
+    copies: int = 0,
 ) -> Callable[[FloatArray, FloatArray], LawOfMany]:
     """Make the laws of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
+
+    Makers are asked then, once for each member. A function must have no memory: all members call the same one.
 
     Parameters
     ----------
     controllers
-        One for each member: linear ones of one structure (states, inputs, signals, space), or functions.
+        One for each member: linear ones of one structure (states, inputs, signals, space), or functions, or makers.
     sample_time
         Of the run [s].
     jacobians
         Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6).
+    known
+        What each member's loop tells its controller; left out, nothing.
+    copies
+        How many copies of the last member follow, which fill up a vector: they get its forces.
 
     Raises
     ------
@@ -57,22 +78,91 @@ def laws_together(
         Another sample time, different structures, or FMUs.
     """
     for controller in controllers:
-        if isinstance(controller, UnitController):
-            raise ControllerError(
-                f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
-                "controller or a function for many members"
+        _check(controller, sample_time)
+    if not any(isinstance(each, Maker) for each in controllers):
+        _check_alike(controllers)
+
+    def law_from(reference: FloatArray, measured: FloatArray) -> LawOfMany:
+        failures = dict[int, ControllerError]()
+        made = list[LinearController | ControlFunction | None]()
+        for member, each in enumerate(controllers):
+            try:
+                made.append(_fresh(each, sample_time))
+            except ControllerError as error:
+                failures[member] = error
+                made.append(None)
+        _check_alike([each for each in made if each is not None])
+        some = next((each for each in made if isinstance(each, LinearController)), None)
+        if some is None:
+            watches = [Watch(each) for each in _shared(controllers, made)] if known else []
+            return _Functions(made, failures, known, copies, watches)
+        # a member without a controller ends at once; until then it counts with that of another
+        linear = [each if isinstance(each, LinearController) else some for each in made]
+        linear += [linear[-1]] * copies
+        kind = _TaskLaws if some.space == "task" else _LegLaws
+        law: _LegLaws | _TaskLaws = kind(linear, jacobians, reference, measured)
+        law.failures = _with_copies(failures, len(made), copies)
+        return law
+
+    return law_from
+
+
+def _check(controller: Controller, sample_time: float) -> None:
+    if isinstance(controller, UnitController):
+        raise ControllerError(
+            f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
+            "controller or a function, class or factory for many members"
+        )
+    if isinstance(controller, LinearController):
+        controller.check_sample_time(sample_time)
+
+
+def _fresh(controller: Controller, sample_time: float) -> LinearController | ControlFunction:
+    made = made_from(controller)
+    _check(made, sample_time)
+    assert not isinstance(made, UnitController)
+    return made
+
+
+def _shared(
+    controllers: Sequence[Controller], made: Sequence[LinearController | ControlFunction | None]
+) -> list[FunctionType]:
+    """The functions that members share, and that must have no memory.
+
+    Raises
+    ------
+    SharedMemoryError
+        A factory that gave two members the same object.
+    """
+    found = dict[int, FunctionType]()
+    owners = dict[int, int]()
+    for member, (controller, own) in enumerate(zip(controllers, made, strict=True)):
+        if own is None or isinstance(own, FunctionType):
+            pass
+        elif owners.setdefault(id(own), member) != member and isinstance(controller, Maker):
+            raise SharedMemoryError(
+                f"members {owners[id(own)]} and {member} got the same {name_of(own)}; expected a factory that makes a "
+                "new controller at each call"
             )
-        if isinstance(controller, LinearController):
-            controller.check_sample_time(sample_time)
-    linear = [each for each in controllers if isinstance(each, LinearController)]
-    if not linear:
-        functions = [each for each in controllers if not isinstance(each, LinearController | UnitController)]
-        return lambda _reference, _measured: _Functions(functions)
+        if isinstance(controller, Copied):
+            found |= {id(each): each for each in functions_in(controller.original)}
+        elif isinstance(own, FunctionType) and (not isinstance(controller, Maker) or id(own) in owners):
+            found[id(own)] = own
+        if own is not None:
+            owners.setdefault(id(own), member)
+    return list(found.values())
+
+
+def _with_copies(failures: Mapping[int, ControllerError], members: int, copies: int) -> dict[int, ControllerError]:
+    """The failures of members, and of the copies of the last one."""
+    last = failures.get(members - 1)
+    return {**failures, **({} if last is None else dict.fromkeys(range(members, members + copies), last))}
+
+
+def _check_alike(controllers: Sequence[Controller]) -> None:
     found = {_structure(each) for each in controllers}
     if len(found) > 1:
         raise ControllerError(f"controllers of different structure, {'; '.join(sorted(found))}; expected one for all")
-    kind = _TaskLaws if linear[0].space == "task" else _LegLaws
-    return lambda reference, measured: kind(linear, jacobians, reference, measured)
 
 
 def _structure(controller: Controller) -> str:
@@ -226,15 +316,28 @@ class _Functions:
     limited = None
     used = signals.NAMES
 
-    def __init__(self, functions: Sequence[Callable[..., Any]]) -> None:
-        self._laws = [FunctionLaw(each) for each in functions]
-        self._forces = np.zeros((len(self._laws), N_LEGS))
+    def __init__(
+        self,
+        functions: Sequence[LinearController | ControlFunction | None],
+        failures: Mapping[int, ControllerError],
+        known: Sequence[Known],
+        copies: int,
+        watches: Sequence[Watch],
+    ) -> None:
+        told: Sequence[Known | None] = known or [None] * len(functions)
+        self._laws = [
+            None if each is None or isinstance(each, LinearController) else FunctionLaw(each, of_member)
+            for each, of_member in zip(functions, told, strict=True)
+        ]
+        self._not_made, self._copies, self._watches = failures, copies, watches
+        self._samples = min((len(each.planned) for each in known), default=0)
+        self._forces = np.zeros((len(self._laws) + copies, N_LEGS))
         self.failures: dict[int, ControllerError] = {}
 
     @property
     def state(self) -> FloatArray:
         """Empty: the memory of functions is not visible."""
-        return np.zeros((len(self._laws), 0))
+        return np.zeros((len(self._forces), 0))
 
     def force(
         self,
@@ -246,13 +349,22 @@ class _Functions:
         due: BoolArray | None = None,
     ) -> FloatArray:
         """As `LawOfMany`."""
-        self.failures = {}
-        each = np.broadcast_to(reference, (len(self._laws), reference.shape[-1]))
-        for member in range(len(self._laws)) if due is None else np.flatnonzero(due).tolist():
+        failures = dict(self._not_made)
+        each = np.broadcast_to(reference, (len(self._laws), reference.shape[-1])) if reference.ndim == 1 else reference
+        for member, law in enumerate(self._laws):
+            if law is None or not (due is None or due[member]):
+                continue
             try:
-                self._forces[member] = self._laws[member].force(k, time, each[member], measured[member], excess)
+                self._forces[member] = law.force(k, time, each[member], measured[member], excess[member])
             except ControllerError as error:
-                self.failures[member] = error
+                failures[member] = error
+        n = len(self._laws)
+        self._forces[n:] = self._forces[n - 1]
+        self.failures = _with_copies(failures, n, self._copies)
+        # often at first, then less and less, and at the end: to pickle takes longer than most laws
+        if (k + 1) & k == 0 or k == self._samples - 1:
+            for watch in self._watches:
+                watch.check()
         return self._forces
 
 

@@ -1,52 +1,145 @@
 """A controller from a Python file of the user."""
 
-import importlib.util
-import sys
-from hashlib import sha256
+import inspect
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.harness.control.laws import ControlFunction, Controller, LinearController, Sample, controller_of
+from gough_stewart.harness.control.laws import Controller, LinearController, Sample, controller_of
+from gough_stewart.harness.control.makers import Design, Maker, called, check_call, is_maker, name_of
+from gough_stewart.harness.control.own_modules import OwnModules, inside
+from gough_stewart.harness.control.state_space import is_control_system
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 
+NAME = "controller"
 
-def controller_from_file(file: Path, name: str) -> Controller:
-    """An object of a Python file. The file is executed with the user's rights.
+
+def controller_of_file(file: Path, name: str | None, factory: str | None, design: Design) -> Controller:
+    """The controller that a Python file defines; the file is executed with the user's rights.
+
+    A linear controller as it is; for a class, a factory, an object or a function the maker of fresh ones.
+
+    Parameters
+    ----------
+    name
+        Of a controller: a class, a discrete python-control system, a `LinearController`, or an object or function that
+        is called with a `Sample`; by default "controller".
+    factory
+        Of a function that makes one, `make(platform, sample_time, **parameters)`, instead of a name.
 
     Raises
     ------
     ControllerError
-        No such file or name, the file fails, or the object is not a controller.
+        No such file or name, the file fails, the object is not a controller, or it does not accept the parameters.
     """
-    if not file.is_file():
-        raise ControllerError(f"{file}: no such file; expected a Python file that defines '{name}'")
-    # a unique module name; pickles and dataclasses look up the module by it
-    module_name = f"_gough_stewart_controller_{sha256(str(file.absolute()).encode()).hexdigest()[:16]}"
-    spec = importlib.util.spec_from_file_location(module_name, file)
-    if spec is None or spec.loader is None:
-        raise ControllerError(f"{file}: is not a Python file; expected a name that ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[module_name] = module
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # user code may raise anything
-        del sys.modules[module_name]
-        raise ControllerError(f"{file}: fails with {type(error).__name__}: {error}") from error
-    if not hasattr(module, name):
-        raise ControllerError(f"{file}: defines no '{name}'; expected the controller under that name")
-    found = controller_of(getattr(module, name))
-    return found if isinstance(found, LinearController | UnitController) else _FromFile(found, file.absolute(), name)
+    maker = FromFile(file, name or NAME, factory, design)
+    found = maker.first
+    return found if isinstance(found, LinearController | UnitController) else maker
 
 
-class _FromFile:
-    """A control function of a file; it pickles as its location, so that another process can load it."""
+def controller_from_file(file: Path, name: str) -> Any:
+    """A controller from a Python file, executed anew: a linear one, or a control function that pickles as its location.
 
-    def __init__(self, function: ControlFunction, file: Path, name: str) -> None:
-        self._function, self._file, self._name = function, file, name
+    Raises
+    ------
+    ControllerError
+        As `controller_of_file`.
+    """
+    opened = _Opened(Path(file), name)
+    found = opened.found
+    if is_control_system(found) or not callable(found) or isinstance(found, LinearController | UnitController):
+        return controller_of(found)
+    return _OwnFunction(found, opened.modules, (controller_from_file, (Path(file).absolute(), name)))
+
+
+class FromFile(Maker):
+    """Makes controllers from a Python file, which is executed anew for each."""
+
+    def __init__(self, file: Path, name: str, factory: str | None, design: Design) -> None:
+        self._file, self._name, self._is_factory = file.absolute(), factory or name, factory is not None
+        self._design = design
+        opened = _Opened(file, self._name)
+        try:
+            self.first = self._checked(opened.found)
+        except ControllerError as error:
+            raise ControllerError(f"{file}: {error}") from error
+        # executed, but not called yet: the first controller may have it
+        self._opened = [opened]
+
+    def make(self) -> Any:
+        """See `Maker`."""
+        try:
+            opened = self._opened.pop()
+        except IndexError:
+            opened = _Opened(self._file, self._name)
+        found = opened.found
+        if self._makes(found):
+            with inside(opened.modules.folder):
+                found = called(found, self._design)
+        if not callable(found) or is_control_system(found) or inspect.isclass(found):
+            return found  # a linear one, or refused where it is used
+        return _OwnFunction(found, opened.modules, (_remade, (self,)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_opened": [], "first": None}
+
+    def _makes(self, found: Any) -> bool:
+        return self._is_factory or inspect.isclass(found)
+
+    def _checked(self, found: Any) -> Any:
+        """What the file names, if it can be a controller or make one."""
+        parameters = ", ".join(self._design.parameters)
+        if self._makes(found):
+            if not callable(found):
+                raise ControllerError(f"factory = '{self._name}' is {found!r}; expected a function or class")
+            check_call(found, self._design)
+            return None
+        if parameters:
+            raise ControllerError(f"parameters: {parameters} are for a class or factory; '{self._name}' is neither")
+        if isinstance(found, str | Path) or is_control_system(found) or not callable(found):
+            return controller_of(found)
+        if isinstance(found, LinearController | UnitController):
+            return found
+        if is_maker(found):
+            raise ControllerError(
+                f"{name_of(found)} has to be called with platform and sample time; expected factory = '{self._name}' "
+                "instead of name"
+            )
+        return None
+
+
+class _Opened:
+    """A file, executed, and the object that it defines under a name."""
+
+    def __init__(self, file: Path, name: str) -> None:
+        if not file.is_file():
+            raise ControllerError(f"{file}: no such file; expected a Python file that defines '{name}'")
+        if file.suffix != ".py":
+            raise ControllerError(f"{file}: is not a Python file; expected a name that ends in .py")
+        try:
+            self.modules = OwnModules(file)
+        except (Exception, SystemExit) as error:  # user code may raise anything
+            raise ControllerError(f"{file}: fails with {type(error).__name__}: {error}") from error
+        if not hasattr(self.modules.module, name):
+            raise ControllerError(f"{file}: defines no '{name}'; expected the controller under that name")
+        self.found = getattr(self.modules.module, name)
+
+
+class _OwnFunction:
+    """A control function of a file, called in its folder; it keeps its modules, and pickles as its origin."""
+
+    def __init__(self, function: Callable[..., Any], modules: OwnModules, origin: tuple[Any, ...]) -> None:
+        self._function, self._modules, self._origin = function, modules, origin
+        self._folder = modules.folder
 
     def __call__(self, sample: Sample) -> Any:
-        return self._function(sample)
+        with inside(self._folder):
+            return self._function(sample)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return controller_from_file, (self._file, self._name)
+        return self._origin
+
+
+def _remade(maker: FromFile) -> Any:
+    return maker.make()

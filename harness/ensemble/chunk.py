@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.ensemble.result import (
     CAUSE,
     ENDED,
@@ -18,10 +18,11 @@ from gough_stewart.harness.ensemble.result import (
     SHORT,
     VARIED,
 )
-from gough_stewart.harness.errors import ExperimentError, RecordError, UnstableLoopError
+from gough_stewart.harness.errors import ControllerError, ExperimentError, RecordError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.plan import Plan, pilots
+from gough_stewart.harness.experiment.pilot import pilots
+from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.loop.loop import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
@@ -124,14 +125,18 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
     for k, each in enumerate(prepared):
-        if not isinstance(each.controller, LinearController):
+        try:
+            controller = linear_of(each.controller)
+        except ControllerError:  # the run says so
+            continue
+        if controller is None:
             continue
         loop, motion = each.loop, each.motion
         try:
             found = loop_margins(
                 loop_transfer(
                     each.machine,
-                    each.controller,
+                    controller,
                     loop.timing.sample_time,
                     delay=loop.actuators.delay,
                     lag=loop.actuators.lag,
@@ -168,12 +173,10 @@ def check_names(plan: Plan) -> None:
 def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamples]:
     """The results if no member can run."""
     try:
-        loop, platform = pilots(members)[0].loop, pilots(members)[0].platform
+        some = pilots(members)[0]
     except GoughStewartError:
-        loop, platform = (
-            members.preparation.prepare(members.nominal).loop,
-            members.preparation.nominal(members.nominal),
-        )
+        some = members.prepared(members.nominal)
+    loop, platform = some.loop, some.platform
     limits = {row.name: value for row in LIMITS if (value := getattr(platform, row.name)) is not None}
     merit = Merit(loop, limits)
     columns = {**merit.columns(), INTEGRATION_ERROR: np.zeros(1)}

@@ -7,8 +7,9 @@ from gough_stewart.harness.ensemble.chunk import chunk
 from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
 from gough_stewart.harness.ensemble.local import Range
 from gough_stewart.harness.ensemble.made_with import difference, made_with
+from gough_stewart.harness.ensemble.passing import packed, unpacked
 from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.plan import Plan, plan_from
+from gough_stewart.harness.experiment.plan import Plan
 
 TIMEOUT = 10  # [s], for an answer of the scheduler, and for its first worker
 # Chunks submitted per worker thread: one running, and the next.
@@ -45,12 +46,12 @@ def chunks_there(plan: Plan, ranges: Sequence[Range], address: str) -> Iterator[
 
 
 def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
-    text, ours, waiting = plan.text, made_with(), list(reversed(ranges))
+    text, ours, waiting, controller = plan.text, made_with(), list(reversed(ranges)), packed(plan)
 
     def submit() -> Any:
         each = waiting.pop()
         # not pure: results that dask has kept from another run must not be used
-        future = client.submit(chunk_there, text, ours, *each, pure=False)
+        future = client.submit(chunk_there, text, ours, *each, controller, pure=False)
         under_way[future] = each
         return future
 
@@ -70,10 +71,10 @@ def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) 
             ready.add(submit())
 
 
-def chunk_there(text: str, ours: dict[str, str], first: int, last: int) -> ChunkBytes:
+def chunk_there(text: str, ours: dict[str, str], first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
     """On a worker: compute a chunk of a plan's text; workers that join later are checked here."""
     _check(made_with(), "a worker", ours)
-    return ChunkBytes.of(chunk(plan_from(text), first, last))
+    return ChunkBytes.of(chunk(unpacked(text, controller), first, last))
 
 
 def _versions_there() -> dict[str, str] | None:

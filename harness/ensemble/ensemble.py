@@ -5,6 +5,7 @@ import json
 import tempfile
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from dataclasses import replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ def ensemble(
     experiment: Experiment | Path | str,
     settings: Settings = (),
     *,
+    controller: Any = None,
     members: int | None = None,
     seed: int | None = None,
     out: Path | str | None = None,
@@ -51,6 +53,9 @@ def ensemble(
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     settings
         Keys of the experiment to change, as in `load_experiment`.
+    controller
+        Replaces the experiment's, as in `run`: each member gets a fresh one, called once at each of its samples. A
+        function, which all members share, must have no memory. Workers in other processes get it as a pickle.
     members, seed
         Replace the experiment's.
     out
@@ -71,6 +76,8 @@ def ensemble(
     ------
     ExperimentError
         The variation does not match the experiment.
+    ControllerError
+        A controller that cannot be copied, pickled for workers or made with its parameters, or a function with memory.
     EnsembleError
         A folder with results of another experiment, a scheduler that does not answer, workers with other versions.
     OutputError, OSError
@@ -86,10 +93,10 @@ def ensemble(
         raise EnsembleError(f"workers is {workers}; expected at least 1")
     if out is None:
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            return _run(chosen, Path(folder), False, workers, scheduler, progress, status)
+            return _run(chosen, controller, Path(folder), False, workers, scheduler, progress, status)
     check_output_folder(Path(out), (MEMBERS, BANDS, METADATA, PLAN))
     remove_leftovers(ChunkFiles(Path(out)).folder)
-    return _run(chosen, Path(out), resume, workers, scheduler, progress, status)
+    return _run(chosen, controller, Path(out), resume, workers, scheduler, progress, status)
 
 
 def _with(experiment: Experiment, members: int | None, seed: int | None) -> Experiment:
@@ -99,6 +106,7 @@ def _with(experiment: Experiment, members: int | None, seed: int | None) -> Expe
 
 def _run(
     experiment: Experiment,
+    controller: Any,
     folder: Path,
     resume: bool,
     workers: int | None,
@@ -109,7 +117,7 @@ def _run(
     say = status or (lambda _: None)
     say("planning")
     with _begun_workers(experiment, resume, workers, scheduler) as begun:
-        return _computed(experiment, folder, resume, begun, scheduler, progress, say)
+        return _computed(experiment, controller, folder, resume, begun, scheduler, progress, say)
 
 
 def _begun_workers(
@@ -123,6 +131,7 @@ def _begun_workers(
 
 def _computed(
     experiment: Experiment,
+    controller: Any,
     folder: Path,
     resume: bool,
     workers: Workers | int,
@@ -131,7 +140,7 @@ def _computed(
     say: StepProgress,
 ) -> Ensemble:
     files = ChunkFiles(folder)
-    plan = _planned(experiment, folder, files, resume)
+    plan = _planned(experiment, controller, folder, files, resume)
     if plan is None:
         return read_ensemble(folder)
     ranges = [(k, min(k + SIZE, plan.members)) for k in range(0, plan.members, SIZE)]
@@ -168,7 +177,7 @@ def _source(
         yield from chunks_there(plan, left, scheduler)
 
 
-def _planned(experiment: Experiment, folder: Path, files: ChunkFiles, resume: bool) -> Plan | None:
+def _planned(experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool) -> Plan | None:
     """The plan of this run, continuing the one in the folder if there is one; None if that is complete.
 
     Raises
@@ -183,12 +192,12 @@ def _planned(experiment: Experiment, folder: Path, files: ChunkFiles, resume: bo
                 f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
                 f"{folder / FOLDER}, or choose another --out"
             )
-        plan = plan_of(experiment)
+        plan = plan_of(experiment, controller)
         check_names(plan)
         return plan
-    requested = plan_without_substeps(experiment)
+    requested = plan_without_substeps(experiment, controller)
     if begun is None:
-        plan = plan_of(experiment)
+        plan = plan_of(experiment, controller)
         check_names(plan)
         return plan
     plan, versions, is_finished = begun
@@ -199,7 +208,7 @@ def _planned(experiment: Experiment, folder: Path, files: ChunkFiles, resume: bo
         )
     if differs := difference(made_with(), versions):
         raise EnsembleError(f"{folder} has results of other versions: {differs}; omit --resume")
-    return None if is_finished else plan
+    return None if is_finished else replace(plan, given=requested.given)
 
 
 def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:

@@ -9,8 +9,9 @@ from typing import Self
 
 from gough_stewart.harness.ensemble.chunk import chunk
 from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
+from gough_stewart.harness.ensemble.passing import packed, unpacked
 from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.plan import Plan, plan_from
+from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.plants.isolated import Isolated
 
 # The first member, and the one after the last.
@@ -30,9 +31,9 @@ def cores() -> int:
 class Worker:
     """The object in each worker process."""
 
-    def chunk(self, plan: str, first: int, last: int) -> ChunkBytes:
-        """See `chunk.chunk`; a plan as `Plan.text`."""
-        return ChunkBytes.of(chunk(plan_from(plan), first, last))
+    def chunk(self, plan: str, first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
+        """See `chunk.chunk`; a plan as `Plan.text`, and its controller from Python as `packed`."""
+        return ChunkBytes.of(chunk(unpacked(plan, controller), first, last))
 
     def close(self) -> None:
         """Nothing to release."""
@@ -81,16 +82,17 @@ class Workers:
 
     def chunks(self, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
         """See `chunks_here`."""
-        waiting = {self._threads.submit(self._chunk, plan.text, each): each for each in ranges}
+        controller = packed(plan)
+        waiting = {self._threads.submit(self._chunk, plan.text, controller, each): each for each in ranges}
         while waiting:
             for done in wait(waiting, _WAIT, FIRST_COMPLETED).done:
                 yield waiting.pop(done), done.result()
 
-    def _chunk(self, plan: str, members: Range) -> ChunkBytes:
+    def _chunk(self, plan: str, controller: bytes | None, members: Range) -> ChunkBytes:
         """A chunk from this thread's process, which is restarted if it dies."""
         for last in (*[False] * (_TRIES - 1), True):
             try:
-                found: ChunkBytes = self._worker().call("chunk", plan, *members)
+                found: ChunkBytes = self._worker().call("chunk", plan, *members, controller)
             except _DiedError as error:
                 self._forget()
                 if last or self._ended:

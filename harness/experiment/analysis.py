@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, ControllerChoice
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws import LinearController, linear_of
 from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
@@ -120,9 +120,9 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     chosen = experiment_of(experiment, settings)
     # the loop at rest has its margins however fast its reference is
     prepared = prepare(experiment_of(chosen, {"limits.reference": "warn"}), controller)
-    linear = prepared.controller
-    if not isinstance(linear, LinearController):
-        what = "an open loop has no margins" if linear is None else "a function has no transfer function"
+    linear = linear_of(prepared.controller)
+    if linear is None:
+        what = "an open loop has no margins" if prepared.controller is None else "a function has no transfer function"
         raise ControllerError(f"{chosen.where}: controller: {what}; choose an experiment with a linear controller")
     actuators, sample_time = prepared.loop.actuators, prepared.loop.timing.sample_time
     L = _loop(prepared, linear, sample_time, actuators.delay, actuators.lag)

@@ -42,9 +42,9 @@ class Batch:
     size: int  # including the copies
 
 
-def prepared_members(members: Members, first: int, last: int) -> PreparedMembers:
-    """Members first to last − 1; for an impossible member, the reason is returned, not raised."""
-    draws = members.draws(first, last)
+def prepared_members(members: Members, first: int, last: int, draws: Draws | None = None) -> PreparedMembers:
+    """Members first to last − 1, or with other draws; for an impossible one, the reason is returned, not raised."""
+    draws = members.draws(first, last) if draws is None else draws
     experiments, machines = {}, {}
     impossible = dict[int, str]()
     prepared = dict[int, Prepared]()
@@ -58,9 +58,7 @@ def prepared_members(members: Members, first: int, last: int) -> PreparedMembers
     held = _held(machines)
     for k, (machine, _) in machines.items():
         try:
-            prepared[k] = members.preparation.prepare(
-                experiments[k], seed=members.seed_of(k), held=held.get(k), machine=machine
-            )
+            prepared[k] = members.prepared(experiments[k], seed=members.seed_of(k), held=held.get(k), machine=machine)
         except GoughStewartError as error:
             impossible[k] = _reason(error, members.nominal.where)
     return PreparedMembers(first, draws, prepared, impossible)
@@ -95,11 +93,16 @@ def batch_of(prepared: Sequence[Prepared], substeps: int, compiler: bool | None 
     filled = [*prepared, *[prepared[-1]] * (-len(prepared) % LANES)]
     loop = together([each.loop for each in filled])
     plant = lanes_plant([p.machine for p in filled], [p.start for p in filled], substeps=substeps, compiler=compiler)
-    controllers = [each.controller for each in filled]
+    controllers = [each.controller for each in prepared if each.controller is not None]
     law_from = None
-    if controllers[0] is not None:
-        known = [each for each in controllers if each is not None]
-        law_from = laws_together(known, loop.timing.sample_time, _jacobians(filled))
+    if controllers:
+        law_from = laws_together(
+            controllers,
+            loop.timing.sample_time,
+            _jacobians(filled),
+            [each.known for each in prepared],
+            len(filled) - len(prepared),
+        )
     return Batch(plant, law_from, loop, len(filled))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.control.frequency_response import Response, response_of_periods
-from gough_stewart.harness.control.laws import LinearController, controller_of
+from gough_stewart.harness.control.laws import Controller, controller_of, linear_of
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import is_stable, response
 from gough_stewart.harness.control.structured import ComplexArray
@@ -191,7 +191,8 @@ def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> li
             "experiment: --experiment FILE.toml, or frf(…, experiment=…)"
         )
     then, now = record.metadata.get("files", {}), digests(own) if code else {}
-    changed = [name for name in code if name in then and name in now and then[name] != now[name]]
+    executed = [name for name in now if name in code or name.endswith(".py")]
+    changed = [name for name in executed if name in then and then[name] != now[name]]
     if changed:
         notes.append(f"{', '.join(changed)} has changed since the run: the linear model is that of today's file")
     return notes
@@ -213,12 +214,14 @@ def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
 def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any:
     """The loop transfer of the run, as in `margins`."""
     platform, sample_time = platform_of(record), float(record.metadata["sample_time"])
-    made = (
+    own: Controller | None
+    own = (
         experiment.controller.controller(platform, sample_time, experiment.folder)
         if controller is None
-        else controller_of(controller)
+        else controller_of(controller, experiment.controller.design(platform, sample_time))
     )
-    if not isinstance(made, LinearController):
+    made = linear_of(own)
+    if made is None:
         raise ControllerError("the controller is not linear, or there is none")
     position, orientation = _pose(record)
     return loop_transfer(

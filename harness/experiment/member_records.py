@@ -60,6 +60,7 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
                 "member": member,
                 "experiment": own.model_dump(mode="json"),
                 **({"files": plan.files} if plan.files else {}),
+                **({"replaced": ["controller"]} if plan.controller else {}),
             },
         )
         for k, (member, (own, prepared)) in enumerate(zip(members, each, strict=True))

@@ -1,7 +1,7 @@
 """The members of an ensemble: their drawn values, and their experiments."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import prod
 from typing import Any
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.preparation import Preparation
+from gough_stewart.harness.experiment.preparation import Preparation, Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.varied import Place, place_of
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
@@ -65,14 +65,19 @@ class Draws:
 class Members:
     """The members of an experiment's `[ensemble]`.
 
+    Parameters
+    ----------
+    controller
+        Replaces the experiment's, as in `prepare`.
+
     Raises
     ------
     ExperimentError
         No `[ensemble]`, an unknown key, or an invalid distribution; names the place.
     """
 
-    def __init__(self, experiment: Experiment) -> None:
-        self.nominal, self.preparation = experiment, Preparation()
+    def __init__(self, experiment: Experiment, controller: Any = None) -> None:
+        self.nominal, self.preparation, self.controller = experiment, Preparation(), controller
         choice = experiment.ensemble
         if choice is None:
             raise ExperimentError(
@@ -120,9 +125,19 @@ class Members:
 
     def draws(self, first: int, last: int) -> Draws:
         """The draws of members first to last − 1."""
-        u, ends = self._points(first, last), self._ends
+        return self._drawn(self._points(first, last))
+
+    def independent_draws(self, first: int, last: int) -> Draws:
+        """Draws of the same distributions that depend on the seed alone, not on the number of members or the design."""
+        u = replace(self.design, sampling="random").points(first, last)
+        for columns, R in self._correlations():
+            u[:, columns] = correlated(u[:, columns], R)
+        return self._drawn(u)
+
+    def _drawn(self, u: FloatArray) -> Draws:
+        ends = self._ends
         table = dict[str, Any]()
-        values: list[dict[tuple[str, ...], Any]] = [{} for _ in range(last - first)]
+        values: list[dict[tuple[str, ...], Any]] = [{} for _ in u]
         for k, each in enumerate(self.inputs):
             part = np.ascontiguousarray(u[:, ends[k] : ends[k + 1]])
             drawn = each.spread.draw(part)
@@ -180,6 +195,10 @@ class Members:
         update = {name: self._table(name, inner) for name, inner in tables.items()}
         return self.nominal.model_copy(update=update)
 
+    def prepared(self, experiment: Experiment, **known: Any) -> Prepared:
+        """An experiment of a member, prepared; `known` as in `Preparation.prepare`."""
+        return self.preparation.prepare(experiment, self.controller, **known)
+
     def seed_of(self, member: int) -> np.random.SeedSequence:
         """The seed of a member's noise and jitter."""
         return np.random.SeedSequence(self.seed, spawn_key=(member,))
@@ -205,7 +224,9 @@ class Members:
             plain[key] = {**(plain.get(key) or {}), rest[0]: value} if rest else value
         # choices and grids repeat the same values
         return self.preparation.once(
-            name, tuple(repr(value) for value in values.values()), lambda: self._made(name, type(table), plain)
+            name,
+            tuple(f"{'.'.join(key)} = {value!r}" for key, value in values.items()),
+            lambda: self._made(name, type(table), plain),
         )
 
     def _made(self, name: str, kind: Any, plain: dict[str, Any]) -> Any:
@@ -228,7 +249,21 @@ class Members:
         for each in found:
             if paths.count(each.place.path) > 1:
                 raise self._error(each.key, "varies twice; expected one distribution")
+        for each in found:
+            self.check_acts(each.key, each.place)
         return tuple(sorted(found, key=lambda each: each.place.path))
+
+    def check_acts(self, key: str, place: Place) -> None:
+        """Refuse a key of a controller that another one replaces.
+
+        Raises
+        ------
+        ExperimentError
+            It would have no effect.
+        """
+        section, *rest = place.path
+        if self.controller is not None and section == "controller" and rest[0] not in ("feedforward", "parameters"):
+            raise self._error(key, "has no effect, since controller= replaces the experiment's controller")
 
     def _input(self, key: str, spread: Callable[[Target], Spread]) -> Input:
         preparation, experiment = self.preparation, self.nominal

@@ -4,6 +4,8 @@ import hashlib
 import os
 from pathlib import Path
 
+from gough_stewart.harness.control.controllers import PythonController
+from gough_stewart.harness.control.source_files import files_beside
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.motion.recording import recording_path
@@ -12,9 +14,24 @@ from gough_stewart.harness.section import file_names
 
 
 def digests(experiment: Experiment) -> dict[str, str]:
-    """SHA-256 of the files that an experiment names in its folder, by name; shipped files have none."""
-    paths = {name: experiment.folder / name for name in sorted(set(file_names(experiment).values()))}
+    """SHA-256 of the files that an experiment names in its folder, by name; shipped files have none.
+
+    Of a Python controller also the modules beside it that it imports, and the files that these name.
+    """
+    names = set(file_names(experiment).values())
+    if isinstance(experiment.controller, PythonController):
+        file = experiment.folder / experiment.controller.file
+        names |= {_from(each, experiment.folder) for each in files_beside(file) if each != file}
+    paths = {name: experiment.folder / name for name in sorted(names)}
     return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items() if path.is_file()}
+
+
+def _from(file: Path, folder: Path) -> str:
+    """The name of a file from a folder, the same wherever both lie."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # on another drive
+        return file.as_posix()
 
 
 def names_from(experiment: Experiment, folder: Path) -> dict[tuple[str, ...], str]:

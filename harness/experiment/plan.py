@@ -2,30 +2,27 @@
 
 import hashlib
 import json
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
-from math import ceil
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.batch import LANES, batch_of, prepared_members
 from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.named_files import digests
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.pilot import substeps_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import observe_all
-from gough_stewart.harness.loop.observing import Observer, Row
-from gough_stewart.harness.plants.lanes import substeps_for
 
-# How many members the pilot tries to find some that can run.
-_PILOT_AMONG = 64
-_TRIES = 6
 FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """A controller from Python that replaces the experiment's; compared by identity."""
+
+    controller: Any
 
 
 @dataclass(frozen=True)
@@ -40,6 +37,9 @@ class Plan:
     substeps: int
     # contents of the files that the experiment names
     files: dict[str, str] = field(default_factory=dict)
+    # the controller from Python that replaces the experiment's, in words, and itself, which no file keeps
+    controller: str = ""
+    given: Given | None = field(default=None, compare=False)
 
     @property
     def title(self) -> str:
@@ -49,12 +49,14 @@ class Plan:
     @property
     def text(self) -> str:
         """The plan as JSON, for workers and files."""
-        return json.dumps({"format": FORMAT, **asdict(self)}, indent=1, sort_keys=True)
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "given"}
+        return json.dumps({"format": FORMAT, **values}, indent=1, sort_keys=True)
 
     @property
     def decisive(self) -> dict[str, Any]:
         """The part that determines results; without the file's location, and the substeps, which follow from it."""
-        return {"experiment": self.experiment, "members": self.members, "seed": self.seed, "files": self.files}
+        names = ("experiment", "members", "seed", "files", *(("controller",) if self.controller else ()))
+        return {name: getattr(self, name) for name in names}
 
     @property
     def hash(self) -> str:
@@ -63,12 +65,25 @@ class Plan:
 
     @property
     def prepared(self) -> Members:
-        """The members, prepared once per process."""
-        return _members_of(self.text)
+        """The members, prepared once per process.
+
+        Raises
+        ------
+        ExperimentError
+            The plan's files have changed, or it comes from a file and its controller from Python is not there.
+        """
+        if self.controller and self.given is None:
+            raise ExperimentError(
+                self.where,
+                "controller",
+                f"was {self.controller}, given in Python, which files do not keep; expected the same call in Python "
+                "with controller=",
+            )
+        return _members_of(self.text, self.given)
 
 
-def plan_from(text: str) -> Plan:
-    """The plan of a `Plan.text`.
+def plan_from(text: str, given: Given | None = None) -> Plan:
+    """The plan of a `Plan.text`; a controller from Python is not part of the text.
 
     Raises
     ------
@@ -78,11 +93,16 @@ def plan_from(text: str) -> Plan:
     values = json.loads(text)
     if values.pop("format", None) != FORMAT:
         raise ValueError("a plan of another version")
-    return Plan(**values)
+    return Plan(**values, given=given)
 
 
-def plan_of(experiment: Experiment) -> Plan:
-    """The plan of an experiment with an `[ensemble]`; finds the substeps by running the first members.
+def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
+    """The plan of an experiment with an `[ensemble]`; finds the substeps by a pilot run.
+
+    Parameters
+    ----------
+    controller
+        Replaces the experiment's, as in `prepare`.
 
     Raises
     ------
@@ -91,11 +111,11 @@ def plan_of(experiment: Experiment) -> Plan:
     PlantError, ReachError, ControllerError
         The members cannot be run.
     """
-    plan = plan_without_substeps(experiment)
-    return replace(plan, substeps=substeps_of(Members(experiment)))
+    plan = plan_without_substeps(experiment, controller)
+    return replace(plan, substeps=substeps_of(Members(experiment, controller)))
 
 
-def plan_without_substeps(experiment: Experiment) -> Plan:
+def plan_without_substeps(experiment: Experiment, controller: Any = None) -> Plan:
     """The same, without running a member.
 
     Raises
@@ -104,20 +124,22 @@ def plan_without_substeps(experiment: Experiment) -> Plan:
         As `plan_of`.
     """
     values = experiment.model_dump(mode="json", exclude_unset=True)
-    members = Members(experiment)
+    members = Members(experiment, controller)
     _check_varies(members)
     folder = str(experiment.folder.absolute())
-    return Plan(values, experiment.where, folder, members.count, members.seed, 1, digests(experiment))
+    said = "" if controller is None else fingerprint(controller)
+    given = None if controller is None else Given(controller)
+    return Plan(values, experiment.where, folder, members.count, members.seed, 1, digests(experiment), said, given)
 
 
 @lru_cache(2)
-def _members_of(text: str) -> Members:
+def _members_of(text: str, given: Given | None) -> Members:
     plan = plan_from(text)
     experiment = experiment_from(plan.experiment, plan.where).from_file(plan.where, Path(plan.folder))
     if (found := digests(experiment)) != plan.files:
         names = sorted(name for name in {*found, *plan.files} if found.get(name) != plan.files.get(name))
         raise ExperimentError(plan.where, "", f"names {', '.join(names)}, which has changed since the run began")
-    return Members(experiment)
+    return Members(experiment, None if given is None else given.controller)
 
 
 def _check_varies(members: Members) -> None:
@@ -128,62 +150,3 @@ def _check_varies(members: Members) -> None:
             "ensemble",
             "nothing varies; expected a distribution, for instance platform_mass = {normal = [120, 10]}, or noise",
         )
-
-
-def pilots(members: Members) -> list[Prepared]:
-    """The first members that can run, enough for one vector.
-
-    Raises
-    ------
-    ExperimentError
-        None of the members tried can run.
-    """
-    found: list[Prepared] = []
-    reason = ""
-    for each in _some(members):
-        if isinstance(each, str):
-            reason = reason or each
-        else:
-            found.append(each)
-        if len(found) == LANES:
-            break
-    if not found:
-        raise ExperimentError(
-            members.nominal.where,
-            "ensemble",
-            f"none of the first {min(members.count, _PILOT_AMONG)} members is possible; the first: {reason}",
-        )
-    return found
-
-
-def _some(members: Members) -> Iterator[Prepared | str]:
-    for first in range(0, min(members.count, _PILOT_AMONG), LANES):
-        part = prepared_members(members, first, min(first + LANES, members.count))
-        for k in range(first, first + len(part.draws.values)):
-            yield part.prepared.get(k) or part.impossible[k]
-
-
-def substeps_of(members: Members) -> int:
-    """The number of substeps that the first members need in their run for the experiment's tolerance."""
-    plant, prepared = members.nominal.plant, pilots(members)
-    if plant.fixed_step_size:
-        return max(1, ceil(prepared[0].loop.timing.plant_step / plant.fixed_step_size - 1e-9))
-    substeps = 1
-    for _ in range(_TRIES):
-        batch = batch_of(prepared, substeps)
-        with batch.plant:
-            observe_all(batch.plant, batch.law_from, batch.loop, _Nothing())
-            error = float(np.max(batch.plant.integration_error))
-        if not np.isfinite(error):
-            substeps *= 4
-            continue
-        needed = substeps_for(error, substeps, members.choice.tolerance)
-        if needed <= substeps:
-            break
-        substeps = needed
-    return substeps
-
-
-class _Nothing(Observer):
-    def row(self, row: Row) -> None:
-        pass

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.control.feedforward import feedforward
-from gough_stewart.harness.control.laws import Controller, Law, controller_of, law_of
+from gough_stewart.harness.control.laws import Controller, Known, Law, controller_of, law_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError
 from gough_stewart.harness.experiment.hints import hints_of
@@ -51,7 +51,7 @@ class Prepared:
     loop: Loop
     motion: Motion | None  # the reference at every row
     legs: LegMotion | None  # its leg lengths and velocities
-    controller: Controller | None  # None for feedforward alone
+    controller: Controller | None  # the maker of one for each run, if it has memory; None for feedforward alone
     jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
     warnings: tuple[str, ...] = ()  # limits exceeded with permission, hints at the platform
     reference: Reference | None = None  # the motion at any time
@@ -60,7 +60,15 @@ class Prepared:
         """The control law for a run that begins with these references and signals (24,)."""
         if self.controller is None:
             raise ControllerError("an open loop has no control law")
-        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, reference, measured)
+        sample_time = self.loop.timing.sample_time
+        return law_of(self.controller, sample_time, self.jacobians, reference, measured, self.known)
+
+    @property
+    def known(self) -> Known:
+        """What the loop tells a controller in Python."""
+        loop = self.loop
+        planned = loop.feedforward if loop.injection is None else loop.feedforward + loop.injection
+        return Known(self.platform, loop.timing.sample_time, loop.feedforward, planned)
 
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
@@ -80,8 +88,8 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     Parameters
     ----------
     controller
-        Replaces the controller of the experiment: a discrete python-control system, a `LinearController`, or a function
-        of a `Sample`, with the feedforward unchanged; or an FMU, which contains its feedforward.
+        Replaces the controller of the experiment, with the feedforward unchanged: as `controller_of`; or an FMU, which
+        contains its feedforward.
     injection
         Replaces that of the experiment: a function from the time of a sample [s] to six forces [N] that are added to
         the command.
@@ -159,15 +167,20 @@ class Preparation(Planning):
         forces = self._feedforward(experiment, planned)
         start = self.start(experiment)
         with section("controller"):
-            made = (
-                once(
+            made: Controller | None
+            if controller is None:
+                made = once(
                     "controller",
                     (chosen, platform, timing.sample_time, str(folder)),
                     lambda: chosen.controller(platform, timing.sample_time, folder),
                 )
-                if controller is None
-                else controller_of(controller)
-            )
+            else:
+                design = chosen.design(platform, timing.sample_time)
+                made = once(
+                    "given controller",
+                    (controller, chosen, platform, timing.sample_time),
+                    lambda: controller_of(controller, design),
+                )
             if isinstance(made, UnitController) and not clocks.delay:
                 raise ControllerError(
                     f"{made.path} outputs the forces of a sample after a step over it; expected a loop.delay "

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.control.laws import signals_of
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.loop.seeds import as_numbers
@@ -36,10 +35,9 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
         reference = np.concatenate([*prepared.motion, *prepared.legs], axis=1)[:n]
         parts.append(([name for prefix, size in _REFERENCE for name in columns(prefix, size)], reference))
         parts += _errors(run.results, reference)
-    used = () if prepared.controller is None else signals_of(prepared.controller)
-    if used:
-        names = [f"measured.{name}" for name in signals.column_names(used)]
-        parts.append((names, run.measured[at][:, signals.positions(used)]))
+    if run.used:
+        names = [f"measured.{name}" for name in signals.column_names(run.used)]
+        parts.append((names, run.measured[at][:, signals.positions(run.used)]))
     parts.append((columns("controller.force", 6), run.command[at]))
     parts.append((columns("controller.feedforward", 6), prepared.loop.feedforward[at]))
     if prepared.loop.injection is not None:

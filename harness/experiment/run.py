@@ -45,8 +45,10 @@ def run(
         Replace the experiment's: "model", "fmu2" or "fmu3", and an FMU file, built if missing; or an object that
         follows the rules of `Plant`, in its start state, which the caller closes.
     controller
-        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a function of a `Sample`
-        that returns six forces [N], with the feedforward unchanged; or the path of an FMU, as made by
+        Replaces the experiment's, with the feedforward unchanged: a discrete python-control system, a
+        `LinearController`, a function of a `Sample` that returns six forces [N], or one with memory: a class or
+        factory, called as `make(platform, sample_time, **parameters)` with the nominal model and the experiment's
+        `[controller.parameters]`, or an object, which is copied. Or the path of an FMU, as made by
         `gough-stewart export`, which contains its reference and feedforward.
     injection
         Replaces the experiment's: a function from the time of a sample [s] to six forces [N] that are added to the
@@ -76,16 +78,16 @@ def run(
     """
     chosen = experiment_of(experiment, settings)
     if member is not None:
-        if controller is not None or injection is not None:
-            raise ExperimentError(chosen.where, "member", "has its own controller; remove controller and injection")
+        if injection is not None:
+            raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
         from gough_stewart.harness.experiment.member_records import member_of, records_of
-        from gough_stewart.harness.experiment.plan import plan_of
+        from gough_stewart.harness.experiment.plan import plan_of, plan_without_substeps
 
-        plan = plan_of(chosen)
         if plant is None and fmu is None:
-            return records_of(plan, [member], progress)[0]
-        own, prepared = member_of(plan, member)
-        return run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status)
+            return records_of(plan_of(chosen, controller), [member], progress)[0]
+        own, prepared = member_of(plan_without_substeps(chosen, controller), member)
+        replaced = [] if controller is None else ["controller"]
+        return run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
     prepared = prepare(chosen, controller, injection)
     if warn is not None:
         for text in prepared.warnings:

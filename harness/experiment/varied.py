@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import PLAIN, Vector, quantity_in
@@ -24,7 +25,7 @@ _COMMON = {
     "plant": ("kind", "fmu", "file", "tolerance", "fixed_step_size"),
     "platform": ("preset", "file"),
     "limits": ("stroke", "condition_number"),
-    "controller": ("type", "file", "name", "names", "space"),
+    "controller": ("type", "file", "name", "factory", "names", "space"),
     "reference": ("type", "file"),
 }
 _SIGNALS = {variable.name: variable for variable in VARIABLES}
@@ -55,7 +56,7 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
             *(name for name in Experiment.model_fields if name != "ensemble"),
         ]
         raise ValueError(f"no such parameter{nearest(section, known)}")
-    if not rest or rest[-1] in _COMMON.get(section, ()) or section == "ensemble":
+    if not rest or (rest[-1] in _COMMON.get(section, ()) and rest[:-1] != ["parameters"]) or section == "ensemble":
         raise ValueError("is common to all members; expected a parameter of the machine, or a number of another table")
     if section in _PLATFORMS:
         name = rest[-1]
@@ -99,6 +100,8 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
     if field is None:
         raise ValueError(f"no such key of [{above}]{nearest(name, type(table).model_fields)}")
     value = getattr(table, name)
+    if isinstance(value, Mapping) and isinstance(table, ControllerChoice):
+        return _of_controller(key, name, value, rest)
     if isinstance(value, Mapping):
         return _of_mapping(key, name, value, rest)
     if rest:
@@ -109,6 +112,24 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
     shape = (quantity.size,) if isinstance(quantity, Vector) else ()
     nominal = None if value is None or isinstance(value, str) else np.asarray(value, dtype=float)
     return Target(key, quantity.unit, shape, nominal)
+
+
+def _of_controller(key: str, name: str, table: Mapping[str, Any], rest: Sequence[str]) -> Target:
+    """A parameter of a controller in Python or of an FMU, which alone knows its name: a plain number, or a list."""
+    if name != "parameters" or len(rest) != 1:
+        raise ValueError("is common to all members" if name != "parameters" else f"expected one name after {name}")
+    value = table.get(rest[0])
+    try:
+        nominal = None if value is None or isinstance(value, bool | str) else np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        nominal = None
+    # a text or a switch has no distribution but a choice
+    return Target(
+        key,
+        PLAIN if value is None or nominal is not None else None,
+        np.shape(nominal) if nominal is not None else (),
+        nominal,
+    )
 
 
 def _of_mapping(key: str, name: str, table: Mapping[str, Any], rest: Sequence[str]) -> Target:

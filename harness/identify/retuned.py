@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import loop_margins
 from gough_stewart.harness.errors import UnstableLoopError
@@ -105,14 +105,13 @@ def _numbers(platform: Platform) -> dict[str, Any]:
 
 def _margins(experiment: Experiment) -> dict[str, str]:
     prepared = prepare(experiment)
-    if not isinstance(prepared.controller, LinearController):
+    controller = linear_of(prepared.controller)
+    if controller is None:
         return dict.fromkeys(_MARGINS, "–")
     actuators, motion = prepared.loop.actuators, prepared.motion
     place = {} if motion is None else {"position": motion.position[0], "orientation": motion.orientation[0]}
     sample_time = prepared.loop.timing.sample_time
-    L = loop_transfer(
-        prepared.machine, prepared.controller, sample_time, delay=actuators.delay, lag=actuators.lag, **place
-    )
+    L = loop_transfer(prepared.machine, controller, sample_time, delay=actuators.delay, lag=actuators.lag, **place)
     try:
         found = loop_margins(L)
     except UnstableLoopError:

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from gough_stewart.harness.control.laws import Law
-from gough_stewart.harness.errors import ControllerError, PlantError
+from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
 from gough_stewart.harness.loop.actuators import Actuators, Drives
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.outcomes import Outcome, Outcomes
@@ -103,6 +103,8 @@ def observe(
     ------
     ControllerError
         The controller gave no forces at its first sample (for one of many members an outcome), or wrong loop shape.
+    SharedMemoryError
+        Members share a controller with memory.
     PlantError
         The plant refuses a request before the first row; later this ends the run.
     """
@@ -115,7 +117,7 @@ def observe(
         with np.errstate(all="ignore") if shape else nullcontext():
             _run(plant, law_from, loop, observer, outcomes, progress)
     except (StepError, ControllerError, PlantError) as error:
-        if outcomes.time is None:
+        if outcomes.time is None or isinstance(error, SharedMemoryError):
             raise
         outcomes.end(True, "diverged" if isinstance(error, StepError) else "stopped", str(error), counts=False)
     except KeyboardInterrupt:

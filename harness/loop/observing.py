@@ -17,6 +17,7 @@ class Sampled:
     state: FloatArray  # (*shape, n_states), before the command was computed
     command: FloatArray  # (*shape, 6), before limits
     force_limited: BoolArray  # (*shape, 6)
+    used: tuple[str, ...] = ()  # the signals that controllers use
 
 
 class Row(NamedTuple):

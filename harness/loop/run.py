@@ -35,6 +35,7 @@ class Run:
     controller_state: FloatArray  # (m, n_states), before the command was computed
     force_limited: BoolArray  # (m, 6)
     outcomes: tuple[Outcome, ...]  # one per member
+    used: tuple[str, ...] = ()  # the measured signals that controllers use
 
     @property
     def outcome(self) -> Outcome:
@@ -62,6 +63,7 @@ class _Everything(Observer):
         self._command = members.zeros(shape, 6, self._m)
         self._force_limited = members.flags(shape, 6, self._m)
         self._state = members.zeros(shape, 0, self._m)
+        self._used: tuple[str, ...] = ()
 
     def row(self, row: Row) -> None:
         # evaluated again: accelerations and joint forces under the forces that act from now on
@@ -75,6 +77,7 @@ class _Everything(Observer):
     def _sample(self, sampled: Sampled) -> None:
         j = sampled.j
         if j == 0:
+            self._used = sampled.used
             self._state = members.zeros(self._shape, sampled.state.shape[-1], self._m)
         if sampled.due is None:
             self._measured[j], self._state[j] = sampled.measured, sampled.state
@@ -101,6 +104,7 @@ class _Everything(Observer):
             self._state,
             self._force_limited,
             outcomes,
+            self._used,
         )
 
 

@@ -91,7 +91,8 @@ class Sampler:
             self._command_many(j, time, command, due)
         else:
             self._command_one(j, time, command)
-        return Sampled(j, due, reading, state, self.command, self.force_limited)
+        used = () if self._law is None else self._law.used
+        return Sampled(j, due, reading, state, self.command, self.force_limited, used)
 
     def _command_one(self, j: int, time: float, command: FloatArray) -> None:
         self.command = command

@@ -11,7 +11,7 @@ from gough_stewart.harness.ensemble.result import MARGINS
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.batch import batch_of
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.plan import substeps_of
+from gough_stewart.harness.experiment.pilot import substeps_of
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.loop import observe_all
@@ -55,8 +55,8 @@ class Goal:
 class Candidates:
     """Runs points of a search over the members of an experiment, the same for all points (common random numbers)."""
 
-    def __init__(self, experiment: Experiment, members: int, seed: int | None = None) -> None:
-        self.members = members_for(experiment, members, seed)
+    def __init__(self, experiment: Experiment, members: int, seed: int | None = None, controller: Any = None) -> None:
+        self.members = members_for(experiment, members, seed, controller)
         self._own = self.members.draws(0, self.members.count)
         self._machines: dict[int, Any] = {}
         self._left_out = frozenset[int]()
@@ -156,9 +156,7 @@ class Candidates:
                     experiment = members.experiment({**own, **dict(zip(paths, point, strict=True))})
                     known = self._machines.get(k) if keeps_machines else None
                     machine, held = known or (members.preparation.machine(experiment), None)
-                    prepared = members.preparation.prepare(
-                        experiment, seed=members.seed_of(k), machine=machine, held=held
-                    )
+                    prepared = members.prepared(experiment, seed=members.seed_of(k), machine=machine, held=held)
                     if keeps_machines and known is None and prepared.controller is not None:
                         self._machines[k] = (machine, _held(prepared))
                 except GoughStewartError as error:
@@ -172,7 +170,7 @@ class Candidates:
         for point in points:
             values = {axis.place.path: value for axis, value in zip(axes, point, strict=True)}
             try:
-                prepared = self.members.preparation.prepare(self.members.experiment(values))
+                prepared = self.members.prepared(self.members.experiment(values))
                 margins = margins_of([replace(prepared, machine=prepared.platform)])
                 found.append(float(margins[name][0]))
             except GoughStewartError:
@@ -195,7 +193,7 @@ class Candidates:
         ]
 
 
-def members_for(experiment: Experiment, members: int, seed: int | None) -> Members:
+def members_for(experiment: Experiment, members: int, seed: int | None, controller: Any = None) -> Members:
     """A number of members of an experiment; without `[ensemble]` they differ only in noise and jitter."""
     choice = experiment.ensemble
     if choice is None:
@@ -203,7 +201,7 @@ def members_for(experiment: Experiment, members: int, seed: int | None) -> Membe
     # search and test may need other numbers of members than the design allows
     sampling = "random" if choice.sampling in ("saltelli", "latin_hypercube") else choice.sampling
     update = {"members": members, "sampling": sampling, "seed": choice.seed if seed is None else seed}
-    return Members(experiment.model_copy(update={"ensemble": choice.model_copy(update=update)}))
+    return Members(experiment.model_copy(update={"ensemble": choice.model_copy(update=update)}), controller)
 
 
 def _held(prepared: Prepared) -> FloatArray | None:

@@ -90,9 +90,13 @@ def _axis(text: str, members: Members) -> Axis:
         place = place_of(key, experiment, preparation.nominal(experiment), preparation.machine(experiment))
     except ValueError as error:
         raise SearchError(f"--vary {text}: {key}: {error}") from None
+    members.check_acts(key, place)
     target = place.target
     # integers, such as a delay in samples
     is_whole = isinstance(_now(experiment, place), int)
+    if place.path[:2] == ("controller", "parameters"):
+        # 2 may be a gain: only whole bounds make it a whole number
+        is_whole = is_whole and low_text.lstrip("+-").isdigit() and high_text.lstrip("+-").isdigit()
     if target.shape or (target.unit is None and not is_whole):
         raise SearchError(f"--vary {text}: {key} is not a single number; expected the key of a number")
     if any(each.place.path == place.path for each in members.inputs):

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import polars
 
@@ -86,6 +87,7 @@ def tune(
     minimise: str,
     settings: Settings = (),
     *,
+    controller: Any = None,
     subject_to: Sequence[str] = (),
     quantile: float = QUANTILE,
     members: int | None = None,
@@ -109,6 +111,8 @@ def tune(
         A metric by its path, such as "tracking.position.norm_rms".
     settings
         Keys of the experiment to change, as in `load_experiment`.
+    controller
+        Replaces the experiment's, as in `run`; each member of each candidate gets a fresh one.
     subject_to
         Conditions on metrics and margins: "disk_margin > 0.5", "stroke.margin >= 10 mm".
     quantile
@@ -146,7 +150,8 @@ def tune(
             raise TuningError(f"{name} is {number}; expected at least 1")
     for hint in too_late(chosen):
         raise TuningError(hint)
-    here = Candidates(chosen, _number(chosen, members, MEMBERS if chosen.ensemble is not None else 1))
+    number = _number(chosen, members, MEMBERS if chosen.ensemble is not None else 1)
+    here = Candidates(chosen, number, controller=controller)
     axes = axes_of(vary, here.members)
     conditions = tuple(condition_of(text) for text in subject_to)
     size = POPULATION * len(axes) if population is None else population
@@ -166,7 +171,7 @@ def tune(
         raise NoCandidateError(f"no candidate meets the conditions ({found.ending}): {found.broken_most()}")
     judges = [here]
     if here.is_random and not found.is_interrupted:
-        other = Candidates(chosen, _number(chosen, fresh, FRESH), here.members.seed + 1)
+        other = Candidates(chosen, _number(chosen, fresh, FRESH), here.members.seed + 1, controller)
         other.leave_out_impossible()
         judges.append(other)
     judged = [_judged(each, axes, goal, best.point, own) for each in judges]

@@ -1,0 +1,90 @@
+"""What a plan says of a controller from Python, so that another one is noticed."""
+
+import hashlib
+import inspect
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+from types import CodeType, FunctionType, MethodType
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.makers import name_of
+from gough_stewart.harness.control.shared_memory import values_of
+from gough_stewart.harness.control.state_space import is_control_system
+
+
+def fingerprint(controller: Any) -> str:
+    """What a controller from Python is, and a hash of its code and values, as far as they are visible.
+
+    The same code and values have the same hash in another process; code of other modules does not count.
+    """
+    digest = hashlib.sha256()
+    for part in _parts(controller, set()):
+        digest.update(part + b"\0")
+    return f"{_said(controller)}, {digest.hexdigest()[:16]}"
+
+
+def _said(controller: Any) -> str:
+    if isinstance(controller, str | Path):
+        return str(controller)
+    if isinstance(controller, LinearController) or is_control_system(controller):
+        return type(controller).__name__
+    return name_of(controller)
+
+
+def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
+    if id(thing) in seen:
+        return
+    seen.add(id(thing))
+    if isinstance(thing, MethodType):
+        yield from _parts(thing.__self__, seen)
+        yield from _parts(thing.__func__, seen)
+    elif isinstance(thing, FunctionType):
+        yield from _of_code(thing.__code__)
+        for name, value in values_of(thing):
+            yield name.encode()
+            yield from _of_value(value)
+    elif inspect.isclass(thing):
+        yield from _of_class(thing, seen)
+    elif isinstance(thing, LinearController):
+        yield repr((thing.signals, thing.space)).encode()
+        yield from _parts(thing.system, seen)
+    elif all(hasattr(thing, name) for name in "ABCD"):
+        yield repr([np.asarray(getattr(thing, name)).tolist() for name in "ABCD"] + [thing.dt]).encode()
+    else:
+        if not is_control_system(thing):
+            yield from _parts(type(thing), seen)
+        yield from _of_value(thing)
+
+
+def _of_class(thing: type, seen: set[int]) -> Iterator[bytes]:
+    """Its methods and values, and those of the classes that it inherits from."""
+    yield thing.__qualname__.encode()
+    for base in thing.__mro__[1:-1]:
+        yield from _parts(base, seen)
+    for name, value in vars(thing).items():
+        if not name.startswith("__") or isinstance(value, FunctionType):
+            yield name.encode()
+            inner = getattr(value, "__func__", getattr(value, "fget", value))
+            yield from _parts(inner, seen) if isinstance(inner, FunctionType) else _of_value(inner)
+
+
+def _of_code(code: CodeType) -> Iterator[bytes]:
+    """Instructions and constants, without line numbers and file names."""
+    yield code.co_code
+    yield repr((code.co_names, code.co_varnames, code.co_freevars)).encode()
+    for each in code.co_consts:
+        if isinstance(each, CodeType):
+            yield from _of_code(each)
+        else:
+            yield repr(sorted(each, key=repr) if isinstance(each, frozenset) else each).encode()
+
+
+def _of_value(value: Any) -> Iterator[bytes]:
+    try:
+        yield pickle.dumps(value)
+    except Exception:
+        yield type(value).__qualname__.encode()

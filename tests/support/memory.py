@@ -1,0 +1,101 @@
+"""A controller that keeps something between samples, written in the ways that a user may write it.
+
+A PID, uneven over the legs: its integral and its last error are its memory. The gains suit `heave_tolerances`.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import gough_stewart as gs
+from gough_stewart.model.vectors import FloatArray
+
+LEGS = 1 + 0.05 * np.arange(6)
+EXPERIMENT = "heave_tolerances"
+SHORT: dict[str, Any] = {
+    "loop.duration": 0.03,
+    "reference.position_change": [1e-4, 0, -5e-5],
+    "reference.at": 0.002,
+    "reference.duration": 0.02,
+}
+RMS = "tracking.position.norm_rms"
+
+
+class Pid:
+    """As a class."""
+
+    def __init__(self, _platform: gs.Platform, sample_time: float, kp: float = 8e4, kd: float = 9e3) -> None:
+        self.sample_time, self.kp, self.kd = sample_time, kp, kd
+        self.integral = np.zeros(6)
+        self.before: FloatArray | None = None
+
+    def __call__(self, sample: gs.Sample) -> FloatArray:
+        """The forces kp e + ki ∑ e T + kd Δe/T, with ki = 5 kp."""
+        error = LEGS * (sample.reference["leg_length"] - sample.measured["leg_length"])
+        self.integral += self.sample_time * error
+        change = 0 * error if self.before is None else (error - self.before) / self.sample_time
+        self.before = error
+        return np.asarray(self.kp * error + 5 * self.kp * self.integral + self.kd * change)
+
+
+def factory(_platform: gs.Platform, sample_time: float, kp: float = 8e4, kd: float = 9e3) -> Callable[..., FloatArray]:
+    """As a closure, the same arithmetic."""
+    integral, before = np.zeros(6), None
+
+    def law(sample: gs.Sample) -> FloatArray:
+        nonlocal integral, before
+        error = LEGS * (sample.reference["leg_length"] - sample.measured["leg_length"])
+        integral = integral + sample_time * error
+        change = 0 * error if before is None else (error - before) / sample_time
+        before = error
+        return np.asarray(kp * error + 5 * kp * integral + kd * change)
+
+    return law
+
+
+def an_object() -> Pid:
+    """As an object, for the sample time of the experiment."""
+    return Pid(gs.load_preset("motion_base"), 1e-3)
+
+
+WAYS: dict[str, Callable[[], Any]] = {"class": lambda: Pid, "object": an_object, "factory": lambda: factory}
+
+FILE = """
+import numpy as np
+from legs import LEGS, remembered
+
+class Pid:
+    def __init__(self, platform, sample_time, kp=8e4, kd=9e3):
+        self.sample_time, self.kp, self.kd = sample_time, kp, kd
+        self.integral, self.before = np.zeros(6), None
+    def __call__(self, sample):
+        error = LEGS * (sample.reference["leg_length"] - sample.measured["leg_length"])
+        self.integral = self.integral + self.sample_time * error
+        change = 0 * error if self.before is None else (error - self.before) / self.sample_time
+        self.before = error
+        return self.kp * error + 5 * self.kp * self.integral + self.kd * change
+
+# the same in globals: its own, and those of a module beside it
+sum_of_errors = np.zeros(6)
+
+def in_globals(sample):
+    global sum_of_errors
+    error = LEGS * (sample.reference["leg_length"] - sample.measured["leg_length"])
+    sum_of_errors = sum_of_errors + 1e-3 * error
+    change = 0 * error if remembered.get("error") is None else (error - remembered["error"]) / 1e-3
+    remembered["error"] = error
+    return 8e4 * error + 5 * 8e4 * sum_of_errors + 9e3 * change
+
+def make(platform, sample_time, kp=8e4, kd=9e3):
+    return Pid(platform, sample_time, kp, kd)
+
+as_object = Pid(None, 1e-3)
+"""
+BESIDE = "import numpy as np\nLEGS = 1 + 0.05 * np.arange(6)\nremembered = {}\n"
+NAMED: dict[str, dict[str, str]] = {
+    "class": {"name": "Pid"},
+    "factory": {"factory": "make"},
+    "object": {"name": "as_object"},
+    "function": {"name": "in_globals"},
+}
