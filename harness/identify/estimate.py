@@ -1,6 +1,7 @@
 """The result of an identification: values with their uncertainty, identifiability, and residuals."""
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +11,7 @@ from scipy.stats import norm
 
 from gough_stewart.harness.identify.diagnosis import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
+from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -45,7 +47,7 @@ class Estimate:
 
     method: str
     names: tuple[str, ...]  # elements, such as platform_com[1]
-    values: FloatArray  # (p,) [SI]
+    values: FloatArray  # (p,) [SI]; NaN of elements that the motion does not excite
     nominal: FloatArray  # (p,) values before the fit [SI]
     covariance: FloatArray  # (p, p)
     # of the regressor in units of `scale`, largest first; and for each the combination of names, as a row
@@ -60,12 +62,16 @@ class Estimate:
     alarms: tuple[str, ...] = ()
     # whether the log contradicts the model, and why; None for methods that cannot tell
     diagnosis: Diagnosis | None = None
+    # elements that have no number, since the motion does not excite them; a platform keeps their nominal values
+    not_excited: tuple[str, ...] = ()
+    # elements held by a bound of what is physical; they have a value, but no interval
+    at_bound: tuple[str, ...] = ()
     # data for pages and figures
     details: dict[str, Any] = field(default_factory=dict)
 
     @property
     def standard_errors(self) -> FloatArray:
-        """Square roots of the variances (p,) [SI]."""
+        """Square roots of the variances (p,) [SI]; NaN of elements without a number, or at a bound."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -92,14 +98,25 @@ class Estimate:
         return np.array([v for n, v in zip(self.names, self.values, strict=True) if name in (n, n.partition("[")[0])])
 
     def platform(self, nominal: Platform) -> Platform:
-        """The platform with the estimated values.
+        """The platform with the estimated values, and nominal ones for what the motion does not excite.
+
+        If some elements of the inertia are nominal and the others do not fit them, all of it is nominal.
 
         Raises
         ------
         PlatformError
             The estimated values are not possible together with the rest of this platform.
         """
-        return with_values(nominal, dict(zip(self.names, self.values.tolist(), strict=True)))
+        every = zip(self.names, self.values.tolist(), strict=True)
+        found = {name: value for name, value in every if not math.isnan(value)}
+        try:
+            return with_values(nominal, found)
+        except PlatformError:
+            if not any(name.startswith("platform_inertia") for name in self.not_excited):
+                raise
+            return with_values(
+                nominal, {name: value for name, value in found.items() if not name.startswith("platform_inertia")}
+            )
 
     def combination(self, k: int) -> str:
         """The combination of singular value k, as text; parts in units of their scale."""
@@ -124,12 +141,14 @@ class Estimate:
             "singular_values": self.singular_values,
             "combinations": [self.combination(k) for k in range(len(self.singular_values))],
             "rank": self.rank,
+            "not_excited": self.not_excited,
+            "at_bound": self.at_bound,
             "residuals": vars(self.residuals),
             "alarms": self.alarms,
             "notes": self.notes,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),
         }
-        return (json.dumps(parts, indent=2, ensure_ascii=False, default=_plain) + "\n").encode()
+        return (json.dumps(_plain(parts), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def nominal_values(names: Sequence[str], platform: Platform) -> FloatArray:
@@ -147,7 +166,12 @@ def combination_text(direction: FloatArray, names: Sequence[str]) -> str:
     return " ".join(parts).removeprefix("+ ")
 
 
-def _plain(value: object) -> object:
+def _plain(value: Any) -> Any:
+    """The value in types of JSON; null for what is no number."""
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise TypeError(f"{type(value)} in an estimate")  # a bug of ours, not of users
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

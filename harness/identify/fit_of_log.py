@@ -1,6 +1,7 @@
 """The estimate from a fit, for all methods that fit the samples of a log."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -95,6 +96,7 @@ def estimate_of(
         notes=(*notes, *(() if found is None else found.sentences)),
         alarms=(*alarms, *(() if found is None else found.alarms)),
         diagnosis=found,
+        at_bound=_held_by_bounds(names, fit.at_bound),
         details={
             "time": channels.time,
             "measured": channels.measured,
@@ -103,6 +105,60 @@ def estimate_of(
             "validating": channels.validating,
         },
     )
+
+
+def with_all(
+    estimate: Estimate,
+    names: tuple[str, ...],
+    nominal: FloatArray,
+    scale: FloatArray,
+    not_excited: Sequence[str],
+    pull: FloatArray,
+) -> Estimate:
+    """The estimate of all these elements, without a number for those that are not excited, or were not fitted.
+
+    Elements at a bound keep their value, but have no variance: that of the regression ignores the bound.
+
+    Parameters
+    ----------
+    nominal, scale
+        Of all elements (p,) [SI].
+    pull
+        Expected errors (p,) [SI] by noise in the regressor; their squares are added to the variances.
+    """
+    at = [names.index(name) for name in estimate.names]
+    p = len(names)
+    values, covariance, directions = (
+        np.full(p, np.nan),
+        np.full((p, p), np.nan),
+        np.zeros((len(estimate.directions), p)),
+    )
+    values[at], covariance[np.ix_(at, at)], directions[:, at] = (
+        estimate.values,
+        estimate.covariance,
+        estimate.directions,
+    )
+    covariance += np.outer(pull, pull)
+    unknown = [k for k, name in enumerate(names) if name in not_excited]
+    values[unknown] = np.nan
+    for k in (*unknown, *(names.index(name) for name in estimate.at_bound)):
+        covariance[k] = covariance[:, k] = np.nan
+    return replace(
+        estimate,
+        names=names,
+        values=values,
+        nominal=nominal,
+        covariance=covariance,
+        directions=directions,
+        scale=scale,
+        not_excited=tuple(not_excited),
+        at_bound=tuple(name for name in estimate.at_bound if name not in not_excited),
+    )
+
+
+def _held_by_bounds(names: Sequence[str], at_bound: Sequence[str]) -> tuple[str, ...]:
+    """The elements at a bound; all of the inertia's, if as a whole it is at the limit of what a body has."""
+    return tuple(name for name in names if name in at_bound or name.partition("[")[0] in at_bound)
 
 
 def scales(platform: Platform, names: Sequence[str], force: float, velocity: float) -> FloatArray:

@@ -5,14 +5,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from gough_stewart.harness.errors import IdentificationError, LogError
-from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.estimate import Estimate, nominal_values
+from gough_stewart.harness.identify.fit_of_log import scales, with_all
 from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
+from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.observability import check_separable, determined, is_linear, motion_rows
 from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.identify.parts import VALIDATION
-from gough_stewart.harness.identify.screening import screened
+from gough_stewart.harness.identify.screening import Screened, screened
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 
@@ -88,8 +93,57 @@ def identify(
         return identify_geometry(logs[0], platform, names, **options)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
     found = screened(logs, platform, share, aside, options.pop("cutoff", None))
-    fit = _METHODS[method](found.parts, platform, names, cutoff=found.cutoff, **options)
+    fit = _of_determined(_METHODS[method], found, platform, expanded(names, platform), options)
     return replace(fit, notes=(*found.notes, *fit.notes), alarms=(*found.alarms, *fit.alarms))
+
+
+def _of_determined(
+    method: Callable[..., Estimate],
+    found: Screened,
+    platform: Platform,
+    names: tuple[str, ...],
+    options: Mapping[str, Any],
+) -> Estimate:
+    """The fit of what the motion determines; the other elements get no number."""
+    linear = [name for name in names if is_linear(name, platform)]
+    if linear:
+        check_separable(platform, linear)
+    rows = motion_rows(found.parts, platform) if linear else None
+    nominal = nominal_values(names, platform)
+    if rows is None:
+        fit = method(found.parts, platform, names, cutoff=found.cutoff, **options)
+        return with_all(fit, names, nominal, fit.scale, (), np.zeros(len(names)))
+    scale = scales(platform, names, rows.force, rows.velocity)
+    at = [names.index(name) for name in linear]
+    values = nominal.copy()
+    now = determined(rows, platform, linear, values[at], scale[at])
+    held: set[str] = set()
+    unknown: set[str] = set()
+    while True:
+        held |= set(now.held)
+        unknown |= {*now.held, *now.not_excited}
+        kept = tuple(name for name in names if name not in held)
+        if not kept:
+            raise IdentificationError(
+                f"too little excitation: this motion determines none of {', '.join(names)}; record a motion designed "
+                "for them (gough-stewart excite)",
+                names,
+            )
+        fit = method(found.parts, platform, kept, cutoff=found.cutoff, **options)
+        values[[names.index(name) for name in kept]] = fit.values
+        # what a motion determines of centres of mass and inertias depends on their values
+        now = determined(rows, platform, linear, values[at], scale[at])
+        unknown |= set(now.not_excited)
+        if set(now.held) <= held:
+            break
+    pull = np.zeros(len(names))
+    pull[at] = now.pull * scale[at]
+    lacking = [name for name in names if name in unknown]
+    fit = with_all(fit, names, nominal, scale, lacking, pull)
+    if lacking:
+        note = f"not excited by this motion, so without a number: {', '.join(lacking)}"
+        fit = replace(fit, notes=(*fit.notes, note))
+    return fit
 
 
 def _logs(given: AnyLog | Sequence[AnyLog]) -> list[Log]:

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.linear_parameters import (
     INERTIA,
     PAIRS,
@@ -46,6 +45,8 @@ def best_fit(
 ) -> BestFit:
     """Minimise |r(θ)|² over the named elements θ, within the bounds of the platform's table and physically consistent.
 
+    Only all six elements of the inertia are made those of a body; some of them are not, for lack of the others.
+
     Parameters
     ----------
     residual, jacobian
@@ -55,10 +56,6 @@ def best_fit(
     scale, start
         Of θ (p,).
 
-    Raises
-    ------
-    IdentificationError
-        The best fit is not a physical body, and the estimate does not include all six elements of the inertia.
     """
     low = np.array([_SMALLEST * s if _bound(name) == "> 0" else 0.0 for name, s in zip(names, scale, strict=True)])
     low = np.where([_bound(name) is None for name in names], -np.inf, low)
@@ -72,11 +69,8 @@ def best_fit(
     if not inertias or _is_body(with_estimated(elements, names, theta)):
         return BestFit(theta, held)
     if len(inertias) < len(INERTIA):
-        raise IdentificationError(
-            f"platform_inertia: the best fit is not a physical body, and the estimate has only "
-            f"{', '.join(names[k] for k in inertias)}; estimate all of platform_inertia, or excite rotations more",
-            [names[k] for k in inertias],
-        )
+        # whether it is one with the other elements is for the platform to say
+        return BestFit(theta, held)
     theta = _as_body(residual, jacobian, elements, names, theta, low, scale)
     return BestFit(theta, (*held, "platform_inertia"))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, rows_apart
-from gough_stewart.harness.identify.faults import Mask, clipped, frozen, lost_rows, spikes
+from gough_stewart.harness.identify.faults import Lost, Mask, clipped, frozen, lost_rows, noise_of, spikes
 from gough_stewart.harness.identify.holding import without_held_rows
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.parts import VALIDATION, Part
@@ -25,6 +25,9 @@ _LEAST_LENGTH, _LEAST_FORCE = 2e-6, 5e-3
 # Rows with a fault that are interpolated; a longer stretch is left out.
 _MENDED = 5
 _AROUND = 6  # rows on either side that tell what they should have been
+# Lengths that vary by fewer standard deviations of their noise are at rest.
+_AT_REST = 20.0
+_SHORTEST = 16  # rows that tell anything
 # More mended rows, or rows that cannot be used, are an alarm; still more, and the log is refused.
 _ALARM, _REFUSED = (0.005, 0.15), (0.02, 0.5)
 # Length of the filters of rows in periods of the cut-off, and the least length of a stretch beyond them.
@@ -95,6 +98,18 @@ class _Found(NamedTuple):
     cutoff: float
 
 
+class _Damage(NamedTuple):
+    """Readings (n, 6) of a log with spikes replaced, and what was found."""
+
+    length: FloatArray
+    force: FloatArray
+    found: list[tuple[str, Mask, str]]  # each fault, its readings, and what was done
+    unknown_length: Mask
+    unknown_force: Mask
+    struck: Mask  # rows (n,) with spikes
+    lost: list[Lost]
+
+
 def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _Found:
     force_of(log)
     check_lengths(log, platform)
@@ -104,58 +119,90 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _Found:
     if not is_missing.any():
         log, notes = without_held_rows(log)
         is_missing = np.zeros(len(log), dtype=bool)
-    assert log.time is not None  # checked by rows_apart
-    time, h = log.time, float(log.time[-1] - log.time[0]) / (len(log) - 1)
-    length, force = log.leg_length.copy(), force_of(log).copy()
-    missing = np.repeat(is_missing[:, None], 6, axis=1)
+    damage = _damage_of(log, platform, np.repeat(is_missing[:, None], 6, axis=1))
+    _check_motion(log, damage.length)
+    notes += _texts(log, damage)
 
+    bad = np.asarray((damage.unknown_length | damage.unknown_force).any(axis=1))
+    short = _runs_of(bad, _MENDED) if bad.any() else bad
+    _interpolate(damage.length, damage.unknown_length & short[:, None])
+    _interpolate(damage.force, damage.unknown_force & short[:, None])
+    log = replace(log, leg_length=damage.length, actuator_force=damage.force)
+    stretches = _stretches(bad & ~short, [each.row for each in damage.lost])
+    longest = max(stretches, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
+    h = _sample_time(log)
+    if longest.stop - longest.start > _SHORTEST:
+        cutoff = cutoff_of(damage.length[longest], h) if cutoff is None else cutoff
+    if len(stretches) > 1 and cutoff is not None:
+        least_rows = (_FILTERS + _BEYOND) / cutoff / h
+        stretches = [rows for rows in stretches if rows.stop - rows.start >= least_rows]
+    mended = float((damage.struck | short).mean())
+    lost = 1 - sum(rows.stop - rows.start for rows in stretches) / len(log)
+    _refuse_if_too_many(log, mended, lost, notes)
+    alarms = []
+    if mended > _ALARM[0] or lost > _ALARM[1]:
+        alarms.append(
+            f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * lost:.2g} % left out; where "
+            "so many readings are wrong, others may be that do not show"
+        )
+    return _Found(log, stretches, notes, alarms, cutoff or math.inf)
+
+
+def _damage_of(log: Log, platform: Platform, missing: Mask) -> _Damage:
+    length, force = log.leg_length, force_of(log)
     # a held force is a command, which the actuator obeys at its limit, too
-    beyond = missing & False if log.holds_force else clipped(force, platform.actuator_force_max)
+    beyond = np.zeros_like(missing) if log.holds_force else clipped(force, platform.actuator_force_max)
     still, silent = frozen(length, True, missing), frozen(force, False, beyond | missing)
-    off, length = spikes(length, still | missing, _LEAST_LENGTH * float(np.abs(length).max()))
     least = _LEAST_FORCE * float(np.sqrt((force**2).mean()))
+    off, length = spikes(length, still | missing, _LEAST_LENGTH * float(np.abs(length).max()))
     struck, force = spikes(force, silent | beyond | missing, least)
+    found = [
+        ("spikes in the leg length", off, "interpolated; check the encoder and its cable"),
+        ("spikes in the force", struck, "interpolated; check the force sensor and its cable"),
+        ("frozen readings of the leg length", still, "left out; check the encoder and the logger"),
+        ("frozen readings of the force", silent, "left out; check the force sensor and the logger"),
+        (
+            "clipped readings of the force",
+            beyond,
+            "left out; use a larger range of the force sensor, or a slower motion",
+        ),
+        ("missing rows", missing[:, :1], "interpolated or left out; check the logger"),
+    ]
+    rows = np.asarray((off | struck).any(axis=1))
     lost = lost_rows(length, still | missing)
+    return _Damage(length, force, found, still | missing, silent | beyond | missing, rows, lost)
 
-    def say(what: str, bad: Mask, then: str) -> None:
+
+def _texts(log: Log, damage: _Damage) -> list[str]:
+    """What was found, where and how often, and what was done."""
+    assert log.time is not None  # checked by rows_apart
+    texts = []
+    for what, bad, then in damage.found:
         rows = np.flatnonzero(bad.any(axis=1))
         if rows.size:
-            notes.append(f"{log.where}: {_legs(what, bad)}, {_when(time, rows)}; {then}")
-
-    say("spikes in the leg length", off, "interpolated; check the encoder and its cable")
-    say("spikes in the force", struck, "interpolated; check the force sensor and its cable")
-    say("frozen readings of the leg length", still, "left out; check the encoder and the logger")
-    say("frozen readings of the force", silent, "left out; check the force sensor and the logger")
-    say("clipped readings of the force", beyond, "left out; use a larger range of the force sensor, or a slower motion")
-    say("missing rows", missing[:, :1], "interpolated or left out; check the logger")
-    if lost:
-        at = ", ".join(f"{time[each.row]:.4g} s ({each.number:+.0f})" for each in lost[:_EXAMPLES])
-        more = f" and {len(lost) - _EXAMPLES} more" if len(lost) > _EXAMPLES else ""
-        notes.append(
+            texts.append(f"{log.where}: {_legs(what, bad)}, {_when(log.time, rows)}; {then}")
+    if damage.lost:
+        at = ", ".join(f"{log.time[each.row]:.4g} s ({each.number:+.0f})" for each in damage.lost[:_EXAMPLES])
+        more = f" and {len(damage.lost) - _EXAMPLES} more" if len(damage.lost) > _EXAMPLES else ""
+        texts.append(
             f"{log.where}: rows were lost (+) or repeated (−) though times go on, since all legs jump, at {at}{more}; "
             "the log is divided there; check the logger"
         )
-    bad = np.asarray((still | silent | beyond | missing).any(axis=1))
-    short = _runs_of(bad, _MENDED) if bad.any() else bad
-    for values, at_fault in ((length, still | missing), (force, silent | beyond | missing)):
-        _interpolate(values, at_fault & short[:, None])
-    log = replace(log, leg_length=length, actuator_force=force)
-    stretches = _stretches(bad & ~short, [each.row for each in lost])
-    longest = max(stretches, key=lambda rows: rows.stop - rows.start)
-    cutoff = cutoff_of(length[longest], h) if cutoff is None else cutoff
-    if len(stretches) > 1:
-        least_rows = (_FILTERS + _BEYOND) / cutoff / h
-        stretches = [rows for rows in stretches if rows.stop - rows.start >= least_rows]
-    mended = float((off.any(axis=1) | struck.any(axis=1) | short).mean())
-    lost_share = 1 - sum(rows.stop - rows.start for rows in stretches) / len(log)
-    _refuse_if_too_many(log, mended, lost_share, notes)
-    alarms = []
-    if mended > _ALARM[0] or lost_share > _ALARM[1]:
-        alarms.append(
-            f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * lost_share:.2g} % left out; "
-            "where so many readings are wrong, others may be that do not show"
+    return texts
+
+
+def _check_motion(log: Log, length: FloatArray) -> None:
+    travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
+    if len(log) > _SHORTEST and travel <= _AT_REST * unsure:
+        raise LogError(
+            f"{log.where}: the legs move by {travel:.3g} m, hardly more than the noise of their lengths, {unsure:.2g} "
+            "m; expected a motion: record one that is designed for the parameters (gough-stewart excite)"
         )
-    return _Found(log, stretches, notes, alarms, cutoff)
+
+
+def _sample_time(log: Log) -> float:
+    assert log.time is not None  # checked by rows_apart
+    return float(log.time[-1] - log.time[0]) / (len(log) - 1)
 
 
 def _on_even_rows(log: Log) -> tuple[Log, Mask]:

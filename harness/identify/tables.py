@@ -21,9 +21,14 @@ def _parameters(estimate: Estimate) -> Sheet:
     sheet = Sheet("Parameters, with 95 % intervals", ("", "before", "found", "±", "± %"))
     half = estimate.values - estimate.interval[:, 0]
     for k, name in enumerate(estimate.names):
-        value = estimate.values[k]
-        share = f"{100 * half[k] / abs(value):.2g}" if value else "–"
-        sheet.add(Named(name, unit_of(name)), f"{estimate.nominal[k]:.5g}", f"{value:.6g}", f"{half[k]:.2g}", share)
+        value, row = estimate.values[k], (Named(name, unit_of(name)), f"{estimate.nominal[k]:.5g}")
+        if name in estimate.not_excited:
+            sheet.add(*row, "not excited", "–", "–")
+        elif name in estimate.at_bound:
+            sheet.add(*row, f"{value:.6g}", "at its bound", "–")
+        else:
+            share = f"{100 * half[k] / abs(value):.2g}" if value else "–"
+            sheet.add(*row, f"{value:.6g}", f"{half[k]:.2g}", share)
     return sheet
 
 
