@@ -17,7 +17,8 @@ from gough_stewart.model.vectors import Array, FloatArray, cross, dot, skew
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-# Natural ends have no curvature, so the path between two poses is a straight line.
+# No curvature at the ends, so that the path between two poses is a straight line. For degree 3 this is the natural
+# spline; that of degree 5 has zero third and fourth derivatives instead, and does not exist through two poses.
 _DERIVATIVES_ZERO_AT_ENDS = {5: (2, 4), 3: (2,)}
 DEGREES = {"quintic": 5, "cubic": 3}
 # Angles [rad] below which the coefficients of the exponential are computed by series.
@@ -52,6 +53,7 @@ class GeometricPath:
     """A path exactly through a list of poses, from s = 0 to 1.
 
     The pose at s is p(s) and R(s) = exp(ρ̃(s)) R₀, with R₀ the orientation of the first pose; p and ρ are splines of s.
+    At both ends their second derivatives are zero, for degree 5 also the fourth.
     From pose to pose s grows with the distance √(|Δp|² + ℓ² |Δρ|²).
 
     Raises

@@ -32,10 +32,11 @@ _ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recorded motion: its poses with times since the first row, and the time of that row in the file [s]."""
+    """A recorded motion: its poses with times since the first row, and the file's time there and unit [s]."""
 
     table: FromTable
     first: float
+    time_unit: float
 
 
 def recording_path(folder: Path, file: str) -> Path | Traversable:
@@ -70,7 +71,7 @@ def read_recording(
         first, since = chosen["time"].factor * first, chosen["time"].factor * since
         check_increasing(since, first)
         _check_gaps(since, first, largest_gap)
-        return Recording(FromTable(since, *_poses(table, chosen)), first)
+        return Recording(FromTable(since, *_poses(table, chosen)), first, chosen["time"].factor)
     except (MotionError, TableError) as error:
         raise MotionError(f"{path}: {error}") from error
 

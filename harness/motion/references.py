@@ -17,6 +17,7 @@ from gough_stewart.harness.motion.at_home import AtHome, moved_home
 from gough_stewart.harness.motion.branch_free import maximum, minimum, numbers_or_symbols, reached
 from gough_stewart.harness.motion.low_pass import resampled, smoothed
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
+from gough_stewart.harness.motion.plausible_speed import check_speed
 from gough_stewart.harness.motion.profiles import Profile, motion_about, quintic, sine, step
 from gough_stewart.harness.motion.recording import read_recording, recording_path
 from gough_stewart.harness.motion.scaling import slower
@@ -267,6 +268,7 @@ class FromFile(ReferenceChoice):
 
     `columns` names its columns, if the header uses other names; `largest_gap` is the longest time allowed between two
     rows. `resample` lowers the rate of the rows, `smoothing` is the cut-off of a zero-phase low-pass; see `low_pass`.
+    `unusual_speed` accepts a motion so slow or fast that its times look as if they were in another unit.
     `at_home` moves the motion so that its first pose or its mean becomes the home pose; see `moved_home`.
     """
 
@@ -278,11 +280,18 @@ class FromFile(ReferenceChoice):
     resample: Frequency | None = None
     smoothing: Frequency | None = None
     at_home: AtHome | None = None
+    unusual_speed: bool = False
 
     def about(self, platform: Platform, folder: Path = Path()) -> FromTable:
         """The file's poses, with quintic splines between them; shipped files are found by name."""
-        recording = read_recording(recording_path(folder, self.file), self.columns, self.largest_gap)
+        path = recording_path(folder, self.file)
+        recording = read_recording(path, self.columns, self.largest_gap)
         table = recording.table
+        if not self.unusual_speed:
+            try:
+                check_speed(table, recording.time_unit, platform.characteristic_length, self.time_scale)
+            except MotionError as error:
+                raise MotionError(f"{path}: {error}") from error
         table = table if self.resample is None else resampled(table, self.resample)
         table = table if self.smoothing is None else smoothed(table, self.smoothing)
         start = 0.0 if self.start_time is None else self.start_time - recording.first

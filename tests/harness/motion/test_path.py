@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.path import GeometricPath, turning_of
+from gough_stewart.harness.motion.via_path import ViaPath
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 
@@ -54,6 +55,20 @@ def test_small_turns_have_the_derivatives_of_large_ones(angle: float) -> None:
     turning, _ = turning_of(angle * axis, across, 0 * axis)
     half = np.sin(angle / 2)
     assert_allclose(turning, np.sin(angle) / angle * across + 2 * half**2 / angle * about, atol=1e-12)
+
+
+@pytest.mark.parametrize(("degree", "zero"), [(3, (2,)), (5, (2, 4))])
+def test_derivatives_are_zero_at_the_ends_as_documented(degree: int, zero: tuple[int, ...]) -> None:
+    """Expected: a polynomial of the same degree through points near the end; the quintic is not the natural one."""
+    through = path(degree)
+    for end, sign in ((0.0, 1), (1.0, -1)):
+        # within the first and the last piece
+        near = 0.04 * np.arange(degree + 1)
+        fitted = np.polynomial.polynomial.polyfit(near, through(end + sign * near).position, degree)
+        sizes = np.abs(fitted).max(axis=1)
+        assert [k for k in range(2, degree) if sizes[k] < 1e-6 * sizes.max()] == list(zero)
+    # a natural quintic spline has zero third and fourth derivatives, so this one must not be called so
+    assert "natural" not in (ViaPath.__doc__ or "")
 
 
 def test_two_poses_are_joined_by_a_straight_line_and_one_axis() -> None:
