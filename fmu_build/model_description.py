@@ -8,6 +8,7 @@ from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.layout import Row
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.units import BY_NAME, UNITS
+from gough_stewart.fmu_build.xml_text import xml_text
 
 LOG_CATEGORIES = {
     "logStatusWarning": "minor problems; the reason for terminating Model Exchange",
@@ -30,8 +31,8 @@ def root(component: Component, fmi_version: str, **attributes: str) -> etree._El
     package = package_metadata()
     own = {
         "fmiVersion": fmi_version,
-        "modelName": component.name,
-        "description": component.description,
+        "modelName": xml_text(component.name),
+        "description": xml_text(component.description),
         "version": package["Version"],
         "copyright": "the gough-stewart authors",
         "license": package["License-Expression"],

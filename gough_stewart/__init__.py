@@ -123,6 +123,8 @@ def __getattr__(name: str) -> object:
 
         value = version("gough-stewart")
     elif name in _homes():
+        if ".harness." in _homes()[name]:
+            import_module(f"{__name__}.model.environment").check_environment()
         value = getattr(import_module(_homes()[name]), name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)

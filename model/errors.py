@@ -34,6 +34,10 @@ class PlatformFileError(GoughStewartError, ValueError):
         self.where = where
 
 
+class EnvironmentVariableError(GoughStewartError, ValueError):
+    """An environment variable with a value that a library cannot read."""
+
+
 class OutputError(GoughStewartError):
     """Results cannot be written to the requested place."""
 

@@ -15,6 +15,7 @@ from rich.text import Text
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import MissedError, UsageError
+from gough_stewart.model.environment import check_environment
 from gough_stewart.model.errors import GoughStewartError
 
 
@@ -102,6 +103,7 @@ def clear_errors() -> Iterator[Command]:
     """Turn an error into one clear line and an exit code instead of a traceback."""
     _latest[:] = [command := Command()]
     try:
+        check_environment()
         yield command
     except GoughStewartError as error:
         _say_error(str(error), error)

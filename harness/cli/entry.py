@@ -96,6 +96,8 @@ def main() -> None:
     try:
         try:
             sys.unraisablehook = _interrupts.lost
+            _open_streams()
+            _speak_utf8()
             if isinstance(sys.stderr, io.TextIOWrapper):
                 sys.stderr = _ErrorStream(sys.stderr)
             # these end the process like Ctrl-C: keep rows, remove temporary files, end compilers
@@ -122,6 +124,24 @@ def main() -> None:
         _say(f"error: {error.strerror or error}")
         code = ExitCode.FAILED
     sys.exit(_flushed(code))
+
+
+def _open_streams() -> None:
+    """Let closed standard streams lead nowhere: the next file that is opened would take their place."""
+    for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free descriptor
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(descriptor, mode, encoding="utf-8", errors="replace", closefd=False))
+
+
+def _speak_utf8() -> None:
+    """Start again in UTF-8 mode where the locale's encoding is ASCII, in which names with umlauts cannot be written."""
+    if os.name == "posix" and sys.getfilesystemencoding().lower() == "ascii" and os.environ.get("PYTHONUTF8") != "1":
+        os.environ["PYTHONUTF8"] = "1"
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
 def _whereabouts() -> str:

@@ -11,6 +11,7 @@ from gough_stewart.harness.ensemble.page import ensemble_page
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.polars_paths import write_to
 from gough_stewart.model.files import write_files
 
 DIFFERENCES, PAGE = "differences.parquet", "compare.html"
@@ -54,7 +55,7 @@ def run_compared(
     except RecordError:  # too few members, or equal values in all
         known = []
     page = ensemble_page(gaps, by, {}, known, compare_sheets(found, usual=False))
-    write_files(folder, {DIFFERENCES: found.differences.write_parquet, PAGE: page})
+    write_files(folder, {DIFFERENCES: lambda path: write_to(path, found.differences.write_parquet), PAGE: page})
     return found
 
 

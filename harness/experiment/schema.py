@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.injections import InjectionChoice
@@ -206,6 +206,17 @@ class DisturbanceChoice(Section):
     torque: Torque = ZEROS
 
 
+def _writable(text: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"is {text!r}, which is not UTF-8; expected text in UTF-8") from None
+    return text
+
+
+Text = Annotated[str, AfterValidator(_writable)]
+
+
 class Experiment(Section):
     """A whole experiment, validated: the tables of its file by name, from `load_experiment`.
 
@@ -215,8 +226,8 @@ class Experiment(Section):
     >>> experiment.loop.sample_time, experiment.reference.frequency
     """
 
-    title: str
-    description: str = ""
+    title: Text
+    description: Text = ""
     platform: PlatformChoice = PlatformChoice()
     plant: PlantChoice = PlantChoice()
     start: Start = Start()

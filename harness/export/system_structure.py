@@ -12,6 +12,7 @@ from lxml import etree
 
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.units import BY_NAME
+from gough_stewart.fmu_build.xml_text import xml_text
 from gough_stewart.harness.errors import ExportError
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -90,7 +91,7 @@ def system_structure(system: System) -> bytes:
     root = etree.Element(_ssd("SystemStructureDescription"), nsmap=_PREFIXES, version="1.0", name=system.name)
     root.set("generationTool", f"gough-stewart {package['Version']}")
     if system.description:
-        root.set("description", system.description)
+        root.set("description", xml_text(system.description))
     whole = etree.SubElement(root, _ssd("System"), name=system.name)
     elements = etree.SubElement(whole, _ssd("Elements"))
     for component in system.components:

@@ -13,6 +13,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError, TableError
+from gough_stewart.harness.polars_paths import readable
 from gough_stewart.harness.quantities import UNITS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.table_file import numbers_of, read_table
@@ -182,7 +183,7 @@ def _metadata(path: Path) -> Mapping[str, Any]:
     """The metadata of a run's record; empty for other logs."""
     try:
         if path.suffix == ".parquet":
-            text = polars.read_parquet_metadata(path).get("gough_stewart", "null")
+            text = polars.read_parquet_metadata(readable(path)).get("gough_stewart", "null")
         else:
             text = path.with_name("metadata.json").read_text("utf-8")
         found = json.loads(text)

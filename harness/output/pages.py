@@ -53,7 +53,8 @@ def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str
         data=json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"),
         scripts="\n".join(f"<script>{script}</script>" for script in scripts),
     )
-    return page.encode()
+    # the name of a folder may not be UTF-8
+    return page.encode(errors="replace")
 
 
 def asset(room: str, name: str) -> str:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.polars_paths import readable, write_to
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -84,12 +86,16 @@ class Record:
 
     def write_csv(self, file: Path | BytesIO) -> None:
         """Write CSV to a file without holding all of it in memory."""
-        self.table.write_csv(file)
+        if isinstance(file, Path):
+            write_to(file, self.table.write_csv)
+        else:
+            self.table.write_csv(file)
 
     def write_parquet(self, file: Path | BytesIO) -> None:
         """Write Parquet to a file without holding all of it in memory."""
         try:
-            self.table.write_parquet(file, metadata={_METADATA_KEY: _json(self.metadata)})
+            write = partial(self.table.write_parquet, metadata={_METADATA_KEY: _json(self.metadata)})
+            write_to(file, write) if isinstance(file, Path) else write(file)
         except polars.exceptions.PolarsError as error:  # raised by polars when the disk is full
             raise OSError(None, str(error)) from error
 
@@ -127,11 +133,11 @@ def read_record(path: Path | str) -> Record:
         # no globbing: * and [1] are parts of a name
         if path.suffix == ".parquet":
             # a table from elsewhere has none
-            text = polars.read_parquet_metadata(path).get(_METADATA_KEY, "null")
-            record = Record(polars.read_parquet(path, glob=False), json.loads(text))
+            text = polars.read_parquet_metadata(readable(path)).get(_METADATA_KEY, "null")
+            record = Record(polars.read_parquet(readable(path), glob=False), json.loads(text))
         else:
             # the first rows of a float column may all be integers
-            table = polars.read_csv(path, infer_schema_length=None, glob=False)
+            table = polars.read_csv(readable(path), infer_schema_length=None, glob=False)
             record = Record(table, json.loads(path.with_name("metadata.json").read_bytes()))
         check_metadata(record.metadata)
         check_table(record.table, record.metadata.get("rows"))
