@@ -6,6 +6,8 @@ the plan is made again with less of the limit. The last, smallest excess is remo
 until a bound over all times shows that none is left.
 """
 
+import math
+
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError
@@ -51,7 +53,7 @@ def fastest(platform: Platform, path: GeometricPath, margin: float = 0.0, ramp: 
     margin
         Share of every limit reserved for the controller, 0 to 1.
     ramp
-        Time [s] over which s̈ is averaged, so that no force jumps; the motion takes at least that much longer.
+        Time [s] over which s̈ is averaged, so that no force jumps; the motion takes about 1.0 to 2.3 times that longer.
 
     Raises
     ------
@@ -128,7 +130,7 @@ def _slowing(legs: LegsAlong, limits: DynamicLimits, at: AlongPath) -> float:
         if largest <= 1 + _ROUNDING:
             break
         # a force that is not at its limit at rest falls with the square of the factor
-        factor *= largest if largest < 1.001 else np.sqrt(largest)
+        factor *= largest if largest < 1.001 else math.sqrt(largest)
     return factor
 
 
