@@ -19,6 +19,7 @@ from gough_stewart.harness.ensemble.cluster import chunk_there
 from gough_stewart.harness.ensemble.made_with import made_with
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import plan_of
+from tests.support.memory import EXPERIMENT, SHORT, Pid
 from tests.support.small_ensemble import SMALL, small
 from tools.pages.blocks import ROOT
 
@@ -140,6 +141,18 @@ def test_a_worker_with_other_versions_is_refused(
         EnsembleError, match=r"tcp://.* differs from this machine: numpy 1\.0 here and .* there; install the same"
     ):
         gs.ensemble(small(), out=tmp_path, scheduler=cluster.address)
+
+
+def test_workers_get_a_controller_from_python(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the members of one process, with a class that no module on their path has."""
+    monkeypatch.setattr(runner, "SIZE", 2)
+
+    class Local(Pid):
+        pass
+
+    there = gs.ensemble(EXPERIMENT, SHORT, controller=Local, members=4, scheduler=cluster.address)
+    here = gs.ensemble(EXPERIMENT, SHORT, controller=Local, members=4, workers=1)
+    assert there.members.equals(here.members, null_equal=True)
 
 
 def test_a_worker_killed_in_mid_run_changes_no_byte(

@@ -1,0 +1,178 @@
+"""Controllers from Python files in ensembles and searches: their parameters, their files, and who else runs them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.ensemble import ensemble as runner
+from gough_stewart.harness.ensemble.local import chunks_here
+from gough_stewart.harness.ensemble.statistics import worst_members
+from gough_stewart.harness.errors import EnsembleError, ExperimentError
+from gough_stewart.harness.experiment.fingerprint import fingerprint
+from gough_stewart.harness.experiment.member_records import records_of
+from gough_stewart.harness.experiment.plan import plan_from, plan_of
+from gough_stewart.harness.results.metrics import flattened, metrics
+from gough_stewart.harness.tuning.files import tuning_files
+from tests.support.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid
+
+KP = "controller.parameters.kp"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """An experiment beside its controller, which has a module and a file of numbers beside it."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "pid.py").write_text(FILE + "\nnp.loadtxt('table.csv')\n")
+    (folder / "legs.py").write_text(BESIDE)
+    (folder / "table.csv").write_text("1\n")
+    path = folder / "mine.toml"
+    path.write_text(shipped())
+    return path
+
+
+def shipped() -> str:
+    """The shipped experiment with the controller of the file, and its gain at 7e4."""
+    from gough_stewart.harness.experiment.file import shipped_text
+
+    whole = shipped_text(EXPERIMENT)
+    before, after = whole.split("[controller]")
+    rest = after[after.index("[loop]") :]
+    lines = ['type = "python"', 'file = "pid.py"', 'name = "Pid"', 'feedforward = "computed_torque"']
+    lines += ["[controller.parameters]", "kp = 70000  # by hand", ""]
+    return f"{before}[controller]\n" + "\n".join(lines) + f"\n{rest}"
+
+
+def test_parameters_vary_in_an_ensemble_and_by_set(file: Path) -> None:
+    """Expected: member k of a grid is the single member with that value set; the table has the column."""
+    values = [6e4, 8e4, 9e4]
+    only = {"members": 3, "seed": 1, "controller": {"parameters": {"kp": {"grid": values}}}}
+    found = gs.ensemble(file, {**SHORT, "ensemble": only}, workers=1)
+    assert found.members[f"varied.{KP}"].to_list() == values
+    for k, kp in enumerate(values):
+        record = gs.run(file, {**SHORT, "ensemble": only, KP: kp}, member=k)
+        assert flattened(metrics(record))[RMS] == pytest.approx(found.values(RMS)[k], rel=1e-12)
+    assert len(set(found.values(RMS))) == 3
+    around = {**only, "controller": {"parameters": {"kp": {"factor": {"uniform": [0.9, 1.1]}}}}}
+    drawn = gs.ensemble(file, {**SHORT, "ensemble": around}, workers=1).values(KP)
+    assert ((drawn > 0.9 * 7e4) & (drawn < 1.1 * 7e4)).all()
+    text = {**only, "controller": {"parameters": {"word": {"choice": [1, 2]}}}}
+    with pytest.raises(ExperimentError, match="class Pid accepts kp, kd; found 'word'"):
+        gs.ensemble(file, {**SHORT, "ensemble": text}, workers=1)
+    with pytest.raises(ExperimentError, match=r"controller\.name: is common to all members"):
+        gs.ensemble(file, {**SHORT, "ensemble": {**only, "controller": {"name": {"choice": ["a", "b"]}}}})
+
+
+def test_parameters_are_searched_and_written(file: Path, tmp_path: Path) -> None:
+    """Expected: the value of the written file, run for the same members, is the value that the search says."""
+    settings = {**SHORT, "ensemble.members": 2}
+    found = gs.tune(file, [f"{KP}=5e4..9e4"], RMS, settings, quantile=1.0, fresh=1, generations=1, population=5)
+    (kp,) = found.values.values()
+    assert 5e4 <= kp <= 9e4
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "tuned.toml").write_bytes(tuning_files(found, file, out, settings)["tuned.toml"])
+    again = gs.ensemble(out / "tuned.toml", workers=1)
+    assert again.values(RMS).max() == found.seen.value
+    assert b"# by hand" in (out / "tuned.toml").read_bytes()
+
+
+@pytest.mark.parametrize(("bounds", "is_whole"), [("1..9", True), ("1.0..9.0", False), ("1e0..9e0", False)])
+def test_whole_bounds_search_whole_numbers(file: Path, bounds: str, is_whole: bool) -> None:
+    """A parameter that is written as a whole number may be a gain or an order; how its bounds are written decides."""
+    from gough_stewart.harness.experiment.members import Members
+    from gough_stewart.harness.tuning.space import axes_of
+
+    members = Members(gs.load_experiment(file, {**SHORT, KP: 5}))
+    (axis,) = axes_of([f"{KP}={bounds}"], members)
+    assert axis.is_whole == is_whole
+    assert isinstance(axis.value(0.3), int) == is_whole
+
+
+def interrupted(monkeypatch: pytest.MonkeyPatch, experiment: Path | str, out: Path, controller: Any = None) -> None:
+    """An ensemble of 4 that has finished its first 2."""
+
+    def stops(*arguments: Any) -> Any:
+        yield next(iter(chunks_here(*arguments)))
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(runner, "chunks_here", stops)
+        with pytest.raises(KeyboardInterrupt):
+            gs.ensemble(experiment, SHORT, controller=controller, members=4, workers=1, out=out)
+
+
+def test_a_changed_neighbour_is_not_gone_on_with(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: --resume names the module beside the controller, and the table that it names, not a file aside."""
+    monkeypatch.setattr(runner, "SIZE", 2)
+    out = tmp_path / "out"
+
+    interrupted(monkeypatch, file, out)
+    (file.parent / "aside.py").write_text("unused = 1")
+    for name in ("legs.py", "table.csv"):
+        text = (file.parent / name).read_text()
+        (file.parent / name).write_text(f"{text}\n")
+        with pytest.raises(EnsembleError, match=rf"another experiment: files\.{name}"):
+            gs.ensemble(file, SHORT, members=4, workers=1, out=out, resume=True)
+        (file.parent / name).write_text(text)
+    whole = gs.ensemble(file, SHORT, members=4, workers=1, out=out, resume=True)
+    assert whole.members.equals(gs.ensemble(file, SHORT, members=4, workers=1).members, null_equal=True)
+
+
+def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: with other gains or none it is refused; with the same class it goes on; files say that it was there."""
+    monkeypatch.setattr(runner, "SIZE", 2)
+
+    interrupted(monkeypatch, EXPERIMENT, tmp_path, Pid)
+    for other in (None, WAYS["object"](), WAYS["factory"]()):
+        with pytest.raises(EnsembleError, match=r"another experiment: controller is .* here and 'class Pid, "):
+            gs.ensemble(EXPERIMENT, SHORT, controller=other, members=4, workers=1, out=tmp_path, resume=True)
+    found = gs.ensemble(EXPERIMENT, SHORT, controller=Pid, members=4, workers=1, out=tmp_path, resume=True)
+    plan = plan_from(json.loads((tmp_path / "ensemble.json").read_text())["plan"])
+    with pytest.raises(
+        ExperimentError, match=r"controller: was class Pid, .* given in Python, which files do not keep"
+    ):
+        _ = plan.prepared
+    assert found.values(RMS).shape == (4,)
+
+
+def test_a_fingerprint_follows_code_and_values_alone() -> None:
+    """Expected: the same for equal objects and for the same text elsewhere; another one for another constant."""
+
+    def compiled(text: str) -> Any:
+        names: dict[str, Any] = {"np": np}
+        exec(text, names)
+        return names["law"]
+
+    text = "gain = 3\ndef law(sample):\n    return gain * sample.measured['leg_length'] + 2\n"
+    assert fingerprint(compiled(text)) == fingerprint(compiled(f"\n\n# moved\n{text}"))
+    assert fingerprint(compiled(text)) != fingerprint(compiled(text.replace("+ 2", "+ 4")))
+    assert fingerprint(compiled(text)) != fingerprint(compiled(text.replace("gain = 3", "gain = 5")))
+    one, two = (WAYS["object"]() for _ in range(2))
+    assert fingerprint(one) == fingerprint(two)
+    two.kp = 1.0
+    assert fingerprint(one) != fingerprint(two)
+    assert fingerprint(Pid) != fingerprint(type("Pid", (Pid,), {"kd": 3}))
+    platform = gs.load_preset("motion_base")
+    pids = [gs.sampled(gs.pid(gs.gains_from_bandwidth(platform, hertz)), 1e-3) for hertz in (2, 2, 3)]
+    assert fingerprint(pids[0]) == fingerprint(pids[1]) != fingerprint(pids[2])
+
+
+def test_records_of_the_worst_members_agree_with_their_table(file: Path) -> None:
+    """Expected: to 1e-12 each number of the table, of three members that run together and remember."""
+    found = gs.ensemble(file, SHORT, members=6, workers=1)
+    worst = worst_members(found.members, "tracking.position.norm_peak", 3)
+    for member, record in zip(worst, records_of(plan_from(found.metadata["plan"]), worst), strict=True):
+        for name, value in flattened(metrics(record)).items():
+            if name in found.metrics and value is not None:
+                assert value == pytest.approx(found.values(name)[member], rel=1e-12), name
+
+
+def test_a_plan_of_the_same_controller_has_the_same_hash() -> None:
+    few = {**SHORT, "ensemble.members": 2}
+    hashes = {plan_of(gs.load_experiment(EXPERIMENT, few), each).hash for each in (Pid, Pid, None, WAYS["object"]())}
+    assert len(hashes) == 3
