@@ -4,13 +4,12 @@ import numpy as np
 
 import gough_stewart as gs
 
-platform = gs.load_preset("liu2000")
 OMEGA, ZETA = 2 * np.pi * 3, 1.0
 
 
 def feedback_linearisation(sample: gs.Sample) -> np.ndarray:
     """F from inverse dynamics at the measured state, for the acceleration a_r + 2 ζ ωn ė + ωn² e."""
-    r, y = sample.reference, sample.measured
+    r, y, platform = sample.reference, sample.measured, sample.platform
     J = gs.leg_jacobian(platform, y["position"], y["orientation"])
     # pose errors computed from the leg errors, in world components
     e, de = (np.linalg.solve(J, r[name] - y[name]) for name in ("leg_length", "leg_velocity"))

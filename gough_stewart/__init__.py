@@ -44,7 +44,7 @@ Controllers
     pid                       gains as a continuous python-control system
     sampled                   a continuous controller in discrete time
     LinearController          a controller with feedback of signals other than leg lengths
-    Sample                    the argument of a controller that is a function
+    Sample                    the argument of a controller in Python
 
 Motions
     Hold, Step, PointToPoint  hold a pose, step, point-to-point motion

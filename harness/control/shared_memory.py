@@ -7,6 +7,7 @@ from hashlib import sha256
 from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
+from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import SharedMemoryError
 
 _PACKAGE = __name__.partition(".")[0]
@@ -24,6 +25,12 @@ class Watch:
         self._function = function
         self._before = dict(_digests(function))
 
+    def changed(self) -> str:
+        """What the calls have changed, in words; "" if nothing that is seen."""
+        now = dict(_digests(self._function))
+        names = (name for name in (*self._before, *now) if self._before.get(name) != now.get(name))
+        return next(names, "")
+
     def check(self) -> None:
         """Refuse a function whose calls have changed something.
 
@@ -32,15 +39,13 @@ class Watch:
         SharedMemoryError
             Names what has changed.
         """
-        now = dict(_digests(self._function))
-        for name in (*self._before, *now):
-            if self._before.get(name) != now.get(name):
-                what = getattr(self._function, "__qualname__", "the function")
-                raise SharedMemoryError(
-                    f"the function {what} keeps memory between samples: {name} has changed, and all members would "
-                    "share it; use a factory: a class or function, called as make(platform, sample_time), that makes a "
-                    "controller for each member"
-                )
+        name = self.changed()
+        if name:
+            raise SharedMemoryError(
+                f"the function {name_of(self._function)} keeps memory between samples: {name} has changed, and all "
+                "members would share it; use a factory: a class or function, called as make(platform, sample_time), "
+                "that makes a controller for each member"
+            )
 
 
 def _digests(function: Callable[..., Any]) -> Iterator[tuple[str, str]]:

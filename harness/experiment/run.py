@@ -3,8 +3,11 @@
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
+from gough_stewart.harness.control.makers import name_of
+from gough_stewart.harness.control.shared_memory import Watch
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.named_files import digests
@@ -61,8 +64,9 @@ def run(
     status
         Called with the present action before the run, for example while an FMU is built.
     warn
-        Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`; the
-        record's metadata have the same as `warnings`.
+        Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`, and after it
+        if a function that is the controller keeps memory, with which another run would go on; the record's metadata
+        have the same as `warnings`.
 
     Raises
     ------
@@ -93,7 +97,17 @@ def run(
         for text in prepared.warnings:
             warn(text)
     replaced = [name for name, given in (("controller", controller), ("injection", injection)) if given is not None]
-    return run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
+    watch = Watch(controller) if isinstance(controller, FunctionType) else None
+    record = run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
+    if watch is not None and (changed := watch.changed()):
+        text = (
+            f"the function {name_of(controller)} keeps memory: the run has changed {changed}, and another run goes on "
+            "from there; use a class or factory"
+        )
+        record.metadata.setdefault("warnings", []).append(text)
+        if warn is not None:
+            warn(text)
+    return record
 
 
 def run_prepared(

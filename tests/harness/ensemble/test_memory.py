@@ -238,7 +238,11 @@ def test_a_function_with_memory_is_refused_by_what_it_keeps() -> None:
     for function, what in refused.items():
         with pytest.raises(SharedMemoryError, match=rf"{what}.*use a factory"):
             gs.ensemble(EXPERIMENT, SHORT, controller=function, members=2, workers=1)
-    gs.run(EXPERIMENT, SHORT, controller=in_a_closure)  # alone it may
+    said = list[str]()
+    alone = gs.run(EXPERIMENT, SHORT, controller=in_a_closure, warn=said.append)  # it may, and is told
+    assert "has changed the closure variable 'total'" in said[0]
+    assert alone.metadata["warnings"] == said
+    assert "warnings" not in gs.run(EXPERIMENT, SHORT, controller=without_memory).metadata
     fine = gs.ensemble(EXPERIMENT, SHORT, controller=without_memory, members=2, workers=1)
     assert fine.members["outcome"].to_list() == ["completed"] * 2
 
