@@ -1,12 +1,14 @@
 """The command `identify`: identifies parameters of a platform from a log."""
 
+import shlex
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     NoPythonOption,
     OpenOption,
@@ -21,7 +23,8 @@ from gough_stewart.harness.cli.options import (
     out_option,
     path,
 )
-from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, show
+from gough_stewart.harness.cli.terminal import Terminal, errors, preparing, progress_bar, show
+from gough_stewart.harness.errors import UsageError
 
 
 class Method(StrEnum):
@@ -40,8 +43,13 @@ class PoseFrame(StrEnum):
 
 
 def identify_command(
-    log: Annotated[
-        Path, typer.Argument(help="A CSV or Parquet file, or the folder of a record.", metavar="LOG", parser=path)
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="A CSV or Parquet file, or the folder of a record; several of one machine are fitted together.",
+            metavar="LOG…",
+            parser=path,
+        ),
     ],
     estimate: Annotated[
         str,
@@ -57,6 +65,31 @@ def identify_command(
         float | None,
         typer.Option(
             help="Force per current of each motor [N/A], for logs with motor_current[1..6].", metavar="FACTOR"
+        ),
+    ] = None,
+    holds_force: Annotated[
+        bool,
+        typer.Option(
+            "--holds-force",
+            help="Forces are commands of a sampled controller: each acts from its row to the next. Without it, forces "
+            "are readings at the times of their rows. Records of `run` say so themselves.",
+        ),
+    ] = False,
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="A log of the same machine that validates the fit and is not fitted; may be repeated. Then all of the "
+            "other logs is fitted.",
+            metavar="LOG",
+            parser=path,
+        ),
+    ] = None,
+    validation: Annotated[
+        float | None,
+        typer.Option(
+            help="Share of each log, at its end, that validates the fit and is not fitted.",
+            metavar="SHARE",
+            show_default="0.2",
         ),
     ] = None,
     pose_frame: Annotated[
@@ -80,22 +113,28 @@ def identify_command(
     out: Annotated[Path | None, out_option("results/identify_NAME, after the log")] = None,
     open_it: OpenOption = False,
 ) -> None:
-    """Identify parameters of a platform from a log of time, leg lengths and forces, with their uncertainty.
+    """Identify parameters of a platform from logs of time, leg lengths and forces, with their uncertainty.
 
-    The log is a record of `run`, or has the columns `time`, `leg_length[1..6]`, `actuator_force[1..6]` or
+    A log is a record of `run`, or has the columns `time`, `leg_length[1..6]`, `actuator_force[1..6]` or
     `motor_current[1..6]`, with units in their names where they are not SI: `time [ms]`.
 
     Writes **platform.toml** for `run`; **estimate.json** with values, intervals, correlation, observability and
     residuals; **fit** and **parameters** as PNG and SVG; and **identify.html**, a page that works offline.
 
+    If the log contradicts the model, or much of it is damaged, the files are written, and the exit code is 3.
+
     Examples
     --------
     - `gough-stewart identify log.csv --platform nominal.toml --estimate platform_mass,platform_com`
 
+    - `gough-stewart identify slow.csv fast.csv --platform nominal.toml --estimate platform_mass --validate other.csv`
+
     - `gough-stewart identify poses.csv --platform nominal.toml --estimate base_points,leg_length_offset`
     """
     with clear_errors() as command:
-        out = out or log_folder("identify", log)
+        out = out or log_folder("identify", logs[0])
+        if validate and validation is not None:
+            raise UsageError("--validate and --validation exclude each other; give one")
         nominal = chosen_platform(preset, platform)
         with preparing():
             from gough_stewart.harness.identify.files import FILES, identification_files
@@ -109,8 +148,15 @@ def identify_command(
         chosen = None if experiment is None else chosen_experiment(experiment, settings, no_python)
         with progress_bar() as progress:
             task = progress.add_task("identifying", total=None)
-            options = {} if pose_frame is None else {"pose_frame": pose_frame.value}
-            found = identify(read_log(log, force_per_current), nominal, estimate, method.value, **options)
+            options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame.value}
+            read = [read_log(log, force_per_current, holds_force=holds_force or None) for log in logs]
+            if validate:
+                options["validation"] = [
+                    read_log(log, force_per_current, holds_force=holds_force or None) for log in validate
+                ]
+            elif validation is not None:
+                options["validation"] = validation
+            found = identify(read, nominal, estimate, method.value, **options)
             more = []
             if chosen is not None:
                 progress.update(task, description="before and after")
@@ -121,4 +167,12 @@ def identify_command(
         show(*sheets_of(found), *more)
         for note in found.notes:
             Terminal().say(note)
-        command.close(files, out, open_it=open_it)
+        then = None
+        if found.not_excited:
+            of = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"
+            then = f"gough-stewart excite {of} --estimate {shlex.quote(estimate)}"
+        command.close(files, out, then=then, open_it=open_it)
+        if found.alarms:
+            for alarm in found.alarms:
+                errors.say(("alarm: ", "bold red"), alarm)
+            raise typer.Exit(ExitCode.MISSED)

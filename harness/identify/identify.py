@@ -108,7 +108,7 @@ def _of_determined(
     linear = [name for name in names if is_linear(name, platform)]
     if linear:
         check_separable(platform, linear)
-    rows = motion_rows(found.parts, platform) if linear else None
+    rows = motion_rows(found.parts, platform, found.cutoff) if linear else None
     nominal = nominal_values(names, platform)
     if rows is None:
         fit = method(found.parts, platform, names, cutoff=found.cutoff, **options)
@@ -141,7 +141,10 @@ def _of_determined(
     lacking = [name for name in names if name in unknown]
     fit = with_all(fit, names, nominal, scale, lacking, pull)
     if lacking:
-        note = f"not excited by this motion, so without a number: {', '.join(lacking)}"
+        note = (
+            f"not excited by this motion, so without a number: {', '.join(lacking)}. A motion that excites them is "
+            f"designed by gough-stewart excite --estimate {','.join(linear)}"
+        )
         fit = replace(fit, notes=(*fit.notes, note))
     return fit
 

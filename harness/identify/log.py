@@ -62,7 +62,7 @@ class Log:
         return replace(self, **kept)
 
 
-def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
+def read_log(path: Path | str, force_per_current: float | None = None, *, holds_force: bool | None = None) -> Log:
     """Read a log from CSV or Parquet: a record of `run`, or columns of a machine with units in their names.
 
     Columns: `time`, `leg_length[1..6]`, `actuator_force[1..6]` or `motor_current[1..6]`, and, if poses were measured,
@@ -76,6 +76,9 @@ def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
         The file, or the folder of a record.
     force_per_current
         Of each motor [N/A], if the log has currents.
+    holds_force
+        Whether each force acts from its row to the next, as commands of a sampled controller do, or is a reading at
+        the time of its row; by default, forces of records are held, and others are not.
 
     Raises
     ------
@@ -91,7 +94,8 @@ def read_log(path: Path | str, force_per_current: float | None = None) -> Log:
     path = Path(path)
     if path.is_dir():
         path = next((path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()), path)
-    return _log_of(_table(path), _metadata(path), str(path), force_per_current)
+    log = _log_of(_table(path), _metadata(path), str(path), force_per_current)
+    return log if holds_force is None else replace(log, holds_force=holds_force)
 
 
 def log_of(record: Record) -> Log:

@@ -66,31 +66,36 @@ class Determined(NamedTuple):
     held: tuple[str, ...]  # of these, the ones that stay at nominal in the fit, so that the others can follow the log
 
 
-def motion_rows(parts: Sequence[Part], platform: Platform) -> MotionRows | None:
-    """The rows by the motion alone of all fitted parts; None if all are shorter than the filter."""
+def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None = None) -> MotionRows | None:
+    """The rows by the motion alone of all fitted parts; None if all are shorter than the filter.
+
+    Parameters
+    ----------
+    cutoff
+        Of the rows [Hz]; by default that of each part's motion.
+    """
     found, added, force, velocity = [], [], [], []
     rng = np.random.default_rng(0)
     for part in parts:
-        log = part.log
-        assert log.time is not None  # checked by sample_time_of
-        log = log.rows(np.flatnonzero(part.is_fitted(log.time)))
+        assert part.log.time is not None  # checked by sample_time_of
+        log = part.log.rows(np.flatnonzero(part.is_fitted(part.log.time)))
         if len(log) < 8:
             continue
         h = sample_time_of(log)
-        cutoff = min(cutoff_of(log.leg_length, h), 0.5 / h / 3)
-        low = max(_OF_CUTOFF * cutoff, HALF_LENGTH / (_EDGE * len(log) * h))
-        every = max(1, int(1 / (_ROWS_A_PERIOD * 2 * cutoff * h)))
-        thin = max(1, int(1 / (2 * cutoff * h * every)))
-        if len(log) <= 2 * edge(h, low) + 2 * every * (edge(h * every, cutoff) + 1) or low > cutoff:
+        own = min(cutoff_of(part.log.leg_length, h) if cutoff is None else cutoff, 0.5 / h / 3)
+        low = max(_OF_CUTOFF * own, HALF_LENGTH / (_EDGE * len(log) * h))
+        every = max(1, int(1 / (_ROWS_A_PERIOD * 2 * own * h)))
+        thin = max(1, int(1 / (2 * own * h * every)))
+        if len(log) <= 2 * edge(h, low) + 2 * every * (edge(h * every, own) + 1) or low > own:
             continue
         lengths = [smoothed(log.leg_length, h, low, every, k) for k in range(3)]
-        wide = 2 * cutoff
+        wide = 2 * own
         rows = len(log) - 2 * (edge(h, low) - edge(h, wide))
         noise = noise_of(log.leg_length) * rng.standard_normal((rows, 6))
         noisy = [length + smoothed(noise, h, wide, every, k) for k, length in enumerate(lengths)]
-        clean, unclean = (_filtered_regressor(platform, each, h * every, cutoff, thin) for each in (lengths, noisy))
+        clean, unclean = (_filtered_regressor(platform, each, h * every, own, thin) for each in (lengths, noisy))
         forces = force_of(log)
-        deviation = np.maximum(noise_of(forces) * np.sqrt(2 * cutoff * h), _BEST_FORCE * forces.std(axis=0))
+        deviation = np.maximum(noise_of(forces) * np.sqrt(2 * own * h), _BEST_FORCE * forces.std(axis=0))
         # the filter's ends count as well
         share = np.sqrt(len(log) / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
         found.append(share * clean)

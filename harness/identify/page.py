@@ -21,16 +21,24 @@ def identification_page(estimate: Estimate, nominal: Platform, more: Sequence[Sh
     title = f"Parameters of {nominal.name}"
     body = Template(asset("identify", "identify.html")).substitute(
         title=html.escape(title),
-        lead=html.escape("; ".join([f"method {estimate.method}", *estimate.notes])),
+        lead=html.escape(f"method {estimate.method}"),
+        remarks=_remarks(estimate),
         tables="".join(f"<div>{to_html(sheet)}</div>" for sheet in (*more, *sheets_of(estimate))),
         footer=html.escape(
-            "Intervals hold 95 % of the time if the model structure is right. Made by gough-stewart; includes "
-            "plotly.js."
+            "Intervals hold 95 % of the time if the model structure is right and the forces are calibrated. Made by "
+            "gough-stewart; includes plotly.js."
         ),
     )
     scripts = [plotly(), asset("output", "page.js") + asset("identify", "identify.js")]
     style = asset("output", "panels.css") + asset("identify", "identify.css")
     return document(title, body, style, _data(estimate), scripts)
+
+
+def _remarks(estimate: Estimate) -> str:
+    """Alarms, then notes, as a list."""
+    lines = [f'<li class="alarm"><strong>Alarm:</strong> {html.escape(alarm)}</li>' for alarm in estimate.alarms]
+    lines += [f"<li>{html.escape(note)}</li>" for note in estimate.notes]
+    return f'<ul class="remarks">{"".join(lines)}</ul>' if lines else ""
 
 
 def _data(estimate: Estimate) -> dict[str, Any]:

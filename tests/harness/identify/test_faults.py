@@ -64,7 +64,6 @@ FAULTS: dict[str, tuple[Callable[[Log], Log], str]] = {
         lambda log: without_rows(log, 4000, renumbered=True),
         r"rows were lost .* at 4 s \(\+1\); the log is divided there",
     ),
-    "five rows lost, times renumbered": (lambda log: without_rows(log, 6000, 5, renumbered=True), r"at 6 s \(\+5\)"),
     "one length frozen for 0.1 s": (
         lambda log: frozen(log, "leg_length", 4000, 100, slice(2, 3)),
         r"99 frozen readings of the leg length of leg 3, at 4\.001 to 4\.099 s; left out; check the encoder",
@@ -82,7 +81,6 @@ FAULTS: dict[str, tuple[Callable[[Log], Log], str]] = {
         "999 frozen readings of the leg length of leg 2, at 9",
     ),
     "sensors at 2 ms": (held, "leg lengths change at every 2. row only, so sensors are read every 2 ms"),
-    "encoders at 2 ms": (lambda log: held(log, 2, ("leg_length",)), "leg lengths change at every 2. row only"),
     "forces at 5 ms": (lambda log: held(log, 5, ("actuator_force",)), "forces change at every 5. row only"),
 }
 
@@ -129,9 +127,8 @@ def test_a_log_without_faults_has_none(log: Log) -> None:
     [
         ("heave_step", {"loop.duration": 1.0}),
         ("heave_tolerances", {}),
-        ("saturation", {"loop.duration": 2.0}),
+        ("saturation", {"loop.duration": 1.5}),
         ("impulse", {}),
-        ("payload_change", {"loop.duration": 2.5}),
     ],
 )
 def test_the_project_s_own_records_have_no_faults(name: str, settings: dict[str, object]) -> None:

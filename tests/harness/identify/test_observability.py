@@ -25,20 +25,17 @@ INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3)
 
 
 @pytest.mark.parametrize("size", [0.01, 0.1])
-@pytest.mark.parametrize("seed", [0, 1])
-def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass_nor_for_inertias(
-    size: float, seed: int
-) -> None:
+def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass(size: float) -> None:
     """Expected: by hand, no rotation, so gravity has no arm that changes and no inertia turns; the rest is right.
 
     Before, noise of the lengths looked like rotation and gave a centre of mass of 0.45 ± 0.08 m where it is 0.19 m.
     """
-    log = machine_log(course=Course(replace(HEAVE, size=size)), seed=seed)
+    log = machine_log(course=Course(replace(HEAVE, size=size)))
     found = identify(log, NOMINAL, NAMES)
     assert found.not_excited == ("platform_com[3]", *INERTIA)
     known = np.array([name not in found.not_excited for name in found.names])
     truth = np.array([value_of(MACHINE, name) for name in found.names])
-    # 24 intervals of four logs: four standard errors are one in 15,000
+    # 12 intervals of two logs: four standard errors are one in 15,000 each
     assert (np.abs(found.values - truth)[known] < 4 * found.standard_errors[known]).all()
     assert not found.at_bound
     plain = json.loads(found.to_json())
@@ -51,8 +48,7 @@ def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass_nor_for_
     assert platform.platform_mass == found.values[0]
 
 
-@pytest.mark.parametrize("axis", [0, 3, 4, 5])
-@pytest.mark.parametrize("size", [0.005, 0.06])
+@pytest.mark.parametrize(("axis", "size"), [(0, 0.005), (3, 0.06), (4, 0.005), (5, 0.06)])
 def test_numbers_of_motions_along_one_axis_are_right_or_missing(axis: int, size: float) -> None:
     """Expected: the machine's values within five standard errors, one in a million; some without a number."""
     swing = Swing(axes=tuple(float(k == axis) for k in range(6)), size=size)
@@ -100,7 +96,7 @@ def test_if_nothing_is_excited_the_log_is_refused() -> None:
 
 def test_the_other_method_has_no_number_either() -> None:
     """Expected: as by the linear method: simulated lengths do not depend on what never turns."""
-    log = machine_log(course=Course(HEAVE, duration=6.0))
+    log = machine_log(course=Course(HEAVE, duration=5.0))
     found = identify(log, NOMINAL, ("platform_mass", "platform_com"), "output_error", starts=1)
     assert found.not_excited == ("platform_com[3]",)
     assert np.isnan(found.values).tolist() == [False, False, False, True]
@@ -109,14 +105,12 @@ def test_the_other_method_has_no_number_either() -> None:
 def test_a_value_at_its_bound_has_no_interval() -> None:
     """Expected: of a machine without Coulomb friction, half of the logs would give less than none."""
     slick = replace(MACHINE, leg_coulomb_friction=0.0)
-    at = []
-    for seed in range(4):
-        found = identify(machine_log(slick, Course(duration=6.0), seed=seed), NOMINAL, NAMES)
+    for seed in range(6):
+        found = identify(machine_log(slick, Course(duration=4.0), seed=seed), NOMINAL, NAMES)
         k = found.names.index("leg_coulomb_friction")
         assert (found.values[k] < 1e-2) == ("leg_coulomb_friction" in found.at_bound)
         if found.at_bound:
-            at.append(seed)
-            assert np.isnan(found.interval[k]).all()
-            assert json.loads(found.to_json())["parameters"]["leg_coulomb_friction"]["standard_error"] is None
-            assert np.isfinite(found.interval[:k]).all()
-    assert at
+            break
+    assert np.isnan(found.interval[k]).all()
+    assert json.loads(found.to_json())["parameters"]["leg_coulomb_friction"]["standard_error"] is None
+    assert np.isfinite(found.interval[:k]).all()
