@@ -17,6 +17,7 @@ from gough_stewart.harness.identify.hypotheses import Family
 from gough_stewart.harness.identify.instruments import Instruments
 from gough_stewart.harness.identify.lack_of_fit import (
     Projection,
+    basis_of,
     beyond,
     explained,
     lack_of_fit,
@@ -45,7 +46,7 @@ def diagnosis_of(rows: Whitened, covariance: FloatArray) -> Diagnosis:
     D = rows.of(fit.columns)
     raw = rows.residual(fit.force[fit.is_fitted], rows.instruments)
     residual = rows.of(raw[..., None])[:, 0]
-    Q, _ = np.linalg.qr(D / np.linalg.norm(D, axis=0))
+    Q = basis_of(D, np.linalg.norm(D, axis=0))
     residual = residual - Q @ (Q.T @ residual)
     columns = {family.name: rows.of(family.columns) for family in rows.families}
     tested = {family.name: _tested(family) for family in rows.families}
@@ -85,7 +86,7 @@ def _tested(family: Family) -> FloatArray:
 def _common_gain(rows: Whitened, D: FloatArray, column: FloatArray, covariance: FloatArray) -> CommonGain | None:
     if any(name.startswith("force_gain") for name in rows.fit.names):
         return None
-    size = np.linalg.norm(D, axis=0)
+    size = np.maximum(np.linalg.norm(D, axis=0), 1e-300)
     by_gain = np.linalg.lstsq(D / size, column, rcond=None)[0] / size
     left = column - D @ by_gain
     s = 1 / max(float(np.linalg.norm(left)), 1e-300)

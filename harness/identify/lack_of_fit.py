@@ -77,16 +77,16 @@ def projection_of(
     rows
         Number of rows that are used.
     """
-    Q = _basis(D, np.linalg.norm(D, axis=0))
+    Q = basis_of(D, np.linalg.norm(D, axis=0))
     left = residual - Q @ (Q.T @ residual)
     free = {name: X - Q @ (Q.T @ X) for name, X in families.items()}
     bases = {}
     for name, X in free.items():
         wanted = X @ tested[name]
         own = np.linalg.norm(families[name] @ tested[name], axis=0)
-        bases[name] = _basis(wanted, own, _INVISIBLE / sizes[name] if sizes[name] else 0.0)
+        bases[name] = basis_of(wanted, own, _INVISIBLE / sizes[name] if sizes[name] else 0.0)
     every = np.concatenate(list(bases.values()), axis=1)
-    U = _basis(every, np.ones(every.shape[1]))
+    U = basis_of(every, np.ones(every.shape[1]))
     freedom = rows - Q.shape[1] - U.shape[1]
     if freedom < U.shape[1]:
         return None
@@ -103,7 +103,7 @@ def projection_of(
     )
 
 
-def _basis(X: FloatArray, own: FloatArray, smallest: float = 0.0) -> FloatArray:
+def basis_of(X: FloatArray, own: FloatArray, smallest: float = 0.0) -> FloatArray:
     """Orthonormal basis of the columns' span, without directions that are rounding errors, or smaller than that."""
     if smallest:
         U, sigma, _ = np.linalg.svd(X, full_matrices=False)
@@ -152,16 +152,16 @@ class Explained(NamedTuple):
 
 def explained(found: Projection, columns: FloatArray) -> Explained:
     """What columns of an extension, in the projection's coordinates (k, q), explain of the residual."""
-    B = _basis(columns, np.linalg.norm(columns, axis=0))
+    B = basis_of(columns, np.linalg.norm(columns, axis=0))
     return Explained(float(((B.T @ found.residual) ** 2).sum()), B.shape[1])
 
 
 def beyond(found: Projection, columns: FloatArray, known: FloatArray) -> float:
     """The p-value of columns (k, q) when those of another extension (k, r) are known."""
-    known = _basis(known, np.linalg.norm(known, axis=0))
+    known = basis_of(known, np.linalg.norm(known, axis=0))
     z = found.residual - known @ (known.T @ found.residual)
     X = columns - known @ (known.T @ columns)
-    B = _basis(X, np.linalg.norm(columns, axis=0))
+    B = basis_of(X, np.linalg.norm(columns, axis=0))
     q = B.shape[1]
     return float(f_distribution.sf(((B.T @ z) ** 2).sum() / q, q, found.freedom)) if q else 1.0
 

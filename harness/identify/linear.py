@@ -76,7 +76,7 @@ def identify_linear(
     of_platform = [k for k, name in enumerate(names) if not is_of_instruments(name)]
     own = tuple(names[k] for k in of_platform)
     for name in own:
-        if name not in elements and name.partition("[")[0] not in FRICTION:
+        if not is_linear(name, elements):
             raise IdentificationError(
                 f"{name}: inverse dynamics is not linear in it; use the method output_error, or geometry for joints "
                 "and offsets",
@@ -96,13 +96,11 @@ def identify_linear(
     scale = scales_of(rows, platform, names)
     W, F = rows.regressor[is_fitted], rows.force[is_fitted]
     _check_excitation(W, elements, own, scale[of_platform])
-    used = rows.sliding[is_fitted] if _has_coulomb(platform, names) else np.ones((fitted, 6))
+    used = rows.sliding[is_fitted] if has_coulomb(platform, names) else np.ones((fitted, 6))
 
     # ordinary least squares first: the covariance of the rows depends on masses and friction
-    weights = used / max(float(np.abs(F).max()), 1e-300)
-    R, z = _compressed(weights[..., None] * W, weights * F)
     values = nominal.copy()
-    values[of_platform] = _fitted(R, z, elements, own, scale[of_platform]).values
+    values[of_platform] = ordinary_fit(rows, elements, own, scale[of_platform], is_fitted, platform).values
     model = RowModel(regression, platform, elements, names)
     rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), platform)
     if len(own) == len(names):
@@ -121,6 +119,27 @@ def identify_linear(
     channels = Channels("force of leg", "N", time, rows.force, residual, before, is_fitted, validating)
     white = rows_at.of(residual[is_fitted, :, None]).reshape(fitted, 6)
     return estimate_of("linear", names, nominal, scale, fit, (D, white), channels, notes, rows=rows_at)
+
+
+def is_linear(name: str, elements: Mapping[str, float]) -> bool:
+    """Whether inverse dynamics is linear in an element, or bilinear with others."""
+    return name in elements or name.partition("[")[0] in FRICTION
+
+
+def ordinary_fit(
+    rows: Rows,
+    elements: Mapping[str, float],
+    names: Sequence[str],
+    scale: FloatArray,
+    is_fitted: NDArray[np.bool_],
+    platform: Platform,
+) -> BestFit:
+    """Ordinary least squares of the fitted rows over linear elements."""
+    F = rows.force[is_fitted]
+    used = rows.sliding[is_fitted] if has_coulomb(platform, names) else np.ones(F.shape)
+    weights = used / max(float(np.abs(F).max()), 1e-300)
+    R, z = _compressed(weights[..., None] * rows.regressor[is_fitted], weights * F)
+    return _fitted(R, z, elements, names, scale)
 
 
 def _fit_at(
@@ -181,7 +200,8 @@ def scales_of(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArra
     return scales(platform, names, force, velocity)
 
 
-def _has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
+def has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
+    """Whether a model with these estimates has Coulomb friction, so that reversals are left out."""
     return platform.leg_coulomb_friction > 0 or any(name.startswith("leg_coulomb_friction") for name in names)
 
 
@@ -225,10 +245,3 @@ def _compressed(W: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
     """R and z with |F − W φ|² = |z − R φ|² + constant."""
     R = np.asarray(np.linalg.qr(np.column_stack([W.reshape(-1, SIZE), F.reshape(-1)]), mode="r"))
     return R[:SIZE, :SIZE], R[:SIZE, SIZE]
-
-
-def whitening_of(residual: FloatArray) -> FloatArray:
-    """A matrix (6, 6) that gives residuals unit covariance."""
-    covariance = residual.T @ residual / len(residual)
-    covariance += 1e-12 * np.trace(covariance) / 6 * np.eye(6) + np.finfo(float).tiny * np.eye(6)
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

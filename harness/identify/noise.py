@@ -25,7 +25,7 @@ _NEGLIGIBLE = 1e-5
 # Rows from which the shares are fitted; more would hardly improve them.
 _ROWS_OF_SHARES = 320
 # Logarithm of how much the ratio of both noises may differ from that of the raw signals.
-_RATIOS = (-18.0, 18.0)
+_LIKELY, _RATIOS = (-1.5, 1.5), (-18.0, 18.0)
 _CLOSE = 0.05
 # Singular values below this share of the largest are rounding errors.
 _DEPENDENT = 1e-9
@@ -177,19 +177,19 @@ def two_noises(
     Parameters
     ----------
     by_legs
-        A (n, 6, 3, 6).
+        A (n, 6, d, 6), for each of the d kernels of lengths.
     force, length
         Standard deviations of the raw forces (6,) [N] and lengths [m].
     used
         1 for rows that are used, else 0 (n, 6).
     """
     n, reach = len(by_legs), len(correlations.force) - 1
-    of_force = np.broadcast_to(correlations.force[:, None, None, None] * np.diag(force**2), (reach + 1, n, 6, 6))
     A = length * by_legs
-    of_length = np.zeros((reach + 1, n, 6, 6))
-    for m, c in enumerate(correlations.length[:n]):
-        mixed = np.einsum("nidj,de->niej", A[: n - m], c).reshape(n - m, 6, 18)
-        of_length[m, : n - m] = mixed @ A[m:].reshape(n - m, 6, 18).swapaxes(1, 2)
+    of_force, of_length = np.zeros((2, reach + 1, n, 6, 6))
+    for m in range(min(reach + 1, n)):
+        of_force[m, : n - m] = correlations.force[m] * np.diag(force**2)
+        mixed = np.einsum("nidj,de->niej", A[: n - m], correlations.length[m]).reshape(n - m, 6, -1)
+        of_length[m, : n - m] = mixed @ A[m:].reshape(n - m, 6, -1).swapaxes(1, 2)
     parts = banded(of_force, used), banded(of_length, used)
     unused = np.ones(parts[0].diagonal.shape[:2]).ravel()
     unused[: 6 * n] = 1 - used.ravel()
@@ -262,8 +262,14 @@ def fitted_noise(
         determinants = sum(each.log_determinant for each in whitenings)
         return determinants + 2 * float(np.log(R[:k]).sum()) + (n - k) * np.log(variance), variance
 
-    found = minimize_scalar(lambda x: cost(x)[0], bounds=_RATIOS, method="bounded", options={"xatol": _CLOSE})
-    ratio = float(found.x)
+    def best(bounds: tuple[float, float]) -> float:
+        found = minimize_scalar(lambda x: cost(x)[0], bounds=bounds, method="bounded", options={"xatol": _CLOSE})
+        return float(found.x)
+
+    # what the raw signals say is near; if not, anything may be
+    ratio = best(_LIKELY)
+    if not _LIKELY[0] + 2 * _CLOSE < ratio < _LIKELY[1] - 2 * _CLOSE:
+        ratio = best(_RATIOS)
     force, length = (cost(ratio)[1] * share for share in shares(ratio))
     return RowNoise(
         tuple(whitening_of(noises.covariance(force, length)) for noises in parts),

@@ -41,6 +41,7 @@ class Course(NamedTuple):
     gain: FloatArray  # K at the end of each step (n, 12, 6)
     step: float  # [s]
     substeps: int  # RK4 steps per step
+    by_force: FloatArray | None = None  # ∂force/∂θ at the same times (2 n + 1, 6, k), if forces depend on parameters
 
 
 class Innovations(NamedTuple):
@@ -67,12 +68,17 @@ def simulated(course: Course, parameters: FloatArray, directions: FloatArray) ->
     """
     n, k = len(course.length), directions.shape[1]
     rates, lengths = _Bound(_rates(k), parameters, directions), _Bound(_lengths(k), parameters, directions)
+    if course.by_force is None:
+        inputs = course.force[:, :, None]
+    else:
+        rates = _Bound(_rates(k, True), parameters, directions)
+        inputs = np.concatenate([course.force[:, :, None], course.by_force], axis=2)
     X = np.zeros((N_STATES, 1 + k), order="F")
     X[:, 0] = course.start
     h, innovations = course.step / course.substeps, np.empty((n, 6, 1 + k))
     with np.errstate(all="ignore"):
         for step in range(n):
-            start, middle, end = course.force[2 * step : 2 * step + 3]
+            start, middle, end = inputs[2 * step : 2 * step + 3]
             for part in range(course.substeps):
                 f0, fm, f1 = (_between(start, middle, end, (part + s) / course.substeps) for s in (0.0, 0.5, 1.0))
                 k1 = rates(X, f0).copy()
@@ -100,7 +106,7 @@ class _Bound:
         buffer: Any  # its type stubs do not accept NumPy arrays
         buffer, self._call = function.buffer()
         self._X = np.zeros(function.size_in(0), order="F")
-        self._force = np.zeros(6)
+        self._force = np.zeros(function.size_in(1), order="F")
         self._result = np.zeros(function.size_out(0), order="F")
         self._kept = (buffer, np.array(parameters), np.asfortranarray(directions))
         arguments = (self._X, self._force, *self._kept[1:])
@@ -110,7 +116,7 @@ class _Bound:
 
     def __call__(self, X: FloatArray, force: FloatArray | float = 0.0) -> FloatArray:
         """The result, a view that the next call overwrites."""
-        self._X[:], self._force[:] = X, force
+        self._X[:], self._force[...] = X, force
         self._call()
         return self._result
 
@@ -149,16 +155,26 @@ def parameter_columns(names: Sequence[str]) -> FloatArray:
 
 @cache
 @interrupts_held_back()
-def _rates(k: int) -> casadi.Function:
-    """CasADi Function: (X (12, 1+k), force, p, directions) -> Ẋ, with X = [x, S]: ẋ = f and Ṡ = ∂f/∂x S + ∂f/∂p P."""
+def _rates(k: int, moving: bool = False) -> casadi.Function:
+    """CasADi Function: (X (12, 1+k), force, p, directions) -> Ẋ, with X = [x, S]: ẋ = f and Ṡ = ∂f/∂x S + ∂f/∂p P.
+
+    If forces are moving with the parameters, force is [F, ∂F/∂θ] (6, 1+k), and Ṡ has ∂f/∂F ∂F/∂θ in addition.
+    """
     X, force, p, P = _symbols(k)
+    inputs = casadi.SX.sym("inputs", 6, 1 + k) if moving else force
+    force = inputs[:, 0]
     x, S, u = X[:, 0], X[:, 1:], casadi.vertcat(force, casadi.SX(N_INPUTS - 6, 1))
     free = casadi.SX.sym("x", N_STATES)
     rate = derivatives_function()(free, u, p)
     by_x = casadi.Function("by_x", [free, force, p], [casadi.jacobian(rate, free)])(x, force, p)
     by_p = casadi.Function("by_p", [free, force, p, P], [casadi.jtimes(rate, p, P)])(x, force, p, P)
-    columns = casadi.horzcat(derivatives_function()(x, u, p), by_x @ S + by_p)
-    return casadi.Function("rates", [X, force, p, P], [casadi.densify(casadi.cse(columns))])
+    S_rate = by_x @ S + by_p
+    if moving:
+        u_free = casadi.SX.sym("u", N_INPUTS)
+        by_u = casadi.jacobian(derivatives_function()(free, u_free, p), u_free[:6])
+        S_rate += casadi.Function("by_u", [free, u_free, p], [by_u])(x, u, p) @ inputs[:, 1:]
+    columns = casadi.horzcat(derivatives_function()(x, u, p), S_rate)
+    return casadi.Function("rates", [X, inputs, p, P], [casadi.densify(casadi.cse(columns))])
 
 
 @cache

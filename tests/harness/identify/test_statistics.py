@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from gough_stewart.harness.identify.course import _gains
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of
-from gough_stewart.harness.identify.output_error import _gains
 from gough_stewart.harness.identify.physical import BestFit
 from gough_stewart.harness.identify.statistics import long_run_covariance, whiteness
 
