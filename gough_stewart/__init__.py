@@ -102,6 +102,7 @@ All other names are internal and may change between versions.
 
 from functools import cache
 from importlib import import_module
+from types import FunctionType
 
 
 @cache
@@ -126,6 +127,8 @@ def __getattr__(name: str) -> object:
         if ".harness." in _homes()[name]:
             import_module(f"{__name__}.model.environment").check_environment()
         value = getattr(import_module(_homes()[name]), name)
+        if isinstance(value, FunctionType):
+            value = import_module(f"{__name__}.harness.doors").with_door(value)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
     globals()[name] = value

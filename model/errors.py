@@ -34,6 +34,10 @@ class PlatformFileError(GoughStewartError, ValueError):
         self.where = where
 
 
+class ArgumentError(GoughStewartError, TypeError, ValueError):
+    """An argument of a public function that it cannot take, or one that is missing."""
+
+
 class EnvironmentVariableError(GoughStewartError, ValueError):
     """An environment variable with a value that a library cannot read."""
 

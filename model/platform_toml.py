@@ -104,6 +104,8 @@ def save_platform(platform: Platform, path: Path | str) -> None:
     PlatformFileError
         The file cannot be written.
     """
+    if Path(path).is_dir():
+        raise PlatformFileError(str(path), f"is a folder; expected a file, such as {Path(path, 'platform.toml')}")
     try:
         write_whole(Path(path), platform_to_toml(platform).encode())
     except OSError as error:

@@ -1,0 +1,288 @@
+"""The doors of public functions: arguments as users give them become what a function takes, or a clear error.
+
+Each parameter has one meaning in all functions, so its name says what it takes: a platform may be the name of a preset
+or a file, a number may have a unit as in experiment files, whole numbers may be NumPy's. Functions inside the package
+call each other without doors.
+"""
+
+import functools
+import inspect
+import numbers
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from gough_stewart.model.errors import ArgumentError
+
+Take = Callable[[str, Any], Any]
+
+
+def with_door(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function with its arguments checked and converted; its signature and help stay."""
+    signature = inspect.signature(function)
+    name = function.__name__
+
+    @functools.wraps(function)
+    def door(*arguments: Any, **named: Any) -> Any:
+        try:
+            bound = signature.bind(*arguments, **named)
+        except TypeError as error:
+            raise ArgumentError(f"{name}: {error}; expected {name}({_written(signature)})") from None
+        given = bound.arguments
+        for parameter in signature.parameters.values():
+            if parameter.name not in given:
+                continue
+            if parameter.kind is parameter.VAR_KEYWORD:
+                options = given[parameter.name]
+                given[parameter.name] = {each: _taken(name, each, value, None) for each, value in options.items()}
+            else:
+                given[parameter.name] = _taken(name, parameter.name, given[parameter.name], parameter.default)
+        return function(*bound.args, **bound.kwargs)
+
+    # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full
+    door.__module__, door.__qualname__ = __name__, name
+    return door
+
+
+def __getattr__(name: str) -> Any:
+    """The public function of this name, with its door (PEP 562)."""
+    import gough_stewart
+
+    if name.startswith("__") or name not in dir(gough_stewart):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
+    return getattr(gough_stewart, name)
+
+
+def _written(signature: inspect.Signature) -> str:
+    return ", ".join(
+        p.name if p.default is p.empty else f"{p.name}=…" for p in signature.parameters.values() if p.name != "options"
+    )
+
+
+def _taken(function: str, name: str, value: Any, default: Any) -> Any:
+    take = _OF_FUNCTION.get((function, name)) or _TAKES.get(name)
+    if take is None or value is default:
+        return value
+    return take(name, value)
+
+
+def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
+    text = repr(value)
+    return ArgumentError(f"{name} is {text if len(text) <= 60 else text[:57] + '…'}; expected {expected}")
+
+
+def _is_path(value: Any) -> bool:
+    return isinstance(value, str | os.PathLike)
+
+
+def _platform(name: str, value: Any) -> Any:
+    """A platform or many of them, the name of a preset, or a file."""
+    if _is_path(value):
+        from gough_stewart.model.platform_toml import load_platform, load_preset, preset_names
+
+        return load_preset(str(value)) if value in preset_names() else load_platform(Path(value))
+    if not hasattr(value, "platform_points"):
+        raise _wrong(name, value, "a Platform, the name of a preset such as 'motion_base', or a platform file")
+    return value
+
+
+def _platforms(name: str, value: Any) -> Any:
+    if _is_path(value) or not isinstance(value, Iterable):
+        raise _wrong(name, value, "a list of platforms, names of presets or platform files")
+    found = [_platform(f"{name}[{k}]", each) for k, each in enumerate(value)]
+    if not found:
+        raise _wrong(name, value, "at least one platform")
+    return found
+
+
+def _case(name: str, value: Any) -> Any:
+    """A platform, or a case of the paper, which has one."""
+    return value if hasattr(value, "platform") else _platform(name, value)
+
+
+def _experiment(name: str, value: Any) -> Any:
+    if not _is_path(value) and not hasattr(value, "model_dump") and not callable(value):
+        raise _wrong(name, value, "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file")
+    return value
+
+
+def _settings(name: str, value: Any) -> Any:
+    if isinstance(value, str):
+        return [value]
+    if not isinstance(value, Mapping | Iterable):
+        raise _wrong(name, value, "a dict of keys and values, or texts such as 'loop.duration=1'")
+    return value
+
+
+def _path(name: str, value: Any) -> Any:
+    if not _is_path(value):
+        raise _wrong(name, value, "a path")
+    return value
+
+
+def _record(name: str, value: Any) -> Any:
+    """A record, or its folder or file."""
+    if _is_path(value):
+        from gough_stewart.harness.results.record import read_record
+
+        return read_record(value)
+    return _record_or_path(name, value)
+
+
+def _record_or_path(name: str, value: Any) -> Any:
+    if not _is_path(value) and not hasattr(value, "metadata"):
+        raise _wrong(name, value, "a Record, or the folder or file of one")
+    return value
+
+
+def _records(name: str, value: Any) -> Any:
+    if _is_path(value) or hasattr(value, "table"):
+        return value
+    if not isinstance(value, Iterable):
+        raise _wrong(name, value, "a Record, the folder or file of one, or a list of them")
+    return [_record_or_path(f"{name}[{k}]", each) for k, each in enumerate(value)]
+
+
+def _logs(name: str, value: Any) -> Any:
+    is_log = _is_path(value) or hasattr(value, "leg_length") or hasattr(value, "table")
+    if not is_log and not (isinstance(value, Iterable) and not isinstance(value, Mapping)):
+        raise _wrong(name, value, "a Log, a Record, a file or folder of one, or a list of them")
+    return value
+
+
+def _whole(name: str, value: Any) -> Any:
+    """A whole number, Python's or NumPy's; True is none."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise _wrong(name, value, "a whole number, such as 3")
+    return int(value)
+
+
+def _quantity(unit: str, *, positive: bool = False) -> Take:
+    """A number in SI units, or a text with a unit as in experiment files."""
+
+    def take(name: str, value: Any) -> Any:
+        from gough_stewart.harness.quantities import PLAIN, UNITS, number
+
+        of = unit or PLAIN
+        expected = f"a number{unit and f' of {unit}'}{' above 0' if positive else ''}"
+        expected += f", or a text with one of the units {', '.join(UNITS[unit])}" if unit else ""
+        if isinstance(value, bool) or value is None:
+            raise _wrong(name, value, expected)
+        try:
+            size = number(value, of)
+        except (ValueError, TypeError):
+            raise _wrong(name, value, expected) from None
+        if positive and not size > 0:
+            raise _wrong(name, value, expected)
+        return size
+
+    return take
+
+
+def _vectors(size: int, unit: str, what: str) -> Take:
+    """Vectors (..., size) as an array; texts with units are taken for a single one."""
+
+    def take(name: str, value: Any) -> Any:
+        import numpy as np
+
+        expected = f"{size} numbers of {unit}, {what}, or an array (…, {size})"
+        if isinstance(value, list | tuple) and any(isinstance(each, str) for each in value):
+            value = [_quantity(unit)(f"{name}[{k}]", each) for k, each in enumerate(value)]
+        try:
+            array = np.asarray(value)
+        except (ValueError, TypeError):
+            raise _wrong(name, value, expected) from None
+        # symbols of CasADi are objects
+        is_number = array.dtype.kind in "iuf" or (array.dtype.kind == "O" and value is not None and array.ndim > 0)
+        if not is_number or not array.ndim or array.shape[-1] != size:
+            raise _wrong(name, value, expected)
+        return array
+
+    return take
+
+
+def _instance(of: str, what: str) -> Take:
+    """An object with these attributes."""
+
+    def take(name: str, value: Any) -> Any:
+        if not all(hasattr(value, each) for each in of.split()):
+            raise _wrong(name, value, what)
+        return value
+
+    return take
+
+
+def _text(name: str, value: Any) -> Any:
+    if not isinstance(value, str):
+        raise _wrong(name, value, "a text")
+    return value
+
+
+def _texts(name: str, value: Any) -> Any:
+    found = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
+    if not all(isinstance(each, str) for each in found):
+        raise _wrong(name, value, "a text, or a list of texts")
+    return found
+
+
+def _function(name: str, value: Any) -> Any:
+    if not callable(value):
+        raise _wrong(name, value, "a function")
+    return value
+
+
+def _coordinates(name: str, value: Any) -> Any:
+    """Values or ranges by coordinate, with units as at the command line."""
+    from gough_stewart.model.workspace_grid import COORDINATES
+
+    if not isinstance(value, Mapping):
+        raise _wrong(name, value, "a dict by coordinate, such as {'z': 2.1} or {'x': ('-20 mm', '20 mm')}")
+    found = {}
+    for key, each in value.items():
+        take, where = _quantity(COORDINATES.get(key, "m")), f"{name}['{key}']"
+        if each is None or key not in COORDINATES:
+            found[key] = each
+        elif isinstance(each, list | tuple):
+            found[key] = tuple(take(where, end) for end in each)
+        else:
+            found[key] = take(where, each)
+    return found
+
+
+_STATE = _instance("position orientation velocity angular_velocity", "a State(position, orientation, …)")
+_TAKES: dict[str, Take] = {
+    **dict.fromkeys(("platform", "parameters", "nominal", "found"), _platform),
+    **dict.fromkeys(("out", "path", "folder", "fmu"), _path),
+    **dict.fromkeys(("member", "members", "seed", "workers", "generations", "population", "fresh"), _whole),
+    **dict.fromkeys(("harmonics", "trials", "points", "max_iterations"), _whole),
+    **dict.fromkeys(("bandwidth", "frequency", "cutoff"), _quantity("Hz", positive=True)),
+    **dict.fromkeys(("duration", "fade", "sample_time"), _quantity("s", positive=True)),
+    **dict.fromkeys(("integral_time", "derivative_filter", "anti_windup_time"), _quantity("s", positive=True)),
+    **dict.fromkeys(("quantile", "damping_ratio"), _quantity("")),
+    **dict.fromkeys(("progress", "status", "warn", "injection"), _function),
+    **dict.fromkeys(("vary", "subject_to", "estimate"), _texts),
+    **dict.fromkeys(("over", "at"), _coordinates),
+    "minimise": _text,
+    "case": _case,
+    "experiment": _experiment,
+    "settings": _settings,
+    "record": _record,
+    "records": _records,
+    "log": _logs,
+    "state": _STATE,
+    "acceleration": _instance("linear angular", "an Acceleration(linear, angular)"),
+    "gains": _instance("proportional derivative", "Gains, or the result of gains_from_bandwidth"),
+    "system": _instance("poles", "a python-control system"),
+    "position": _vectors(3, "m", "x, y, z"),
+    "orientation": _vectors(3, "rad", "roll, pitch, yaw"),
+    "leg_length": _vectors(6, "m", "one for each leg"),
+}
+_OF_FUNCTION: dict[tuple[str, str], Take] = {
+    ("stack", "parameters"): _platforms,
+    ("frf", "record"): _record_or_path,
+    ("load_experiment", "name"): _path,
+    ("load_preset", "name"): _text,
+    ("excite", "estimate"): lambda name, value: value if isinstance(value, str) else _texts(name, value),
+    ("identify", "estimate"): lambda name, value: value if isinstance(value, str) else _texts(name, value),
+}
