@@ -64,7 +64,7 @@ def file_names(table: Section) -> dict[tuple[str, ...], str]:
     found = dict[tuple[str, ...], str]()
     for name, field in type(table).model_fields.items():
         value = getattr(table, name)
-        if isinstance(value, str) and _names_file(field.annotation, *field.metadata):
+        if isinstance(value, str) and names_file(field.annotation, *field.metadata):
             found[name,] = value
         elements = enumerate(value, 1) if isinstance(value, list) else [(None, value)]
         for k, each in elements:
@@ -74,8 +74,9 @@ def file_names(table: Section) -> dict[tuple[str, ...], str]:
     return found
 
 
-def _names_file(*annotations: object) -> bool:
-    return any(isinstance(each, _NamesFile) or _names_file(*get_args(each)) for each in annotations)
+def names_file(*annotations: object) -> bool:
+    """Whether the annotations of a field say that it names a file."""
+    return any(isinstance(each, _NamesFile) or names_file(*get_args(each)) for each in annotations)
 
 
 class ByType:

@@ -1,0 +1,283 @@
+"""Every file that a command writes goes through every command and every key that takes such a file.
+
+Commands and their parameters come from the command line itself, keys from the schema of experiments: one that is new
+must be entered here.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from itertools import cycle, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import gough_stewart as gs
+from gough_stewart.harness.cli.app import app
+from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.experiment.schema import PlantChoice, PlatformChoice
+from gough_stewart.harness.identify import retuned
+from gough_stewart.harness.motion.references import ReferenceChoice
+from gough_stewart.harness.output import plotting
+from gough_stewart.harness.section import Section, kinds, names_file
+
+EXPERIMENT, PLATFORM, RECORD, LOG, POSES = "experiment", "platform", "record", "log", "poses"
+PLANT, CONTROLLER, ENSEMBLE, OTHER = "plant FMU", "controller FMU", "ensemble", "for people and other programs"
+
+# The first pattern that a file's path ends with says what it is.
+KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("record.parquet", (RECORD, LOG, POSES)),
+    ("record.csv", (RECORD, LOG, POSES)),
+    ("open_loop.csv", (POSES,)),
+    ("excitation.toml", (EXPERIMENT,)),
+    ("tuned.toml", (EXPERIMENT,)),
+    ("*-fitted.toml", (EXPERIMENT,)),
+    ("printed/experiment.toml", (EXPERIMENT,)),
+    ("printed/preset.toml", (PLATFORM,)),
+    ("platform.toml", (PLATFORM,)),
+    ("gough_stewart_fmi[23].fmu", (PLANT,)),
+    ("*_controller_fmi[23].fmu", (CONTROLLER,)),
+    ("members.parquet", (ENSEMBLE,)),
+    *((name, (OTHER,)) for name in ("bands.parquet", "differences.parquet", "frf.parquet", "frf.csv")),
+    *((name, (OTHER,)) for name in ("candidates.csv", "workspace.csv", "needs.csv", "*.ssp", "*.c", "*.h")),
+    *((f"*.{suffix}", (OTHER,)) for suffix in ("png", "svg", "html", "json", "md")),
+)
+
+OWN = """
+title = "own"
+
+[platform]
+file = "../platforms/own.toml"
+
+[plant.parameters]
+platform_mass = "1.03 t"
+leg_coulomb_friction = ["100 N", 90, 80, 100, 90, 80]
+
+[reference]
+type = "file"
+file = "data/../recorded.csv"
+at_home = "start"
+
+[controller]
+type = "pd"
+bandwidth = "3 Hz"
+feedforward = "computed_torque"
+
+[loop]
+duration = "0.2 s"
+sample_time = "2 ms"
+delay = 1
+
+[injection]
+type = "multisine"
+leg = 2
+amplitude = "20 N"
+band = [20, 200]
+period = 0.05
+
+[ensemble]
+members = 2
+worst = 1
+platform_com = { normal = "1 mm" }
+"""
+LOOP = ("--set", "loop.duration=0.2")
+VARY = ("--vary", "plant.platform_mass=900..1100kg", "--vary", "controller.bandwidth=2..4Hz")
+TUNE = (*VARY, "--minimise", "tracking.position.norm_rms", "--generations", "1", "--population", "5")
+EXCITE = ("--duration", "1", "--frequency", "1", "--fade", "0.3", "--trials", "1", "--harmonics", "2")
+ENSEMBLE_OF = ("--set", "ensemble={members=2,worst=0,platform_com={normal='1 mm'}}", "--workers", "1")
+# What writes files: every command, in an order in which each has what it needs. `>` is the file of what is printed.
+PRODUCERS: tuple[tuple[str, ...], ...] = (
+    ("presets", "motion_base", ">", "printed/preset.toml"),
+    ("experiments", "recorded_ride", ">", "printed/experiment.toml"),
+    ("run", "mine/own.toml", "--out", "out/run"),
+    ("frf", "out/run"),
+    ("view", "out/run", "--out", "out/page.html"),
+    ("margins", "mine/own.toml", "--out", "out/margins"),
+    ("check", "mine/own.toml", "--set", "reference.amplitude_scale=100", "--fit", "amplitude", "--out", "out/check"),
+    ("tune", "mine/own.toml", *TUNE, "--out", "out/tune"),
+    ("ensemble", "mine/own.toml", "--workers", "1", "--out", "out/ensemble"),
+    ("excite", "--platform", "platforms/own.toml", *EXCITE, "--estimate", "platform_mass", "--out", "out/excite"),
+    ("run", "out/excite/excitation.toml", "--out", "out/excited"),
+    (
+        "identify",
+        "out/excited",
+        "--platform",
+        "platforms/own.toml",
+        "--estimate",
+        "platform_mass",
+        "--out",
+        "out/found",
+    ),
+    ("export", "mine/own.toml", "--as", "fmu,c,ssp", "--out", "out/export"),
+    ("build", "--platform", "platforms/own.toml", "--out", "out/build"),
+    ("workspace", "--platform", "platforms/own.toml", "--points", "3", "--out", "out/workspace"),
+    ("reproduce", "--platform", "out/excite/platform.toml", "--out", "out/reproduce"),
+)
+
+
+@dataclass(frozen=True)
+class Use:
+    """A command line that takes files: `takes` names the kind of each parameter or key, in braces in the line."""
+
+    line: tuple[str, ...]
+    takes: Mapping[str, str]
+    exits: tuple[int, ...] = (0,)
+    # the right refusal of some of these files
+    unless: str = ""
+
+
+OWN_RUN = ("run", "mine/own.toml", "--out", "used/run", "--set")
+CONSUMERS = (
+    Use(("run", "{experiment}", *LOOP, "--out", "used/run"), {"experiment": EXPERIMENT}),
+    Use(("check", "{experiment}", *LOOP, "--out", "used/check"), {"experiment": EXPERIMENT}, (0, 3)),
+    Use(("margins", "{experiment}", "--out", "used/margins"), {"experiment": EXPERIMENT}),
+    Use(("tune", "{experiment}", *LOOP, *TUNE, "--out", "used/tune"), {"experiment": EXPERIMENT}),
+    Use(
+        ("ensemble", "{experiment}", "--compare", "{compare}", *LOOP, *ENSEMBLE_OF, "--out", "used/compared"),
+        {"experiment": EXPERIMENT, "compare": EXPERIMENT},
+    ),
+    Use(("export", "{experiment}", "--as", "c", "--out", "used/export"), {"experiment": EXPERIMENT}),
+    Use(("view", "{records}", "--out", "used/page.html"), {"records": RECORD}),
+    Use(
+        ("frf", "{record}", "--experiment", "{experiment}", "--out", "used/frf"),
+        {"record": RECORD, "experiment": EXPERIMENT},
+        unless="the record's run had no [injection]",
+    ),
+    Use(
+        ("identify", "{log}", "--platform", "{platform}", "--estimate", "platform_mass", "--out", "used/found"),
+        {"log": LOG, "platform": PLATFORM},
+        unless="the log contradicts this platform",
+    ),
+    Use(
+        (
+            *("identify", "out/excited", "--platform", "platforms/own.toml", "--estimate", "platform_mass"),
+            *("--experiment", "{experiment}", *LOOP, "--out", "used/found"),
+        ),
+        {"experiment": EXPERIMENT},
+    ),
+    Use(("excite", "--platform", "{platform}", *EXCITE, "--out", "used/excite"), {"platform": PLATFORM}),
+    Use(("build", "--platform", "{platform}", "--fmi", "3.0", "--out", "used/build"), {"platform": PLATFORM}),
+    Use(("workspace", "--platform", "{platform}", "--points", "3", "--out", "used/map"), {"platform": PLATFORM}),
+    Use(("run", "mine/own.toml", "--plant", "{kind}", "--fmu", "{fmu}", "--out", "used/run"), {"fmu": PLANT}),
+    Use(("run", "mine/own.toml", "--controller", "{controller}", "--out", "used/run"), {"controller": CONTROLLER}),
+    Use((*OWN_RUN, "platform.file={platform.file}"), {"platform.file": PLATFORM}),
+    Use((*OWN_RUN, "plant.file={plant.file}"), {"plant.file": PLATFORM}),
+    Use((*OWN_RUN, "plant.fmu={plant.fmu}", "--set", "plant.kind={kind}"), {"plant.fmu": PLANT}),
+    Use((*OWN_RUN, "controller={type='fmu',file='{fmu.file}'}"), {"fmu.file": CONTROLLER}),
+    Use((*OWN_RUN, "reference.file={file.file}"), {"file.file": POSES}),
+    Use((*OWN_RUN, "reference={type='path',timing=5,file='{path.file}'}"), {"path.file": POSES}),
+)
+# Takes seconds, and its option is that of the others: once among the producers, with the file of another command.
+TAKEN_ABOVE = {("reproduce", "platform")}
+# A key of code that no command writes.
+WRITTEN_BY_HAND = {"python.file"}
+
+
+def declared() -> set[tuple[str, str]]:
+    """The parameters of all commands that take a file, from the command line itself."""
+    commands: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    return {
+        (name, parameter.name)
+        for name, command in commands.items()
+        for parameter in command.params
+        if parameter.name != "out" and re.search("FILE|RECORD|LOG", parameter.metavar or "")
+    }
+
+
+def test_no_command_and_no_key_is_forgotten() -> None:
+    """Expected: the commands of the command line, their parameters, and the keys of the schema that name files."""
+    commands: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    assert {line[0] for line in PRODUCERS} == set(commands)
+    taken = {(use.line[0], name) for use in CONSUMERS for name in use.takes if "." not in name}
+    assert taken == declared() - TAKEN_ABOVE
+    tables: dict[str, type[Section]] = {"platform": PlatformChoice, "plant": PlantChoice}
+    tables |= {**kinds(ControllerChoice), **kinds(ReferenceChoice)}
+    keys = {
+        f"{kind}.{name}"
+        for kind, table in tables.items()
+        for name, field in table.model_fields.items()
+        if names_file(field.annotation, *field.metadata)
+    }
+    assert {name for use in CONSUMERS for name in use.takes if "." in name} == keys - WRITTEN_BY_HAND
+
+
+def checked(words: Sequence[str], use: Use | None = None) -> str:
+    done = CliRunner(env={"NO_COLOR": "1", "TERM": "dumb"}).invoke(app, list(words), catch_exceptions=False)
+    said = " ".join(done.output.split())
+    if use is not None and use.unless and use.unless in said:
+        return said
+    assert done.exit_code in (use.exits if use else (0, 3)), f"{' '.join(words)}: {done.output}"
+    return str(done.stdout)
+
+
+def what_is(path: Path) -> tuple[str, ...]:
+    found = [kinds for pattern, kinds in KINDS if fnmatch(path.as_posix(), f"*/{pattern}")]
+    assert found, f"{path}: is of no kind; enter it in KINDS"
+    return found[0]
+
+
+def lines_of(use: Use, written: Mapping[str, Sequence[str]]) -> Iterator[tuple[str, ...]]:
+    """The command lines with which each file of the kinds is taken once in each place."""
+    number = max(len(written[kind]) for kind in use.takes.values())
+    # different files beside each other where a line takes two of one kind
+    places = {name: islice(cycle(written[kind]), k, k + number) for k, (name, kind) in enumerate(use.takes.items())}
+    for files in zip(*places.values(), strict=True):
+        values = dict(zip(places, files, strict=True))
+        kind = "fmu2" if any("fmi2" in file for file in files) else "fmu3"
+        yield tuple(filled(word, {**values, "kind": kind}) for word in use.line)
+
+
+def filled(word: str, values: Mapping[str, str]) -> str:
+    for name, value in values.items():
+        word = word.replace(f"{{{name}}}", value)
+    return word
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Sequence[str]]]:
+    """The files of all commands by kind, in a folder that is the present one."""
+    folder = tmp_path_factory.mktemp("files")
+    with pytest.MonkeyPatch.context() as patch:
+        # pictures take most of the time, and no command reads one
+        patch.setattr(plotting, "_files", lambda _draw, _width, _height, kinds: dict.fromkeys(kinds, b"picture"))
+        # margins of the same experiments are those of their own command
+        patch.setattr(retuned, "_margins", lambda _experiment: dict.fromkeys(retuned._MARGINS, "–"))
+        patch.chdir(folder)
+        for name in ("mine", "mine/data", "platforms", "printed"):
+            (folder / name).mkdir()
+        (folder / "mine" / "own.toml").write_text(OWN)
+        gs.save_platform(gs.load_preset("motion_base"), "platforms/own.toml")
+        time = np.linspace(0, 2, 201)
+        rows = ["time,position[1],position[2],position[3],orientation[1],orientation[2],orientation[3]"]
+        rows += [f"{t:.3f},{0.02 * (1 - np.cos(3 * t)):.6f},0,0,0,0,0" for t in time]
+        (folder / "mine" / "recorded.csv").write_text("\n".join(rows))
+        given = set(folder.rglob("*"))
+        for line in PRODUCERS:
+            *words, _, target = line if ">" in line else (*line, "", "")
+            printed = checked(words)
+            if target:
+                (folder / target).write_text(printed)
+        found: dict[str, list[str]] = {}
+        for path in sorted(set(folder.rglob("*")) - given):
+            if path.is_file():
+                for kind in what_is(path):
+                    found.setdefault(kind, []).append(str(path))
+        # a record is also its folder
+        found[RECORD] += sorted({str(Path(each).parent) for each in found[RECORD]})
+        yield found
+
+
+def test_every_file_is_taken_where_such_a_file_is(written: Mapping[str, Sequence[str]]) -> None:
+    """Expected: success, or the one refusal that is right; of each kind there are the files of several commands."""
+    assert len(written[EXPERIMENT]) == 4
+    assert len(written[PLATFORM]) == 3
+    for use in CONSUMERS:
+        for words in lines_of(use, written):
+            checked(words, use)
+    for path in written[ENSEMBLE]:
+        assert gs.read_ensemble(Path(path).parent).members.height == 2
