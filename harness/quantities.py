@@ -63,7 +63,8 @@ def number(value: object, unit: str) -> float:
         except ValueError:
             raise ValueError(expected) from None
         return _of_this_world(size)
-    parts = _QUANTITY.fullmatch(value.strip())
+    # keyboards and other programs write the Greek letter for the micro sign
+    parts = _QUANTITY.fullmatch(value.strip().replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}"))
     if parts is None:
         raise ValueError(expected)
     digits, found = parts.groups()

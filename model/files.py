@@ -1,16 +1,18 @@
 """Atomic writing of files and of sets of files: written to temporary places, then moved."""
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.temporary import remove_leftovers, temporary_file, temporary_folder
+from gough_stewart.model.temporary import lock, remove_leftovers, temporary_file, temporary_folder
 
 # The content of a file, or a function that writes it to a path.
 Content = bytes | Callable[[Path], None]
+_reserved: set[tuple[int, Path]] = set()
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
@@ -35,6 +37,38 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
         if (folder / name).is_dir():
             raise OutputError(f"output folder {folder}: {name} is a folder there; expected a file or nothing")
     remove_leftovers(folder)
+
+
+@contextmanager
+def reserved(folder: Path) -> Iterator[None]:
+    """Keep an output folder, created if needed, for this thread while a block lasts; may be nested.
+
+    Raises
+    ------
+    OutputError
+        As `check_output_folder`, or another process or thread writes there.
+    """
+    check_output_folder(folder, ())
+    is_new = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    key = (threading.get_ident(), folder.resolve())
+    if os.name != "posix" or key in _reserved:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        if lock(descriptor) is False:
+            raise OutputError(
+                f"output folder {folder}: another command is writing there; wait for its end, or choose another folder"
+            )
+        _reserved.add(key)
+        yield
+    finally:
+        _reserved.discard(key)
+        os.close(descriptor)
+        if is_new:
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
 
 
 def write_whole(path: Path, content: Content) -> None:

@@ -52,10 +52,12 @@ def _locked(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[P
         path, descriptor = folder / f"{stem}.{secrets.token_hex(4)}.part", None
         try:
             make(path)
-            if fcntl is not None:
-                descriptor = os.open(path, os.O_RDONLY)
-            # in the moment before its lock, another process may have removed it
-            if descriptor is None or (_lock(descriptor) is not False and _is_there(path, descriptor)):
+            # in the moment before its lock, another process may remove it, at any of these steps
+            try:
+                descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
+            except FileNotFoundError:
+                continue
+            if descriptor is None or (lock(descriptor) is not False and _is_there(path, descriptor)):
                 yield path
                 return
         finally:
@@ -64,10 +66,10 @@ def _locked(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[P
             if path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
             elif path.exists():
-                path.unlink()
+                path.unlink(missing_ok=True)
 
 
-def _lock(descriptor: int) -> bool | None:
+def lock(descriptor: int) -> bool | None:
     """Whether the lock is ours now; None on file systems without locks."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -94,7 +96,7 @@ def _remove(path: Path) -> bool:
     except OSError:
         return False
     try:
-        if not _lock(descriptor) or not _is_there(path, descriptor):
+        if not lock(descriptor) or not _is_there(path, descriptor):
             return False
         if path.is_dir():
             shutil.rmtree(path)

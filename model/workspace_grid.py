@@ -242,9 +242,10 @@ def _check_value(name: str, value: float) -> None:
     if not np.isfinite(value):
         raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
     if name in LARGEST_ANGLES and abs(value) > LARGEST_ANGLES[name] * (1 + 1e-12):
-        degrees = np.degrees(LARGEST_ANGLES[name])
+        found, largest = np.degrees(value), np.degrees(LARGEST_ANGLES[name])
         raise WorkspaceError(
-            f"{name} is {value:g} rad; expected from −{degrees:g}° to {degrees:g}°; write degrees as {value:g}deg"
+            f"{name} is {value:g} rad, {found:g}°; expected from −{largest:g}° to {largest:g}°; "
+            "numbers without a unit are in rad"
         )
 
 

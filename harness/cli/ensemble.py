@@ -17,6 +17,7 @@ from gough_stewart.harness.cli.options import (
 )
 from gough_stewart.harness.cli.terminal import members_bar, show, warn
 from gough_stewart.harness.errors import MissedError, UsageError
+from gough_stewart.model.files import reserved
 
 if TYPE_CHECKING:
     from gough_stewart.harness.ensemble.result import Ensemble
@@ -88,7 +89,7 @@ def ensemble_command(
             options = {"members": members, "seed": seed, "resume": resume, "workers": workers, "scheduler": scheduler}
             _compare(command, (chosen, other), (experiment, compare), folder, options, open_it)
             return
-        with members_bar() as progress:
+        with reserved(folder), members_bar() as progress:
             task = progress.add_task("preparing", total=None)
             from gough_stewart.harness.ensemble.ensemble import ensemble
 

@@ -22,7 +22,7 @@ from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of, plan_without_substeps
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.files import check_output_folder, write_whole
+from gough_stewart.model.files import check_output_folder, reserved, write_whole
 from gough_stewart.model.progress import StepProgress
 from gough_stewart.model.temporary import remove_leftovers
 
@@ -94,9 +94,10 @@ def ensemble(
     if out is None:
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
             return _run(chosen, controller, Path(folder), False, workers, scheduler, progress, status)
-    check_output_folder(Path(out), (MEMBERS, BANDS, METADATA, PLAN))
-    remove_leftovers(ChunkFiles(Path(out)).folder)
-    return _run(chosen, controller, Path(out), resume, workers, scheduler, progress, status)
+    with reserved(Path(out)):
+        check_output_folder(Path(out), (MEMBERS, BANDS, METADATA, PLAN))
+        remove_leftovers(ChunkFiles(Path(out)).folder)
+        return _run(chosen, controller, Path(out), resume, workers, scheduler, progress, status)
 
 
 def _with(experiment: Experiment, members: int | None, seed: int | None) -> Experiment:

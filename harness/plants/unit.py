@@ -64,7 +64,13 @@ class FmuFile:
         self.folder = folder
         try:
             fmpy.extract(str(self.path), unzipdir=str(self.folder))
-        except (OSError, zipfile.BadZipFile, zlib.error) as error:
+        except OSError as error:  # of the folder, not of the FMU
+            self.close()
+            raise self.error(
+                f"{self.path}: cannot be unpacked in {self.folder.parent} ({error.strerror or error}); free some space "
+                "there, or set TMPDIR to another folder"
+            ) from error
+        except (zipfile.BadZipFile, zlib.error) as error:
             self.close()
             raise self.refusal(f"cannot be unpacked ({error})") from error
 

@@ -1,12 +1,18 @@
 """Wrong and clumsy uses of the command line: the exit code, and what the one line says."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from gough_stewart.harness.cli.exit_codes import ExitCode
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.unit import UnitFile
+from gough_stewart.harness.quantities import number
 from tests.support.commands import invoke
+from tests.support.fmu_plants import Fmu
 
 TUNE = ("tune", "heave_step", "--minimise", "tracking.position.norm_rms")
 BANDWIDTH = ("--vary", "controller.bandwidth=1..6Hz")
@@ -26,6 +32,8 @@ BANDWIDTH = ("--vary", "controller.bandwidth=1..6Hz")
         ((*TUNE, *BANDWIDTH, "--subject-to", "stroke.margin"), "cannot be read; expected METRIC < NUMBER"),
         (("tune", "heave_step", *BANDWIDTH, "--minimise", "nope"), "--minimise: no metric 'nope'"),
         (("run", "heave_step", "--set", "x"), "--set x"),
+        (("workspace", "--at", "yaw=400deg"), "yaw is 6.98132 rad, 400°; expected from −180° to 180°"),
+        (("workspace", "--at", "yaw=40"), "yaw is 40 rad, 2291.83°; expected .*numbers without a unit are in rad"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -139,3 +147,41 @@ def test_commands_that_write_a_page_can_open_it(command: str) -> None:
 )
 def test_help_names_the_default_folder(command: str, place: str) -> None:
     assert place in " ".join(invoke(command, "--help", columns=300).stdout.split())
+
+
+def test_a_second_ensemble_in_a_folder_is_refused_while_the_first_runs(tmp_path: Path) -> None:
+    """Expected: told that another one writes there, not to resume it; a process that has ended holds nothing."""
+    lines = ["import time", "from pathlib import Path", "from gough_stewart.model.files import reserved"]
+    lines += ["with reserved(Path('.')):", "    print('ready', flush=True)", "    time.sleep(60)"]
+    command = [sys.executable, "-c", "\n".join(lines)]
+    first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert first.stdout is not None
+    first.stdout.readline()
+    second = ("ensemble", "heave_tolerances", "--members", "3", "--workers", "1", "--set", "loop.duration=0.1")
+    try:
+        done = invoke(*second, "--out", str(tmp_path))
+    finally:
+        first.kill()
+        first.communicate()
+    assert done.exit_code == ExitCode.FAILED
+    assert "another command is writing there; wait for its end" in done.stderr
+    assert "--resume" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+    assert invoke(*second, "--set", "reference.at=0.01", "--out", str(tmp_path)).exit_code == 0
+
+
+def test_a_greek_mu_is_a_micro_sign() -> None:
+    """Expected: the same length with either; they look alike."""
+    assert [number(f"10 {sign}m", "m") for sign in "\u00b5\u03bcu"] == [pytest.approx(1e-5)] * 3
+
+
+def test_a_full_folder_of_temporary_files_is_said(fmus: dict[str, Fmu], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the folder, and TMPDIR as the remedy; the unit itself is fine."""
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fmpy.extract", full)
+    with pytest.raises(PlantError, match=r"cannot be unpacked in .*No space left on device.*set TMPDIR") as caught:
+        UnitFile(fmus["3.0"].path)
+    assert "gough-stewart build" not in str(caught.value)
