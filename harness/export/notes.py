@@ -83,15 +83,17 @@ def _delay(experiment: Experiment, host: Host) -> str:
             f"a step computes its forces at once; the experiment has {own} from measurement to force, and the machine "
             "should have the same."
         )
+    steps = " This holds for communication steps of a sample or less; longer ones add delay."
     if host == "fmu":
         around = f" The other {_samples(late - 1)} have to be around the unit." if late > 1 else ""
         return (
             f"the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has {own}; "
-            f"the feedforward is computed for {_samples(late)}.{around}"
+            f"the feedforward is computed for {_samples(late)}.{around}{steps}"
         )
     more = "" if experiment.loop.delay else ", but a unit needs one sample"
     return (
         f"forces act {_samples(late)} after their measurement (output_delay = {late}); the experiment has {own}{more}."
+        + steps
     )
 
 

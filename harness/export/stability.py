@@ -5,6 +5,7 @@ leaves out. Judged are the machine of the experiment in the first pose of its re
 machine after each change of its parameters, and all members of `[ensemble]` in the first pose.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
@@ -13,7 +14,14 @@ import numpy as np
 
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.loop_transfer import loop_transfer
-from gough_stewart.harness.control.margins import Margins, closed_loop, frequency_of, loop_margins, remedy_of
+from gough_stewart.harness.control.margins import (
+    Margins,
+    closed_loop,
+    frequency_of,
+    loop_margins,
+    remedy_of,
+    sensitivities,
+)
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.members import Members
@@ -31,6 +39,7 @@ MemberProgress = Callable[[int, int], None]
 POSES = 25
 NO_FEEDBACK = "there is no feedback"
 _AT_ONCE = 256  # members drawn at a time
+_FREQUENCIES = 16  # at which members are compared
 # Keys of `[ensemble]` that change the linear loop around an exported controller.
 _SEEN = (("plant",), ("platform",), ("loop", "delay"), ("actuators", "lag"))
 
@@ -81,7 +90,6 @@ class Case(NamedTuple):
     lag: float  # [s]
     eigenvalue: complex  # z with the largest |z|
     frequency: float  # its frequency [Hz]
-    damping_ratio: float  # of the least damped mode
 
     @property
     def loop(self) -> tuple[int, float]:
@@ -108,7 +116,7 @@ class Judgement:
     unstable: int  # members
     worst: Case | None  # of the members
     margins: Margins | None  # of the nominal machine, if it is stable
-    margins_of_worst: tuple[Case, Margins] | None  # the smaller of two members: of largest |z|, of least damping
+    margins_of_worst: tuple[Case, Margins] | None  # the smallest of the members that look the least robust
     remedy: str  # for the nominal machine, if it is unstable
 
     @property
@@ -171,7 +179,7 @@ def judged(
     members = {s: _OfMembers() for s in own}
     for done, of_all, member, each in _members_of(experiment):
         # what surroundings have in common is judged once
-        cases: dict[tuple[int, float], Case | None] = {}
+        cases: dict[tuple[int, float], _Member | None] = {}
         for s, found in members.items():
             if each is None:
                 found.add(None)
@@ -179,8 +187,8 @@ def judged(
             machine, of_member = each
             at = (s.delay(of_member), s.lag(of_member))
             if at not in cases:
-                cases[at] = _case_of(loops, f"member {member}", machine, at)
-            found.add(cases[at], machine)
+                cases[at] = _member_of(loops, member, machine, at)
+            found.add(cases[at])
         if progress is not None:
             progress(done, of_all)
     return {
@@ -243,11 +251,24 @@ class _Loops:
 
     def case(self, what: str, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Case:
         """The eigenvalues of a loop."""
-        z = np.asarray(closed_loop(self.transfer(machine, delay, lag, pose)).poles(), dtype=complex)
-        worst = complex(z[np.abs(z).argmax()])
+        return self._case(what, delay, lag, closed_loop(self.transfer(machine, delay, lag, pose)).poles())
+
+    def member(self, number: int, machine: Platform, delay: int, lag: float) -> "_Member":
+        """The loop of a member, with signs of little robustness that take as little time."""
+        L = self.transfer(machine, delay, lag)
+        z = np.asarray(closed_loop(L).poles(), dtype=complex)
         s = np.log(z[np.abs(z) > 1e-9])
-        least = float(np.min(-s.real / np.abs(s), initial=1.0))
-        return Case(what, delay, lag, worst, frequency_of(worst, self.sample_time), least)
+        S, T = sensitivities(L, np.geomspace(1 / 300, 0.99, _FREQUENCIES) * math.pi / self.sample_time)
+        return _Member(
+            self._case(f"member {number}", delay, lag, z),
+            machine,
+            float(np.min(-s.real / np.abs(s), initial=1.0)),
+            float(np.linalg.norm(S - T, 2, axis=(1, 2)).max()),
+        )
+
+    def _case(self, what: str, delay: int, lag: float, z: Any) -> Case:
+        worst = complex(z[np.abs(z).argmax()])
+        return Case(what, delay, lag, worst, frequency_of(worst, self.sample_time))
 
     def margins(self, machine: Platform, delay: int, lag: float) -> Margins | None:
         """Its margins; None if it is unstable."""
@@ -297,39 +318,53 @@ class _OfNominal:
         return f"it is stable {f'with the delay of {own} samples' if own else 'without delay'}; {gains}"
 
 
+class _Member(NamedTuple):
+    """The loop of a member."""
+
+    case: Case
+    machine: Platform
+    damping_ratio: float  # of its least damped mode
+    peak: float  # of σ(S − T) on a coarse grid of frequencies
+
+
 class _OfMembers:
-    """The cases of all members so far: how many, and the worst."""
+    """The loops of all members so far: how many, and those that look the least robust."""
 
     def __init__(self) -> None:
         self.count = self.unstable = self.impossible = 0
-        self.largest: Case | None = None
-        self._kept: dict[str, tuple[Case, Platform]] = {}
+        self._kept: tuple[_Member, ...] = ()
 
-    def add(self, case: Case | None, machine: Platform | None = None) -> None:
-        """A member's case; None if the member is impossible, or its machine has no linear model there."""
-        if case is None or machine is None:
+    def add(self, found: _Member | None) -> None:
+        """A member's loop; None if the member is impossible, or its machine has no linear model there."""
+        if found is None:
             self.impossible += 1
             return
         self.count += 1
-        self.unstable += case.size >= 1
-        if self.largest is None or case.size > self.largest.size:
-            self.largest = case
-            self._kept["largest"] = (case, machine)
-        if "least damped" not in self._kept or case.damping_ratio < self._kept["least damped"][0].damping_ratio:
-            self._kept["least damped"] = (case, machine)
+        self.unstable += found.case.size >= 1
+        members = (*self._kept, found)
+        self._kept = (
+            max(members, key=lambda each: each.case.size),
+            min(members, key=lambda each: each.damping_ratio),
+            max(members, key=lambda each: each.peak),
+        )
+
+    @property
+    def largest(self) -> Case | None:
+        """The case with the largest |z|."""
+        return self._kept[0].case if self._kept else None
 
     def margins(self, loops: _Loops) -> tuple[Case, Margins] | None:
-        """The smaller margins of two members, of largest |z| and of least damping; None if a member is unstable."""
+        """The smallest margins of those with the largest |z|, least damping, largest peak; None if one is unstable."""
         if self.unstable:
             return None
-        found = [(case, loops.margins(machine, *case.loop)) for case, machine in self._kept.values()]
+        found = [(each.case, loops.margins(each.machine, *each.case.loop)) for each in self._kept]
         known = [(case, margins) for case, margins in found if margins is not None]
         return min(known, key=lambda each: each[1].disk.alpha, default=None)
 
 
-def _case_of(loops: _Loops, what: str, machine: Platform, at: tuple[int, float]) -> Case | None:
+def _member_of(loops: _Loops, number: int, machine: Platform, at: tuple[int, float]) -> _Member | None:
     try:
-        return loops.case(what, machine, *at)
+        return loops.member(number, machine, *at)
     except GoughStewartError:
         return None
 

@@ -28,7 +28,8 @@ LINEAR = [n for n in gs.experiment_names() if isinstance(prepare(experiment_of(n
 def test_the_unit_gives_the_forces_of_the_harness_at_every_sample(name: str, version: str, tmp_path: Path) -> None:
     """Expected: the commands of the run in Python, cut to the force limit; the unit gets the same measurements."""
     chosen = experiment_of(name)
-    settings = ({} if chosen.loop.delay else {"loop.delay": 1}) | STABLE.get(name, {})
+    # what is injected is not the controller's
+    settings = ({} if chosen.loop.delay else {"loop.delay": 1}) | STABLE.get(name, {}) | {"injection": None}
     record, loop = gs.run(name, settings), prepare(experiment_of(name, settings)).loop
     # one of them is there to be unstable
     (path,) = gs.export(name, settings, fmi=version, out=tmp_path, anyway=name == "too_slow")

@@ -100,7 +100,7 @@ def test_what_forms_have_exists_in_the_schema() -> None:
 
 @pytest.mark.parametrize(("form", "file"), [("c", "heave_step_controller.h"), ("ssp", "heave_step.ssp")])
 def test_each_form_says_it_and_so_does_the_export(form: Any, file: str, tmp_path: Path) -> None:
-    settings = {"actuators.lag": 0.0005, "ensemble.loop.delay": {"choice": [1, 2]}}
+    settings = {"actuators.lag": 0.0005, "ensemble.members": 2, "ensemble.loop.delay": {"choice": [1, 2]}}
     said: list[str] = []
     (*_,) = gs.export("heave_step", settings, forms=form, out=tmp_path, warn=said.append)
     names = "sensors.quantisation, actuators.lag, ensemble.loop.delay"

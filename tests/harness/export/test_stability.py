@@ -8,6 +8,7 @@ import itertools
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi
@@ -25,7 +26,7 @@ from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.designed import designed
-from gough_stewart.harness.export.stability import Host, Judgement, judged
+from gough_stewart.harness.export.stability import Case, Host, Judgement, _Member, _OfMembers, judged
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces
@@ -33,6 +34,7 @@ from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from tests.support.exported import Exported, uneven_experiment
+from tests.support.uneven import UNEVEN
 
 HOSTS: tuple[Host, ...] = ("c", "fmu", "ssp")
 
@@ -126,7 +128,14 @@ def test_a_machine_that_is_not_what_is_believed_is_the_one_that_is_judged(space:
             "integral_gain": [900.0, 0.0, 1100.0, 700.0, 1300.0, 400.0],
             "derivative_on": derivative_on,
         },
-        plant={"parameters": {"platform_mass": 7.0, "platform_com": [0.1, 0.2, -0.05], "leg_viscous_friction": 3.0}},
+        plant={
+            "parameters": {
+                "platform_mass": 7.0,
+                "platform_com": [0.1, 0.2, -0.05],
+                "leg_viscous_friction": 3.0,
+                "platform_points": (np.array(UNEVEN.platform_points) * 1.07).tolist(),
+            }
+        },
         actuators={"lag": 0.003},
     )
     prepared = prepare(experiment)
@@ -141,14 +150,21 @@ def test_a_machine_that_is_not_what_is_believed_is_the_one_that_is_judged(space:
 
 
 def test_a_machine_is_judged_after_each_of_its_changes() -> None:
-    """Expected: `radius` of the heavier machine; an SSP has no changes."""
-    (loop,), prepared = found_of("payload_change", "c"), prepare(experiment_of("payload_change"))
+    """Expected: `radius` of the heavier machine, then of the same with more friction; an SSP has no changes."""
+    changes = [
+        {"at": 3.0, "parameters": {"leg_viscous_friction": 40.0}},
+        {"at": 2.0, "factors": {"platform_mass": 1.5, "platform_inertia": 1.5}},
+    ]
+    settings = {"change": changes}
+    (loop,), prepared = found_of("payload_change", "c", settings), prepare(experiment_of("payload_change", settings))
     own = prepared.machine
     heavier = replace(own, platform_mass=1.5 * own.platform_mass, platform_inertia=1.5 * np.array(own.platform_inertia))
-    (changed,) = loop.changed
-    assert changed.size == pytest.approx(radius(prepared, 0, machine=heavier), abs=1e-7)
-    assert abs(changed.size - loop.nominal.size) > 1e-6
-    assert found_of("payload_change", "ssp")[0].changed == ()
+    machines = [heavier, replace(heavier, leg_viscous_friction=40.0)]
+    expected = [radius(prepared, 0, machine=machine) for machine in machines]
+    assert [changed.size for changed in loop.changed] == pytest.approx(expected, abs=1e-7)
+    others = [loop.nominal.size, radius(prepared, 0, machine=replace(own, leg_viscous_friction=40.0)), *expected]
+    assert np.diff(sorted(others)).min() > 1e-6
+    assert found_of("payload_change", "ssp", settings)[0].changed == ()
 
 
 MEMBERS = {
@@ -185,9 +201,10 @@ def test_members_are_judged_with_their_machines_and_delays() -> None:
     assert 0 < (sizes(lambda delay: delay) >= 1).sum() < 12
 
 
-def test_margins_are_those_of_the_nominal_machine_and_of_the_worst_member() -> None:
-    """Expected: `loop_margins` of these loops alone; the lightest machine is the worst."""
-    settings = {"controller.bandwidth": 2.5, "loop.delay": 1, "ensemble.platform_mass": {"grid": [14.0, 7.0, 9.0]}}
+def test_margins_are_those_of_the_nominal_machine_and_of_the_member_with_the_smallest() -> None:
+    """Expected: `loop_margins` of each; the heaviest has the largest |z|, and the lightest the smallest margins."""
+    masses = [30.0, 7.0, 14.0]
+    settings = {"controller.bandwidth": 2.5, "loop.delay": 1, "ensemble.platform_mass": {"grid": masses}}
     experiment = experiment_of("circle", settings)
     prepared = prepare(experiment)
     (loop,) = judged(experiment, prepared, ("ssp",))["ssp"].loops
@@ -195,16 +212,17 @@ def test_margins_are_those_of_the_nominal_machine_and_of_the_worst_member() -> N
     assert motion is not None
     assert isinstance(linear, LinearController)
     pose = {"position": motion.position[0], "orientation": motion.orientation[0]}
-    light = replace(prepared.machine, platform_mass=7.0)
-    for machine, found in (
-        (prepared.machine, loop.margins),
-        (light, loop.margins_of_worst and loop.margins_of_worst[1]),
-    ):
-        assert found is not None
-        expected = loop_margins(loop_transfer(machine, linear, 1e-3, delay=1, **pose))
-        assert found.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-6)
+    machines = [prepared.machine, *(replace(prepared.machine, platform_mass=mass) for mass in masses)]
+    loops = [loop_transfer(machine, linear, 1e-3, delay=1, **pose) for machine in machines]
+    nominal, *members = [loop_margins(each).disk.alpha for each in loops]
+    assert loop.margins is not None
     assert loop.margins_of_worst is not None
-    assert loop.margins_of_worst[0].what == "member 1"
+    assert loop.worst is not None
+    assert loop.margins.disk.alpha == pytest.approx(nominal, rel=1e-6)
+    case, worst = loop.margins_of_worst
+    assert (loop.worst.what, case.what) == ("member 0", f"member {np.argmin(members)}")
+    assert case.what == "member 1"
+    assert worst.disk.alpha == pytest.approx(min(members), rel=1e-6)
 
 
 def at_home(platform: Platform) -> tuple[Platform, NDArray[np.float64], NDArray[np.float64]]:
@@ -297,7 +315,10 @@ def test_a_member_that_is_unstable_refuses_the_export_and_is_named(tmp_path: Pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form(tmp_path: Path) -> None:
+def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form_and_so_does_a_delay_that_it_adds(
+    tmp_path: Path,
+) -> None:
+    """Expected: also to the maker; the experiment has no delay, and the C adds none."""
     said: list[str] = []
     gs.export("too_slow", forms=["c", "fmu", "ssp"], out=tmp_path, anyway=True, warn=said.append, fmi=["3.0"])
     assert [text[:33] for text in said if text.startswith("exported anyway")] == [
@@ -305,13 +326,17 @@ def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form(tmp_path
         "exported anyway: in C the closed ",
         "exported anyway: in the SSP the c",
     ]
+    late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
+    assert [text for text in said if "late" in text] == [f"the FMU is {late}", f"the SSP is {late}"]
     header = " ".join((tmp_path / "too_slow_controller.h").read_text().split())
     assert "UNSTABLE, and exported anyway: in C the closed loop is unstable with no delay: |z| = 2.163" in header
     with zipfile.ZipFile(tmp_path / "too_slow_controller_fmi3.fmu") as unit:
         assert "UNSTABLE, and exported anyway: with the FMU" in unit.read("documentation/index.html").decode()
     with zipfile.ZipFile(tmp_path / "too_slow.ssp") as archive:
         for name in ("SystemStructure.ssd", "documentation/index.html"):
-            assert "UNSTABLE, and exported anyway: in the SSP" in archive.read(name).decode()
+            text = archive.read(name).decode()
+            assert "UNSTABLE, and exported anyway: in the SSP" in text
+            assert "forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay" in text
 
 
 def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
@@ -323,12 +348,23 @@ def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -
     assert "Stability: not judged, since a function has no linear form." in (tmp_path / "soft_controller.h").read_text()
 
 
-def test_a_delay_that_a_form_adds_is_said(tmp_path: Path) -> None:
-    """Expected: where the experiment has none, for the unit and the SSP and not for the C; inside, too."""
-    said: list[str] = []
-    gs.export("hold_against_gravity", forms=["c", "fmu", "ssp"], fmi=["2.0"], out=tmp_path, warn=said.append)
-    late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
-    assert said == [f"the FMU is {late}", f"the SSP is {late}"]
-    with zipfile.ZipFile(tmp_path / "hold_against_gravity.ssp") as archive:
-        text = archive.read("SystemStructure.ssd").decode()
-    assert "Delay: forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay" in text
+def test_the_member_with_the_smallest_margins_is_found_by_any_sign_of_it() -> None:
+    """Expected: of made-up members, each worst by one sign, the one whose margins are made the smallest."""
+
+    class Loops:
+        def margins(self, machine: Any, *_at: Any) -> Any:
+            return SimpleNamespace(disk=SimpleNamespace(alpha=machine.alpha))
+
+    signs = {"|z|": (0.99, 0.5, 1.0), "damping": (0.9, 0.1, 1.0), "peak": (0.9, 0.5, 9.0), "none": (0.8, 0.6, 0.5)}
+    for worst in ("|z|", "damping", "peak"):
+        for order in itertools.permutations(signs):
+            members = _OfMembers()
+            for name in order:
+                size, damping_ratio, peak = signs[name]
+                machine: Any = SimpleNamespace(alpha=0.1 if name == worst else 0.5)
+                members.add(_Member(Case(name, 1, 0.0, complex(size), 1.0), machine, damping_ratio, peak))
+            found = members.margins(Loops())  # type: ignore[arg-type]
+            assert found is not None
+            assert found[0].what == worst
+            assert members.largest is not None
+            assert members.largest.what == "|z|"
