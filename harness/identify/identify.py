@@ -11,6 +11,7 @@ from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import scales, with_all
 from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
+from gough_stewart.harness.identify.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
@@ -93,6 +94,7 @@ def identify(
         return identify_geometry(logs[0], platform, names, **options)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
     found = screened(logs, platform, share, aside, options.pop("cutoff", None))
+    check_order_of_forces(found.parts, platform, found.cutoff)
     fit = _of_determined(_METHODS[method], found, platform, expanded(names, platform), options)
     return replace(fit, notes=(*found.notes, *fit.notes), alarms=(*found.alarms, *fit.alarms))
 

@@ -31,6 +31,7 @@ from tests.support.machine_logs import (
     Sensing,
     Swing,
     clipped,
+    exchanged,
     frozen,
     held,
     machine_log,
@@ -231,6 +232,21 @@ def test_intervals_of_held_readings_cover_the_machine() -> None:
 def test_a_log_with_too_many_faults_is_refused(change: Callable[[Log], Log], message: str) -> None:
     with pytest.raises(LogError, match=message):
         identify(change(machine_log()), NOMINAL, NAMES)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0, 1), (2, 5)])
+def test_exchanged_columns_of_forces_are_named(a: int, b: int) -> None:
+    """Expected: the two legs whose columns were exchanged; before, a platform with a mass off by 1 % came of it."""
+    with pytest.raises(LogError, match=f"the forces of legs {a + 1} and {b + 1} look exchanged"):
+        identify(exchanged(machine_log(), a, b), NOMINAL, NAMES)
+
+
+def test_forces_that_lost_rows_are_not_believed() -> None:
+    """Expected: an alarm; from the middle on all forces are 10 ms early, so no noise explains them."""
+    log = machine_log()
+    force = np.delete(force_of(log), slice(5000, 5010), axis=0)
+    found = identify(replace(log.rows(slice(0, 9990)), actuator_force=force), NOMINAL, NAMES)
+    assert any("contradicts the model" in alarm for alarm in found.alarms)
 
 
 def test_many_mended_readings_are_an_alarm() -> None:
