@@ -29,6 +29,13 @@ class SafeForceChoice(StrEnum):
     zero = "zero"
 
 
+class RealChoice(StrEnum):
+    """The precision of the C."""
+
+    double = "double"
+    float = "float"
+
+
 class ReferenceSource(StrEnum):
     """Where the reference comes from."""
 
@@ -69,6 +76,13 @@ def export_command(
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Export a loop that is unstable in one of the forms; they say so.")
     ] = False,
+    real: Annotated[
+        RealChoice,
+        typer.Option(
+            help="Precision of the C: double, or float with poses and lengths relative to home.",
+            metavar=choices(RealChoice),
+        ),
+    ] = RealChoice.double,
     settings: SetOption = None,
     out: FolderOption = Path(),
     no_python: NoPythonOption = False,
@@ -114,6 +128,7 @@ def export_command(
                 targets=targets,
                 reference=reference.value,
                 safe_force=safe_force.value,
+                real=real.value,
                 frozen=None if frozen is None else _frozen(frozen),
                 anyway=anyway,
                 progress=lambda what: progress.update(task, advance=1, description=what),

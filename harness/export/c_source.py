@@ -4,6 +4,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
+from textwrap import fill
+from typing import Literal, get_args
 
 import casadi
 import numpy as np
@@ -15,15 +17,21 @@ from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.operations import operations_of, words_of
 from gough_stewart.harness.export.path_source import path_of, path_source
-from gough_stewart.harness.export.ranges import words_of_ranges
+from gough_stewart.harness.export.ranges import Range, words_of_ranges
+from gough_stewart.harness.export.relative import Home, home_of
 from gough_stewart.harness.export.settings import Setting
+from gough_stewart.harness.export.single import function_of_time, halves, pairs_source, with_floats
 from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, comment, filled, number, numbers
 from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.motion.motion import Piecewise
 from gough_stewart.model import interface
+from gough_stewart.model.interface import Variable
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.vectors import FloatArray
 
+Real = Literal["double", "float"]
+REALS: tuple[Real, ...] = get_args(Real)
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
 
 
@@ -38,13 +46,20 @@ class ControllerSources:
     n_states: int  # of the law
 
 
-def controller_sources(designed: Designed, prefix: str = "controller") -> ControllerSources:
+def controller_sources(
+    designed: Designed, prefix: str = "controller", real: Real = "double", deviation: str = ""
+) -> ControllerSources:
     """The sources of a designed controller; a pure function.
 
     Parameters
     ----------
     prefix
         Of all public names, also the name of the files: lower-case letters, digits and underscores.
+    real
+        "float": everything in single precision, relative to home. With "double", a macro chooses the type of the forces
+        and of the feedforward.
+    deviation
+        What single precision costs, in words, for the header.
 
     Raises
     ------
@@ -56,16 +71,25 @@ def controller_sources(designed: Designed, prefix: str = "controller") -> Contro
             f"prefix is {prefix!r}; expected a lower-case letter, then lower-case letters, digits or underscores, at "
             "most 41"
         )
-    functions = traced(designed)
+    home = home_of(designed.platform) if real == "float" else None
+    functions = traced(designed, home)
     counts = operations_of(functions)
-    facts = _facts(designed, functions, prefix) | {"WORK": words_of(counts)}
+    facts = _facts(designed, functions, prefix, home)
+    facts |= {"WORK": words_of(counts), "DEVIATION": _comment_lines(deviation), "deviates": bool(deviation)}
+    source, header = filled(SOURCE, facts), filled(HEADER, facts)
+    if home is not None:
+        source, header = with_floats(source), with_floats(header)
     return ControllerSources(
-        {f"{prefix}.c": filled(SOURCE, facts)},
-        {f"{prefix}.h": filled(HEADER, facts)},
+        {f"{prefix}.c": source},
+        {f"{prefix}.h": header},
         filled(EXAMPLE, facts),
         sum(counts.values()),
         _n_states(functions),
     )
+
+
+def _comment_lines(text: str) -> str:
+    return fill(text, 118, initial_indent="   ", subsequent_indent="   ")
 
 
 def _n_states(functions: Traced) -> int:
@@ -73,7 +97,7 @@ def _n_states(functions: Traced) -> int:
     return 0 if law is None or "next" not in law.name_out() else int(law.numel_out("next"))
 
 
-def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str | bool]:
+def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None) -> dict[str, str | bool]:
     """The values of the templates' placeholders, and which optional parts they include."""
     law, n_states = functions.law, _n_states(functions)
     n_coefficients = 0 if functions.coefficients is None else int(functions.coefficients.numel_out(0))
@@ -89,10 +113,13 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
     is_timed = functions.motion is not None and functions.motion.n_in() > 0
     has_constant = any(s.variable.name == "constant_force" for s in settings)
     safe = designed.faults.safe_force
-    written = "".join(_functions(designed, functions, prefix))
-    table = _table(designed.reference, functions) if is_moving and isinstance(designed.reference, Piecewise) else ""
+    written = "".join(_functions(designed, functions, prefix, home))
+    is_table = is_table and is_moving
+    table = _table(designed.reference, functions, home) if is_table else ""  # type: ignore[arg-type]
+    uses_time = _uses(law, "time") or (is_timed and is_moving)
+    by_value = is_table or home is not None
     facts: dict[str, str | bool] = {
-        "CONSTANTS": f"{constant_bytes(designed, table)} bytes, besides those in the code",
+        "CONSTANTS": f"{constant_bytes(designed, table, 8 if home is None else 4)} bytes, besides those in the code",
         "P": prefix.upper(),
         "REFERENCE": "reference, " if designed.reference_inputs else "",
         "p": prefix,
@@ -108,27 +135,29 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "FIELDS": "\n".join(map(partial(_field, prefix=prefix), settings)),
         "DEFAULTS": "\n".join(map(partial(_default, prefix=prefix), settings)),
         "LARGEST": number(LARGEST_NUMBER),
-        **_inputs(designed),
+        **_inputs(designed, home),
+        **_relative_to(designed, home, prefix.upper()),
         "CHECKS": "\n".join(map(partial(_check, prefix=prefix), settings, range(1, len(settings) + 1))),
         "SAMPLE_TIME": number(designed.sample_time),
         "FUNCTIONS": written,
         "TABLE": table,
         "CALL_COEFFICIENTS": call(functions.coefficients, {"law": "coefficients->law"}),
-        "CALL_MOTION": _call_motion(functions.motion, "time", "now", is_table=is_table),
-        "CALL_AHEAD": _call_motion(functions.motion, "later", "ahead", is_table=is_table),
+        "CALL_MOTION": _call_motion(functions.motion, "time" if home is None else "at", "now", whole=by_value),
+        "CALL_AHEAD": _call_motion(functions.motion, "later", "ahead", whole=by_value),
         "CALL_EXTRAPOLATED": "extrapolated(reference, &coefficients->ahead, ahead);",
         "CALL_START": call(functions.start, {"states_at_rest": "states", "states": "memory->states"}),
         "CALL_EXPECTED": call(functions.expected, {}),
         "CALL_LAW": call(law, {"force": "command", "next": "next"}),
         "CALL_FEEDFORWARD": call(functions.feedforward, {"force": "known", "motion": "ahead"}),
-        "FIRST_MEASURED": numbers(designed.first_measured),
-        "FIRST_REFERENCE": numbers(designed.first_reference),
     }
     conditions = {
         "law": law is not None,
         "measures": bool(designed.measured),
         "uses_measured": _uses(law, "measured"),
-        "uses_time": _uses(law, "time") or (is_timed and is_moving),
+        "uses_time": uses_time,
+        "law_uses_time": _uses(law, "time"),
+        "single": home is not None,
+        "pairs": home is not None and uses_time,
         "states": n_states > 0,
         "start": functions.start is not None,
         "coefficients": n_coefficients > 0,
@@ -143,7 +172,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "inputs_ahead": designed.reference_inputs and forward,
         "constant": has_constant,
         "excess": uses_excess,
-        "table": is_table and is_moving,
+        "table": is_table,
         "fixed_sample_time": any("DEFAULT_SAMPLE_TIME" in c for s in settings for c in s.conditions),
         "sees": designed.zeros_are_no_measurement,
         "checked": bool(designed.measured) or designed.reference_inputs,
@@ -154,14 +183,17 @@ def _facts(designed: Designed, functions: Traced, prefix: str) -> dict[str, str 
         "uses_coefficients": _uses(law, "coefficients") or (forward and (is_timed or designed.reference_inputs)),
         "sign": "sign(" in written,
     }
-    return facts | conditions
+    facts |= conditions
+    if facts["pairs"]:
+        facts["PAIRS"] = pairs_source(filled(SOURCE, {**facts, "PAIRS": ""}))
+    return facts
 
 
 def _uses(function: casadi.Function | None, name: str) -> bool:
     return function is not None and name in function.name_in()
 
 
-def _functions(designed: Designed, functions: Traced, prefix: str) -> list[str]:
+def _functions(designed: Designed, functions: Traced, prefix: str, home: Home | None) -> list[str]:
     """The functions generated by CasADi, in the order of their use."""
     real = f"{prefix}_real"
     of_settings = {s.variable.name: real for s in designed.settings if s.is_real}
@@ -171,7 +203,7 @@ def _functions(designed: Designed, functions: Traced, prefix: str) -> list[str]:
         (functions.coefficients, doubles),
         (functions.motion, doubles),
         (functions.extrapolated, doubles),
-        (functions.feedforward, Types(real, of_platform, "REAL({})")),
+        (functions.feedforward, Types(real, of_platform, "REAL({})" if home is None else "{}")),
         (functions.start, doubles),
         (functions.expected, doubles),
         (functions.law, doubles),
@@ -180,22 +212,34 @@ def _functions(designed: Designed, functions: Traced, prefix: str) -> list[str]:
         _uses(each, "motion") for each in (functions.law, functions.start, functions.expected)
     ):
         parts[1] = (None, doubles)
-    return [function_source(f, "static void ", types, conditions=True) for f, types in parts if f is not None]
+    if home is not None and functions.motion is not None and parts[1][0] is not None and _is_of_time(functions.motion):
+        parts[1] = (None, doubles)
+        of_time = [function_of_time(functions.motion)]
+    else:
+        of_time = []
+    written = [function_source(f, "static void ", types, conditions=True) for f, types in parts if f is not None]
+    return [*of_time, *written]
 
 
-def _table(reference: Piecewise, functions: Traced) -> str:
+def _is_of_time(motion: casadi.Function) -> bool:
+    """Whether it is a formula of time; otherwise it is at rest, or of a table."""
+    return bool(motion.n_in() == 1 and motion.name_in(0) == "time")
+
+
+def _table(reference: Piecewise, functions: Traced, home: Home | None) -> str:
     """The numbers of a motion that is not a formula, and `table_at`."""
     path = path_of(reference)
     if path is None or functions.path is None:
-        return table_source.table_of(reference)
-    return function_source(functions.path, "static void ", conditions=True) + "\n" + path_source(reference, path)
+        return table_source.table_of(reference, home)
+    function = function_source(functions.path, "static void ", conditions=True)
+    return f"{function}\n{path_source(reference, path, home)}"
 
 
-def constant_bytes(designed: Designed, table: str) -> int:
-    """Bytes of constant data: designed values of the parameters, ranges, the numbers of a table."""
+def constant_bytes(designed: Designed, table: str, size: int) -> int:
+    """Bytes of constant data: designed values of the parameters, ranges, home where it is subtracted, tables."""
     parameters = sum(s.variable.size for s in designed.settings)
-    ranges = 2 * interface.size_of((*designed.measured, *designed.reference_variables))
-    return 8 * (parameters + ranges + table_source.numbers_in(table))
+    ranges = (2 if size == 8 else 3) * interface.size_of((*designed.measured, *designed.reference_variables))
+    return size * (parameters + ranges + table_source.numbers_in(table))
 
 
 def zero_is_a_reference(designed: Designed) -> bool:
@@ -205,10 +249,49 @@ def zero_is_a_reference(designed: Designed) -> bool:
     return bool(((legs >= low) & (legs <= high)).all())
 
 
-def _inputs(designed: Designed) -> dict[str, str]:
+def _relative_to(designed: Designed, home: Home | None, of: str) -> dict[str, str]:
+    """What inputs are relative to, and their first values."""
+    if home is None:
+        return {
+            "V": "double",
+            "RELATIVE": "",
+            "ZERO": "exactly 0",
+            "ZERO_MEASURED": f"is_zero(measured, {of}_N_MEASURED)",
+            "ZERO_REFERENCE": f"is_zero(reference, {of}_N_REFERENCE)",
+            "FIRST_MEASURED": numbers(designed.first_measured),
+            "FIRST_REFERENCE": numbers(designed.first_reference),
+        }
+    of_measured = _at_home(designed.measured, home)
+    high, low = halves(designed.sample_time)
+    return {
+        "V": "float",
+        "RELATIVE": ", relative to home",
+        "ZERO": "those of a bus of zeros, less those at home",
+        "ZERO_MEASURED": f"is_zero(measured, {of}_HOME, {of}_N_MEASURED)",
+        "ZERO_REFERENCE": f"is_zero(reference, {of}_HOME_POSE, 6)",
+        "FIRST_MEASURED": numbers(designed.first_measured - of_measured),
+        "FIRST_REFERENCE": numbers(designed.first_reference - np.concatenate([home.pose, np.zeros(12)])),
+        "HOME": numbers(of_measured),
+        "HOME_POSE": numbers(home.pose),
+        "SAMPLE_TIME_HIGH": number(high),
+        "SAMPLE_TIME_LOW": number(low),
+    }
+
+
+def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
+    """The values at home of several signals, one after the other."""
+    return np.concatenate([np.zeros(0), *(home.of(v.name, v.size) for v in variables)])
+
+
+def _inputs(designed: Designed, home: Home | None) -> dict[str, str]:
     """What is done about inputs that cannot be, in C and in words."""
     measured, reference = designed.measured, designed.reference_variables
     of_measured, of_reference = (designed.ranges.joined(each) for each in (measured, reference))
+    if home is not None:
+        of_measured, of_reference = (
+            Range(*(values - _at_home(variables, home) for values in of))
+            for of, variables in ((of_measured, measured), (of_reference, reference))
+        )
     ends = np.cumsum([0, *(v.size for v in measured)]).tolist()
     watched = [
         k for v, at in zip(measured, ends, strict=False) if v in designed.watched for k in range(at, at + v.size)
@@ -270,10 +353,10 @@ def _call(function: casadi.Function | None, places: dict[str, str], settings: It
     return f"{function.name()}({', '.join(arguments)});"
 
 
-def _call_motion(function: casadi.Function | None, time: str, motion: str, *, is_table: bool) -> str:
+def _call_motion(function: casadi.Function | None, time: str, motion: str, *, whole: bool) -> str:
     if function is None:
         return ""
-    if is_table:  # motion() in step.c, around the traced function
+    if whole and function.n_in():  # motion() in step.c, around the traced function; or of a pair
         return f"motion({time}, {motion});"
     return f"motion({f'&{time}, ' if function.n_in() else ''}{motion});"
 

@@ -15,8 +15,9 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.c_source import controller_sources
+from gough_stewart.harness.export.c_source import REALS, Real, controller_sources
 from gough_stewart.harness.export.designed import Designed, ReferenceFrom, designed
+from gough_stewart.harness.export.deviation import deviation_of
 from gough_stewart.harness.export.faults import SafeForce, faults_of
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.loop_archive import loop_archive
@@ -43,6 +44,7 @@ def export(
     controller: Any = None,
     safe_force: SafeForce = "feedforward",
     frozen: tuple[int, float] | None = None,
+    real: Real = "double",
     anyway: bool = False,
     progress: StepProgress | None = None,
     judging: MemberProgress | None = None,
@@ -77,6 +79,9 @@ def export(
     frozen
         (n, q): a measured length or position that is the same for n samples while its reference moves by more than q
         [m] counts as frozen, with the safe force until it changes. Without it none does.
+    real
+        "float": the C is in single precision, with poses and lengths relative to home, and its header states by how
+        much its forces deviate from the harness in a run, measured with the code compiled here.
     anyway
         Export a loop that is unstable in one of the forms; its documentation says so.
     progress
@@ -97,7 +102,8 @@ def export(
     ControllerError
         A controller that cannot be exported, is unstable by itself, or has the wrong size.
     ExportError
-        An unknown form or safe force, nothing to watch for, or an SSP with external reference.
+        An unknown form, safe force or precision, nothing to watch for, single precision without the form c, or an SSP
+        with external reference.
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 
@@ -113,6 +119,10 @@ def export(
         raise ExportError(
             "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
         )
+    if real not in REALS:
+        raise ExportError(f"real is {real!r}; expected {' or '.join(map(repr, REALS))}")
+    if real == "float" and "c" not in requested:
+        raise ExportError("real = 'float' is of the form c alone, units compute in double precision; expected form c")
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
@@ -127,7 +137,9 @@ def export(
     files: dict[str, bytes] = {}
     if "c" in requested:
         report("C")
-        files |= c_files(replace(law, notes=notes["c"].inside), f"{name}_controller")
+        in_c = replace(law, notes=notes["c"].inside)
+        deviation = "" if real == "double" else str(deviation_of(chosen, in_c, controller))
+        files |= c_files(in_c, f"{name}_controller", real, deviation)
     # the forces of a unit act at least one sample late; only in an SSP all of the delay is the unit's
     late, duration = replace(law, delay=output_delay_of(chosen)), chosen.loop.duration
     if "fmu" in requested:
@@ -164,9 +176,9 @@ def around(function: casadi.Function) -> Experiment:
     return Experiment.model_validate({"title": function.name(), **parts})
 
 
-def c_files(law: Designed, prefix: str) -> dict[str, bytes]:
+def c_files(law: Designed, prefix: str, real: Real = "double", deviation: str = "") -> dict[str, bytes]:
     """The C source of the controller and an example program, by file name."""
-    sources = controller_sources(law, prefix)
+    sources = controller_sources(law, prefix, real, deviation)
     texts = {**sources.units, **sources.headers, EXAMPLE: sources.example}
     return {name: text.encode() for name, text in texts.items()}
 

@@ -2,42 +2,15 @@
 
 import re
 
-from gough_stewart.harness.export.texts import number, numbers
+import numpy as np
+
+from gough_stewart.harness.export.relative import Home
+from gough_stewart.harness.export.single import halves
+from gough_stewart.harness.export.texts import filled, number, numbers, read
 from gough_stewart.harness.motion.motion import ROUNDING, Piecewise
+from gough_stewart.model.vectors import FloatArray
 
-_TEXT = """/* Polynomials between the rows of a table: six coordinates per piece, highest power first. */
-#define TABLE_END @END@
-#define TABLE_ROUNDING @ROUNDING@
-enum { N_PIECES = @N@ };
-static const double BEGINS[N_PIECES] = {@BEGINS@};
-static const double PIECES[N_PIECES][6][6] = {
-@PIECES@
-};
-
-/* x, y, z, roll, pitch, yaw and their first and second derivatives. */
-static void table_at(double time, double pose[6], double rate[6], double acceleration[6])
-{
-    int piece = 0, step, k, j;
-    double s;
-    const double moves = time <= TABLE_END + TABLE_ROUNDING ? 1 : 0;
-    if (time > TABLE_END) time = TABLE_END;
-    if (time < BEGINS[0]) time = BEGINS[0];
-    for (step = @STEP@; step > 0; step /= 2)
-        if (piece + step < N_PIECES && BEGINS[piece + step] <= time) piece += step;
-    s = time - BEGINS[piece];
-    for (k = 0; k < 6; ++k) {
-        double value = 0, slope = 0, half = 0;
-        for (j = 0; j < 6; ++j) {
-            half = half * s + slope;
-            slope = slope * s + value;
-            value = value * s + PIECES[piece][k][j];
-        }
-        pose[k] = value;
-        rate[k] = moves * slope;
-        acceleration[k] = moves * 2 * half;
-    }
-}
-"""
+_TEXT = read("table.c")
 
 
 def numbers_in(text: str) -> int:
@@ -46,23 +19,41 @@ def numbers_in(text: str) -> int:
     return sum(len(re.findall(r"[^\s{},]+", array)) for array in arrays)
 
 
-def table_of(reference: Piecewise) -> str:
-    """The table and its evaluation."""
+def table_of(reference: Piecewise, home: Home | None = None) -> str:
+    """The table and its evaluation; in single precision poses are relative to home, and times are pairs."""
     begins, pieces = reference.pieces
     n = len(begins)
+    end, end_low = reference.end, 0.0
+    low = np.zeros(n)
+    if home is not None:
+        pieces = pieces.copy()
+        pieces[:, :, 5] -= home.pose
+        end, end_low = halves(end)
+        begins, low = parted(begins)
     rows = ["    {" + ", ".join("{" + numbers(each) + "}" for each in piece) + "}," for piece in pieces]
-    step = 1
-    while 2 * step < n:
-        step *= 2
-    words = {
-        "END": number(reference.end),
+    facts: dict[str, str | bool] = {
+        "END": number(end),
+        "END_LOW": number(end_low),
         "ROUNDING": number(ROUNDING),
         "N": str(n),
         "BEGINS": numbers(begins),
+        "BEGINS_LOW": numbers(low),
         "PIECES": "\n".join(rows),
-        "STEP": str(step),
+        "STEP": str(first_step(n)),
+        "single": home is not None,
     }
-    text = _TEXT
-    for name, value in words.items():
-        text = text.replace(f"@{name}@", value)
-    return text
+    return filled(_TEXT, facts)
+
+
+def parted(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Numbers (n,) as sums of two of single precision."""
+    high = values.astype(np.float32).astype(float)
+    return high, (values - high).astype(np.float32).astype(float)
+
+
+def first_step(n: int) -> int:
+    """Of a search among n values by halves: the largest power of 2 below n."""
+    step = 1
+    while 2 * step < n:
+        step *= 2
+    return step

@@ -14,8 +14,9 @@ from gough_stewart.harness.control.linear_law import N_LEGS
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
-from gough_stewart.harness.export.laws import FORCE, MEMORY, MEMORY_NEXT, FunctionLaw, Law
+from gough_stewart.harness.export.laws import FORCE, MEMORY, MEMORY_NEXT, FunctionLaw, Law, MatrixLaw
 from gough_stewart.harness.export.path_source import path_function, path_of
+from gough_stewart.harness.export.relative import Home, change_of_lengths
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
 from gough_stewart.harness.motion.reach import legs_of
 from gough_stewart.model import interface
@@ -42,34 +43,40 @@ class Traced(NamedTuple):
 
 
 @interrupts_held_back()
-def traced(designed: Designed) -> Traced:
-    """All functions of a designed controller."""
+def traced(designed: Designed, home: Home | None = None) -> Traced:
+    """All functions of a designed controller; with a home, poses and lengths are relative to it.
+
+    Then the law gives the changes of its states in place of the next ones.
+    """
     law = designed.law
     linear = None if law is None or isinstance(law, FunctionLaw) else law.linear
     ahead = designed.feedforward != "none" and designed.reference_inputs
     path = path_of(designed.reference)
-    start, step = (None, None) if law is None else _law(designed, law)
+    start, step = (None, None) if law is None else _law(designed, law, home)
     return Traced(
         None if linear is None else linear.coefficients,
-        None if path is None else path_function(path),
-        None if designed.reference is None else motion_function(designed.reference),
-        _extrapolation() if ahead else None,
-        _feedforward(designed),
+        None if path is None else path_function(path, home),
+        None if designed.reference is None else motion_function(designed.reference, home),
+        _extrapolation(home) if ahead else None,
+        _feedforward(designed, home),
         start,
-        _expected(designed),
+        _expected(designed, home),
         step,
     )
 
 
-def motion_function(reference: Reference) -> casadi.Function:
+def motion_function(reference: Reference, home: Home | None = None) -> casadi.Function:
     """CasADi Function `motion`: time -> motion; of a table (pose, rate, acceleration) -> motion."""
     if isinstance(reference, Piecewise):
         parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
-        at = motion_of(*(symbols.row(part) for part in parts.values()))
+        pose, *rates = (symbols.row(part) for part in parts.values())
+        at = motion_of(pose if home is None else pose + home.pose, *rates)
+        if home is not None:
+            at = at._replace(position=pose[:, :3], orientation=pose[:, 3:])
         return symbols.function("motion_of_table", parts, {"motion": _vector(at)})
     time = casadi.SX.sym("time")
     try:
-        motion = _vector(reference(symbols.elements(time)))
+        motion = _vector(_from_home(reference(symbols.elements(time)), home))
     except Exception as error:  # a user's motion may raise anything when called with a symbol
         raise ExportError(
             f"the reference cannot be traced with CasADi ({type(error).__name__}: {error}); expected arithmetic "
@@ -106,21 +113,34 @@ def _vector(motion: Motion) -> casadi.SX:
     return symbols.column(np.concatenate([np.asarray(part) for part in motion], axis=-1))
 
 
-def _motion(vector: casadi.SX) -> Motion:
-    return Motion(*np.split(symbols.row(vector), 6, axis=-1))
+def _motion(vector: casadi.SX, home: Home | None) -> Motion:
+    """The motion in the world."""
+    motion = Motion(*np.split(symbols.row(vector), 6, axis=-1))
+    return _moved(motion, home, 1.0)
 
 
-def _extrapolation() -> casadi.Function:
+def _from_home(motion: Motion, home: Home | None) -> Motion:
+    return _moved(motion, home, -1.0)
+
+
+def _moved(motion: Motion, home: Home | None, sign: float) -> Motion:
+    if home is None:
+        return motion
+    position, orientation = motion.position + sign * home.position, motion.orientation + sign * home.orientation
+    return motion._replace(position=position, orientation=orientation)
+
+
+def _extrapolation(home: Home | None) -> casadi.Function:
     motion, ahead = casadi.SX.sym("motion", N_MOTION), casadi.SX.sym("ahead")
-    later = extrapolated(_motion(motion), symbols.row(ahead))
+    later = _from_home(extrapolated(_motion(motion, home), symbols.row(ahead)), home)
     return symbols.function("extrapolated", {"motion": motion, "ahead": ahead}, {"later": _vector(later)})
 
 
-def _feedforward(designed: Designed) -> casadi.Function | None:
+def _feedforward(designed: Designed, home: Home | None) -> casadi.Function | None:
     if designed.feedforward == "none":
         return None
     platform, vector = symbols.platform_symbols(), casadi.SX.sym("motion", N_MOTION)
-    parameters, at = symbols.parameters_of(platform), _motion(vector)
+    parameters, at = symbols.parameters_of(platform), _motion(vector, home)
     if designed.feedforward == "gravity":
         force = static_leg_forces(parameters, at.position, at.orientation, solve=solve_by_orthogonal)
     else:
@@ -129,17 +149,17 @@ def _feedforward(designed: Designed) -> casadi.Function | None:
     return symbols.function("feedforward", {"motion": vector, **platform}, {"force": symbols.column(force)})
 
 
-def _expected(designed: Designed) -> casadi.Function | None:
+def _expected(designed: Designed, home: Home | None) -> casadi.Function | None:
     if not designed.watched:
         return None
     inputs = {"motion": casadi.SX.sym("motion", N_MOTION), **symbols.platform_symbols()}
     names = [v.name for v in designed.watched]
-    references = _references(inputs, [f"reference_{name}" for name in names])
+    references = _references(inputs, [f"reference_{name}" for name in names], home)
     expected = casadi.vertcat(*(references[f"reference_{name}"] for name in names))
     return symbols.function("references_watched", inputs, {"expected": expected})
 
 
-def _law(designed: Designed, law: Law) -> tuple[casadi.Function | None, casadi.Function]:
+def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Function | None, casadi.Function]:
     measured = casadi.SX.sym("measured", interface.size_of(designed.measured))
     inputs = {
         "time": casadi.SX.sym("time"),
@@ -151,25 +171,48 @@ def _law(designed: Designed, law: Law) -> tuple[casadi.Function | None, casadi.F
     by_name = dict(zip((v.name for v in designed.measured), _split(measured, designed.measured), strict=True))
     if isinstance(law, FunctionLaw):
         inputs["states"] = casadi.SX.sym("states", law.n_states)
-        references = _references(inputs, law.function.name_in())
-        found = law({"time": inputs["time"], MEMORY: inputs["states"], **by_name, **references})
-        outputs = {"force": found[FORCE], **({"next": found[MEMORY_NEXT]} if law.n_states else {})}
+        # a function may use anything but differences, so its signals are whole ones
+        references = _references(inputs, law.function.name_in(), home, whole=True)
+        whole = by_name if home is None else {name: v + home.of(name, v.numel()) for name, v in by_name.items()}
+        found = law({"time": inputs["time"], MEMORY: inputs["states"], **whole, **references})
+        following = found.get(MEMORY_NEXT, casadi.SX(0, 1))
+        if home is not None:
+            following = following - inputs["states"]
+        outputs = {"force": found[FORCE], **({"next": following} if law.n_states else {})}
         return None, symbols.function("law", inputs, outputs)
-    references = _references(inputs, [f"reference_{name}" for name in law.signals])
+    references = _references(inputs, [f"reference_{name}" for name in law.signals], home)
     r, y = (
         casadi.vertcat(*(values[prefix + name] for name in law.signals))
         for values, prefix in ((references, "reference_"), (by_name, ""))
     )
-    return (_task if law.space == "task" else _leg)(law, inputs, r, y)
+    if home is not None and not _depends_on_differences(law, r.numel()):
+        at_home = np.concatenate(
+            [home.of(v.name, v.size) for name in law.signals for v in designed.measured if v.name == name]
+        )
+        r, y = r + at_home, y + at_home
+    return (_task if law.space == "task" else _leg)(law, inputs, r, y, home)
+
+
+def _depends_on_differences(law: Law, n: int) -> bool:
+    """Whether equal references and measurements (n,) leave a law at rest without a force, as they do a PID."""
+    if not isinstance(law, MatrixLaw) or law.space == "task":
+        return True
+    system = law.linear.system
+    if system.ninputs == n:
+        return True
+    both = np.concatenate([np.eye(n), np.eye(n), np.zeros((system.ninputs - 2 * n, n))])
+    forced = [np.asarray(each, dtype=float) @ both for each in (system.B, system.D)]
+    return not any(np.abs(each).max(initial=0.0) > 0 for each in forced)
 
 
 def _leg(
-    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX
+    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
 ) -> tuple[casadi.Function | None, casadi.Function]:
     linear = law.linear
     n = linear.system.nstates
     inputs |= {"states": casadi.SX.sym("states", n), "coefficients": linear.symbols}
-    following, force = _advance(linear.system, inputs["states"], _inputs(linear.system, r, y, inputs["excess"]))
+    u = _inputs(linear.system, r, y, inputs["excess"])
+    following, force = _advance(linear.system, inputs["states"], u, of_change=home is not None)
     step = symbols.function("law", inputs, {"force": force, **({"next": following} if n else {})})
     if not n:
         return None, step
@@ -178,7 +221,7 @@ def _leg(
 
 
 def _task(
-    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, lengths: casadi.SX
+    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, lengths: casadi.SX, home: Home | None
 ) -> tuple[casadi.Function | None, casadi.Function]:
     """As in leg space, for displacements Σ J⁻¹ ΔL; these and the previous lengths are states, too."""
     linear = law.linear
@@ -186,15 +229,17 @@ def _task(
     states = casadi.SX.sym("states", n + 2 * N_LEGS)
     inputs |= {"states": states, "coefficients": linear.symbols}
     x, before, lengths_before = casadi.vertsplit(states, [0, n, n + N_LEGS, n + 2 * N_LEGS])
-    at = _motion(inputs["motion"])
+    at = _motion(inputs["motion"], home)
     J = leg_jacobian(symbols.parameters_of(inputs), at.position, at.orientation)
     solver, zeros = _Orthogonal(J), casadi.SX.zeros(N_LEGS)
     error = symbols.column(solver.solve(symbols.row(r - lengths)))
     pose = before + symbols.column(solver.solve(symbols.row(lengths - lengths_before)))
     excess = symbols.sparse(J[0]).T @ inputs["excess"]
-    following, wrench = _advance(linear.system, x, _inputs(linear.system, pose + error, pose, excess))
+    u = _inputs(linear.system, pose + error, pose, excess)
+    following, wrench = _advance(linear.system, x, u, of_change=home is not None)
     force = symbols.column(solver.transposed(symbols.row(wrench)))
-    step = symbols.function("law", inputs, {"force": force, "next": casadi.vertcat(following, pose, lengths)})
+    legs = (pose, lengths) if home is None else (pose - before, lengths - lengths_before)
+    step = symbols.function("law", inputs, {"force": force, "next": casadi.vertcat(following, *legs)})
     at_rest = _at_rest(linear, x, _inputs(linear.system, before + error, before, zeros)) if n else casadi.SX(0, 1)
     return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, before, lengths)}), step
 
@@ -211,18 +256,29 @@ def _at_rest(linear: Any, x: casadi.SX, u: casadi.SX) -> casadi.SX:
     return symbols.sparse(linear.start) @ u + symbols.sparse(np.asarray(linear.integrating)) @ x
 
 
-def _advance(system: Any, x: casadi.SX, u: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
-    A, B, C, D = (symbols.sparse(np.asarray(each)) for each in (system.A, system.B, system.C, system.D))
+def _advance(system: Any, x: casadi.SX, u: casadi.SX, *, of_change: bool) -> tuple[casadi.SX, casadi.SX]:
+    """The next state, or its change; and the output."""
+    from_itself = np.asarray(system.A) - np.eye(system.nstates) if of_change else np.asarray(system.A)
+    A, B, C, D = (symbols.sparse(np.asarray(each)) for each in (from_itself, system.B, system.C, system.D))
     return A @ x + B @ u, C @ x + D @ u
 
 
-def _references(inputs: dict[str, casadi.SX], names: Any) -> dict[str, casadi.SX]:
-    """References of some signals and accelerations, by names with the prefix `reference_`."""
-    at = _motion(inputs["motion"])
+def _references(
+    inputs: dict[str, casadi.SX], names: Any, home: Home | None, *, whole: bool = False
+) -> dict[str, casadi.SX]:
+    """References of some signals and accelerations, by names with the prefix `reference_`; `whole` in the world."""
+    at = _motion(inputs["motion"], home)
     values = dict(zip(REFERENCE, at, strict=True))
+    parameters = symbols.parameters_of(inputs)
     if any("_leg_" in name for name in names if name.startswith("reference_")):
-        values |= legs_of(symbols.parameters_of(inputs), at)._asdict()  # type: ignore[arg-type]
-    return {f"reference_{name}": symbols.column(value) for name, value in values.items()}
+        values |= legs_of(parameters, at)._asdict()  # type: ignore[arg-type]
+    found = {f"reference_{name}": symbols.column(value) for name, value in values.items()}
+    if home is not None and not whole:
+        pose = inputs["motion"][:6]
+        found |= {"reference_position": pose[:3], "reference_orientation": pose[3:]}
+        if "reference_leg_length" in names:
+            found["reference_leg_length"] = change_of_lengths(parameters, home, pose)
+    return found
 
 
 def _split(vector: casadi.SX, variables: Any) -> list[casadi.SX]:

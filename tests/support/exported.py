@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from contextlib import nullcontext
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.c_source import ControllerSources, controller_sources
 from gough_stewart.harness.export.designed import Designed
+from gough_stewart.harness.export.relative import home_of
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.model import ModelPlant
@@ -84,12 +85,20 @@ def largest_difference(forces: FloatArray, expected: FloatArray) -> float:
 class Exported:
     """A compiled controller with its parameters, coefficients and memory."""
 
-    def __init__(self, designed: Designed, real: str = "double", prefix: str = "controller") -> None:
+    def __init__(
+        self, designed: Designed, real: str = "double", prefix: str = "controller", *, single: bool = False
+    ) -> None:
+        """`single`: exported in single precision, and so is what comes in, relative to home."""
         self.designed, self.prefix = designed, prefix
-        self.sources = _sources(designed, prefix)
+        self.sources = _sources(designed, prefix, "float" if single else "double")
         self._library = ctypes.CDLL(str(_shared_library(_key(self.sources), real, prefix)))
-        types = {True: REALS[real], False: np.float64}
-        self._real = REALS[real]
+        self._value: Any = np.float32 if single else np.float64
+        types = {True: np.float32 if single else REALS[real], False: self._value}
+        self._real = types[True]
+        home = home_of(designed.platform)
+        at_home = [home.of(v.name, v.size) for v in designed.measured] if single else []
+        self._home = np.concatenate([np.zeros(0), *at_home]) if single else 0.0
+        self._home_pose = np.concatenate([home.pose, np.zeros(12)]) if single else 0.0
         # the fields of the struct, in its order, as C aligns them
         self._kind = np.dtype(
             [(s.variable.name, types[s.is_real], s.variable.shape and (s.variable.size,)) for s in designed.settings],
@@ -114,27 +123,35 @@ class Exported:
     def step(self, measured: Any, reference: Any = None) -> tuple[FloatArray, NDArray[np.uint8]]:
         """Forces (6,) and which of them are limited (6,) at the next sample."""
         force, limited = np.zeros(6, dtype=self._real), np.zeros(6, dtype=np.uint8)
-        measured = np.ascontiguousarray(measured, dtype=float)
+        measured = np.ascontiguousarray(np.asarray(measured, dtype=float) - self._home, dtype=self._value)
         arguments = [_at(self.parameters), _at(self.coefficients), _at(self.memory), _at(measured)]
         if self.designed.reference_inputs:
-            reference = np.ascontiguousarray(reference, dtype=float)
+            reference = np.ascontiguousarray(np.asarray(reference, dtype=float) - self._home_pose, dtype=self._value)
             arguments.append(_at(reference))
         self._function("step")(*arguments, _at(force), _at(limited))
         return np.asarray(force, dtype=float), limited
 
     def remembered(self, name: str) -> FloatArray:
         """A member of the memory, by the declaration in the header."""
+        found = self.memory.view(np.uint8)[: self._memory.itemsize].view(self._memory)[name]
+        return np.atleast_1d(np.asarray(found[0], dtype=float).copy())
+
+    @cached_property
+    def _memory(self) -> np.dtype[Any]:
         text = next(iter(self.sources.headers.values()))
         declared = re.search(rf"typedef struct \{{([^}}]*)\}} {self.prefix}_memory;", text)
         assert declared is not None
         sizes = {key: int(value) for key, value in re.findall(r"(\w+) = (\d+)", text)}
-        at = 0
-        for member, size in re.findall(r"double (\w+)(?:\[(\w+)\])?;", declared[1]):
-            n = int(sizes.get(size, size)) if size else 1
-            if member == name:
-                return self.memory[at : at + n].copy()
-            at += n
-        raise KeyError(name)
+        types = {"double": np.float64, "float": np.float32, "unsigned long long": np.uint64}
+        members = re.findall(r"^ +(double|float|unsigned long long) (\w+)(?:\[(\w+)\])?;", declared[1], re.M)
+        return np.dtype(
+            [(name, types[kind], (int(sizes.get(size, size)),) if size else ()) for kind, name, size in members],
+            align=True,
+        )
+
+    def set_samples(self, samples: int) -> None:
+        """Go to a later sample."""
+        self.memory.view(np.uint8)[: self._memory.itemsize].view(self._memory)["samples"] = samples
 
     @property
     def status(self) -> int:

@@ -9,9 +9,9 @@ int main(void)
     @p@_parameters parameters = @P@_DEFAULTS;
     @p@_coefficients coefficients;
     @p@_memory memory;
-    const double measured[] = {@FIRST_MEASURED@};
+    const @V@ measured[] = {@FIRST_MEASURED@};
 @if inputs
-    const double reference[] = {@FIRST_REFERENCE@};
+    const @V@ reference[] = {@FIRST_REFERENCE@};
 @end
     @p@_real force[6];
     unsigned char limited[6];
@@ -25,7 +25,7 @@ int main(void)
     @p@_start(&parameters, &memory);
     for (k = 0; k < 5; ++k) {
         @p@_step(&parameters, &coefficients, &memory, measured, @REFERENCE@force, limited);
-        printf("%g s:", k * parameters.sample_time);
+        printf("%g s:", k * (double)parameters.sample_time);
         for (leg = 0; leg < 6; ++leg)
             printf(" %.6g N%s", (double)force[leg], limited[leg] ? " (limited)" : "");
         printf("\n");

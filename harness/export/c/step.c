@@ -7,6 +7,8 @@
 
 #define sq(x) ((x) * (x))
 
+@if single
+@else
 /* A function of the C library for @p@_real; <tgmath.h> is not complete everywhere. */
 #define KIND_double 1
 #define KIND_float 2
@@ -19,12 +21,26 @@
 #else
 #error "@P@_REAL: expected float or double"
 #endif
+@end
 
+@if single
+/* The designed sample time, as the sum of two floats. */
+#define SAMPLE_TIME @SAMPLE_TIME_HIGH@
+#define SAMPLE_TIME_LOW @SAMPLE_TIME_LOW@
+
+@end
 /* A parameter is below this in SI units; its square and cube do not overflow. */
 #define LARGEST @LARGEST@
 @if fixed_sample_time
 /* The sample time for which the law's matrices are valid. */
 #define DEFAULT_SAMPLE_TIME @SAMPLE_TIME@
+@end
+@if single
+
+const double @P@_HOME[] = {@HOME@};
+@if inputs
+const double @P@_HOME_POSE[6] = {@HOME_POSE@};
+@end
 @end
 
 const @p@_parameters @P@_DEFAULTS = {
@@ -57,6 +73,9 @@ static double sign(double x)
 }
 @end
 
+@if pairs
+@PAIRS@
+@end
 static double between(double low, double value, double high)
 {
     return value < low ? low : value > high ? high : value;
@@ -64,7 +83,11 @@ static double between(double low, double value, double high)
 @TABLE@@FUNCTIONS@
 @if table
 /* The motion at a time; after its end the platform is at rest. */
+@if pairs
+static void motion(pair time, double motion[])
+@else
 static void motion(double time, double motion[])
+@end
 {
     double pose[6], rate[6], acceleration[6];
     table_at(time, pose, rate, acceleration);
@@ -78,6 +101,10 @@ int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients
     memset(coefficients, 0, sizeof *coefficients);
 @CHECKS@
     coefficients->ahead = (parameters->delay + 0.5) * parameters->sample_time;
+@if single
+    /* the part of the designed sample time that a float leaves out */
+    coefficients->sample_time_low = parameters->sample_time < SAMPLE_TIME || parameters->sample_time > SAMPLE_TIME ? 0 : SAMPLE_TIME_LOW;
+@end
 @if coefficients
     @CALL_COEFFICIENTS@
 @end
@@ -96,6 +123,19 @@ void @p@_start(const @p@_parameters *parameters, @p@_memory *memory)
     (void)parameters;
 }
 
+@if single
+@if sees
+/* Whether all values are those of zeros on a bus, less those at home. */
+static int is_zero(const double *values, const double *home, int n)
+{
+    int k;
+    for (k = 0; k < n; ++k)
+        if (!(fabs(values[k] + home[k]) <= 1e-6 * fabs(home[k]))) return 0;
+    return 1;
+}
+
+@end
+@else
 @if sees
 static int is_zero(const double *values, int n)
 {
@@ -105,6 +145,7 @@ static int is_zero(const double *values, int n)
     return 1;
 }
 
+@end
 @end
 @if checked
 /* Whether all values are in their ranges; NaN is in none. */
@@ -158,12 +199,25 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
     const double rate_limit = parameters->force_rate_limit > 0 ? (double)parameters->force_rate_limit : HUGE_VAL;
     const double change = rate_limit * parameters->sample_time;
 @end
+@if single
+@if uses_time
+    const pair sample_time = pair_of(parameters->sample_time, coefficients->sample_time_low);
+    const pair at = time_of(memory->samples, 0, sample_time);
+@if law_uses_time
+    const double time = pair_value(at);
+@end
+@end
+@else
 @if uses_time
     const double time = memory->samples * parameters->sample_time;
+@end
 @end
     double command[6], safe[6];
 @if states
     double states[@P@_N_STATES], next[@P@_N_STATES];
+@if single
+    double residues[@P@_N_STATES];
+@end
 @end
 @if inside_now
     double now[18];
@@ -179,6 +233,9 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
     double ahead[18];
 @end
     int k, status = @P@_INPUT_GOOD;
+@if pairs
+    (void)at;
+@end
 
     for (k = 0; k < 6; ++k) {
         force[k] = 0;
@@ -189,12 +246,12 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @if sees
 @if measures
 @if inputs
-    if (!(memory->started > 0) && is_zero(measured, @P@_N_MEASURED) && is_zero(reference, @P@_N_REFERENCE)) {
+    if (!(memory->started > 0) && @ZERO_MEASURED@ && @ZERO_REFERENCE@) {
 @else
-    if (!(memory->started > 0) && is_zero(measured, @P@_N_MEASURED)) {
+    if (!(memory->started > 0) && @ZERO_MEASURED@) {
 @end
 @else
-    if (!(memory->started > 0) && is_zero(reference, @P@_N_REFERENCE)) {
+    if (!(memory->started > 0) && @ZERO_REFERENCE@) {
 @end
         for (k = 0; k < 6; ++k)
             force[k] = (@p@_real)parameters->start_force[k];
@@ -212,9 +269,17 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @if feedforward
 @if timed_ahead
     {
+@if single
+        pair later = time_of(memory->samples - 1, parameters->delay + 0.5, sample_time);
+@if table
+        const pair end = pair_of(TABLE_END, TABLE_END_LOW);
+        if (!pair_less(pair_sum(end, pair_of(TABLE_ROUNDING, 0)), at) && pair_less(end, later)) later = end;
+@end
+@else
         double later = time + coefficients->ahead;
 @if table
         if (time <= TABLE_END + TABLE_ROUNDING && later > TABLE_END) later = TABLE_END;
+@end
 @end
         @CALL_AHEAD@
     }
@@ -229,7 +294,7 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @if inputs
 @if zero_is_no_reference
     if (!are_within(REFERENCE_LOW, reference, REFERENCE_HIGH, @P@_N_REFERENCE) ||
-        is_zero(reference, @P@_N_REFERENCE)) {
+        @ZERO_REFERENCE@) {
 @else
     if (!are_within(REFERENCE_LOW, reference, REFERENCE_HIGH, @P@_N_REFERENCE)) {
 @end
@@ -273,6 +338,16 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @end
 @end
         @CALL_LAW@
+@if single
+@if states
+        /* states take in their changes with what was rounded off before, so that small ones add up */
+        for (k = 0; k < @P@_N_STATES; ++k) {
+            const double rounded = memory->started > 0 ? memory->rounded[k] : 0, change = next[k] + rounded;
+            next[k] = states[k] + change;
+            residues[k] = change - (next[k] - states[k]);
+        }
+@end
+@end
         for (k = 0; k < 6; ++k)
             command[k] += safe[k];
     }
@@ -292,6 +367,9 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
         memory->input_bad_time = 0;
 @if states
         memcpy(memory->states, next, sizeof next);
+@if single
+        memcpy(memory->rounded, residues, sizeof residues);
+@end
 @end
 @if inputs_ahead
         for (k = 0; k < 6; ++k)
@@ -309,7 +387,7 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @end
 @end
     }
-    memory->input_status = status;
+    memory->input_status = (double)status;
     for (k = 0; k < 6; ++k) {
         const double cut = between(-limit, command[k], limit);
         force[k] = (@p@_real)cut;

@@ -17,17 +17,31 @@
 #ifndef @P@_H
 #define @P@_H
 
+@if single
+/* Everything is in single precision. Measurements of poses and lengths are relative to home: the caller subtracts
+   `@P@_HOME` before it rounds to float, or counts from there, so that no digits are lost.
+   Do not compile with -ffast-math.
+@if deviates
+@DEVIATION@
+@end
+   */
+typedef float @p@_real;
+@else
 /* float or double. Measurements are always double; this type is used for feedforward and forces. */
 #ifndef @P@_REAL
 #define @P@_REAL double
 #endif
+@end
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
+@if single
+@else
 typedef @P@_REAL @p@_real;
 
+@end
 enum { @P@_N_MEASURED = @N_MEASURED@, @P@_N_REFERENCE = @N_REFERENCE@, @P@_N_STATES = @N_STATES@ };
 @if watches
 enum { @P@_N_WATCHED = @N_WATCHED@ };
@@ -45,6 +59,15 @@ typedef struct {
 @FIELDS@
 } @p@_parameters;
 
+@if single
+/* What measurements are relative to, in their order: the home pose and its leg lengths; 0 for velocities. */
+extern const double @P@_HOME[];
+@if inputs
+/* Position and orientation at home, to which those of the reference are relative. */
+extern const double @P@_HOME_POSE[6];
+@end
+
+@end
 /* Designed values. */
 extern const @p@_parameters @P@_DEFAULTS;
 
@@ -52,6 +75,9 @@ extern const @p@_parameters @P@_DEFAULTS;
    are 0. */
 typedef struct {
     double ahead; /* [s] look-ahead of the feedforward: (delay + 1/2) sample_time */
+@if single
+    double sample_time_low;
+@end
 @if coefficients
     double law[@N_COEFFICIENTS@];
 @end
@@ -59,10 +85,17 @@ typedef struct {
 
 /* The complete state. */
 typedef struct {
+@if single
+    unsigned long long samples; /* since the start */
+@else
     double samples; /* since the start */
+@end
     double started; /* 0 until measurements arrive */
 @if states
     double states[@P@_N_STATES];
+@if single
+    double rounded[@P@_N_STATES]; /* what rounding has left out of them */
+@end
 @end
 @if excess
     double planned[6]; /* [N] forces after the last command has acted for one sample */
@@ -88,14 +121,14 @@ int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients
 /* Sets the memory before the first sample. */
 void @p@_start(const @p@_parameters *parameters, @p@_memory *memory);
 
-/* Computes a sample. `measured`: @MEASURED@.
+/* Computes a sample. `measured`: @MEASURED@@RELATIVE@.
 @if inputs
-   `reference`: position [m], orientation [rad], velocity [m/s], angular_velocity [rad/s], acceleration [m/s2],
+   `reference`: position [m], orientation [rad]@RELATIVE@, velocity [m/s], angular_velocity [rad/s], acceleration [m/s2],
    angular_acceleration [rad/s2], three of each, world components; orientation is roll, pitch, yaw about fixed axes.
 @end
    `force`: of the six actuators [N], positive extends the leg. `limited`: 1 where the force limit is active, else 0.
 @if sees
-   As long as all inputs are exactly 0, no measurements have arrived: the force is `start_force`.
+   As long as all inputs are @ZERO@, no measurements have arrived: the force is `start_force`.
 @end
    Ranges: @RANGES@.
    While `input_status` is not good, all six forces are @SAFE@,
