@@ -175,8 +175,11 @@ def test_a_module_beside_the_file_comes_before_an_installed_one_and_only_there(t
     assert not hasattr(json, "own")
 
 
-def test_a_changed_helper_is_read_again_even_within_the_same_second(tmp_path: Path) -> None:
-    """Of the same size and time: a cache of bytes would not see it."""
+def test_a_changed_helper_is_read_again_even_within_the_same_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the same size and time: `__pycache__` would not see it, and is not written."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
     file = write(tmp_path, mine="from aside import n\ndef controller(sample): return n", aside="n = 1")
     assert value(file) == 1
     write(tmp_path, aside="n = 2")

@@ -78,15 +78,22 @@ def test_the_stand_in_needs_as_many_substeps_as_controllers_that_work() -> None:
 
 
 def test_it_calls_no_code_of_the_user() -> None:
-    class Never:
-        def __init__(self, _platform: Any, _sample_time: float) -> None:
-            raise AssertionError("made")
+    """Expected: neither made nor called, for a class, an object and a function that count."""
+    counted = list[str]()
 
-    def never(_sample: gs.Sample) -> Any:
-        raise AssertionError("called")
+    class Counts:
+        def __init__(self, *_arguments: Any) -> None:
+            counted.append("made")
 
-    for controller in (Never, never):
+        def __call__(self, _sample: gs.Sample) -> Any:
+            counted.append("called")
+            return np.zeros(6)
+
+    thing = Counts()
+    counted.clear()
+    for controller in (Counts, thing, lambda sample: thing(sample)):
         assert substeps_of(Members(gs.load_experiment(EXPERIMENT, SHORT), controller)) >= 1
+    assert counted == []
 
 
 def test_it_stands_in_for_slow_samples_too() -> None:
