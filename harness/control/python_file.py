@@ -97,7 +97,9 @@ class FromFile(Maker):
             return None
         if parameters:
             raise ControllerError(f"parameters: {parameters} are for a class or factory; '{self._name}' is neither")
-        if isinstance(found, str | Path) or is_control_system(found) or not callable(found):
+        if isinstance(found, str | Path):
+            return UnitController(self._file.parent / found)
+        if is_control_system(found) or not callable(found):
             return controller_of(found)
         if isinstance(found, LinearController | UnitController):
             return found

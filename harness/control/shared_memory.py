@@ -1,8 +1,9 @@
 """Sees memory in a function that all members share: values that its calls change."""
 
-import functools
+import dis
 import pickle
 from collections.abc import Callable, Iterator
+from functools import lru_cache, partial
 from hashlib import sha256
 from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
@@ -92,7 +93,7 @@ def functions_in(thing: Any, depth: int = 4) -> Iterator[FunctionType]:
     parts: list[Any] = []
     if isinstance(thing, MethodType):
         parts = [thing.__self__]
-    elif isinstance(thing, functools.partial):
+    elif isinstance(thing, partial):
         parts = [thing.func, *thing.args, *thing.keywords.values()]
     elif isinstance(thing, dict):
         parts = list(thing.values())
@@ -117,7 +118,9 @@ def _is_ours(value: Any) -> bool:
     return type(value).__module__.partition(".")[0] == _PACKAGE
 
 
-def _names(code: CodeType) -> set[str]:
-    """The names that code refers to, with the functions inside it."""
+@lru_cache(256)
+def _names(code: CodeType) -> frozenset[str]:
+    """The globals that code names, with the functions inside it."""
+    own = {each.argval for each in dis.get_instructions(code) if each.opname.endswith(("_GLOBAL", "_NAME"))}
     inner = (each for each in code.co_consts if isinstance(each, CodeType))
-    return set(code.co_names).union(*(_names(each) for each in inner))
+    return frozenset(own).union(*(_names(each) for each in inner))

@@ -91,7 +91,11 @@ def test_it_calls_no_code_of_the_user() -> None:
 
     thing = Counts()
     counted.clear()
-    for controller in (Counts, thing, lambda sample: thing(sample)):
+
+    def function(sample: gs.Sample) -> Any:
+        return thing(sample)
+
+    for controller in (Counts, thing, function):
         assert substeps_of(Members(gs.load_experiment(EXPERIMENT, SHORT), controller)) >= 1
     assert counted == []
 
