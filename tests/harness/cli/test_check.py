@@ -74,6 +74,8 @@ def test_a_platform_without_limits_gets_its_needs_and_no_word_that_all_limits_ar
     assert f"not checked, as the platform states no limit: {missing}" in text
     assert "the platform states no friction" in text
     table, numbers = polars.read_csv("out/needs.csv"), json.loads(Path("out/check.json").read_text())
+    stated_by_none = ["stroke", "joint_angle_max", "leg_velocity_max", "leg_acceleration_max"]
+    assert numbers["not_stated"] == [*stated_by_none, "actuator_force_max", "actuator_power_max"]
     assert table["leg"].to_list() == [1, 2, 3, 4, 5, 6]
     assert list(table.columns[1:]) == [f"{name} [{need['unit']}]" for name, need in numbers["needs"].items()]
     for column, need in zip(table.columns[1:], numbers["needs"].values(), strict=True):

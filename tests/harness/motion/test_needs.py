@@ -28,7 +28,7 @@ def lengths(platform: Platform, motion: Motion) -> FloatArray:
 
 def test_peaks_and_root_mean_squares_are_those_of_another_formulation() -> None:
     """Expected: forces by Newton–Euler and velocities by differences of lengths, row by row."""
-    time = np.linspace(0, 2, 501)
+    time = np.linspace(1.13, 2.53, 501)  # from no middle of the swing
     needs, h = needs_along(UNEVEN, time, SWAY(time)), 1e-6
     length = lengths(UNEVEN, SWAY(time))
     velocity = (lengths(UNEVEN, SWAY(time + h)) - lengths(UNEVEN, SWAY(time - h))) / (2 * h)
@@ -52,7 +52,7 @@ def test_peaks_and_root_mean_squares_are_those_of_another_formulation() -> None:
             if name != "actuator_force":
                 assert needs[f"{name}_peak_force"][leg] == pytest.approx(force[row, leg], rel=1e-6)
             assert needs[f"{name}_rms"][leg] == pytest.approx(np.sqrt(weights @ values[:, leg] ** 2), rel=1e-3)
-        assert needs["distance"][leg] == pytest.approx(weights @ np.abs(velocity[:, leg]) * 2, rel=2e-3)
+        assert needs["distance"][leg] == pytest.approx(weights @ np.abs(velocity[:, leg]) * 1.4, rel=2e-3)
         about_mean = length[:, leg] - weights @ length[:, leg]
         assert needs["stroke_rms"][leg] == pytest.approx(np.sqrt(weights @ about_mean**2), rel=1e-3)
     pull, push = -force.min(axis=0), force.max(axis=0)
@@ -84,11 +84,15 @@ def test_energies_of_each_sign_are_exact_where_power_is_linear_between_rows() ->
     velocity = needs_velocity(motion)
     power = forces_by_newton_euler(UNEVEN, lambda _: motion, time) * velocity
     assert (power[:-1] * power[1:] < 0).any()
-    fine = np.linspace(0, 0.25, 2_000_001)
+    fine = np.linspace(0, 0.25, 200_001)
     for leg in range(6):
         values = np.interp(fine, time, power[:, leg])
-        assert needs["motoring_energy"][leg] == pytest.approx(np.trapezoid(np.maximum(values, 0), fine), rel=1e-6)
-        assert needs["regenerated_energy"][leg] == pytest.approx(np.trapezoid(np.maximum(-values, 0), fine), rel=1e-6)
+        assert needs["motoring_energy"][leg] == pytest.approx(
+            np.trapezoid(np.maximum(values, 0), fine), rel=1e-6, abs=1e-6
+        )
+        assert needs["regenerated_energy"][leg] == pytest.approx(
+            np.trapezoid(np.maximum(-values, 0), fine), rel=1e-6, abs=1e-6
+        )
 
 
 def needs_velocity(motion: Motion) -> FloatArray:
