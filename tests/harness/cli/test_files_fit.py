@@ -88,6 +88,7 @@ platform_com = { normal = "1 mm" }
 LOOP = ("--set", "loop.duration=0.2")
 VARY = ("--vary", "plant.platform_mass=900..1100kg", "--vary", "controller.bandwidth=2..4Hz")
 TUNE = (*VARY, "--minimise", "tracking.position.norm_rms", "--generations", "1", "--population", "5")
+MASS = ("--estimate", "platform_mass")
 EXCITE = ("--duration", "1", "--frequency", "1", "--fade", "0.3", "--trials", "1", "--harmonics", "2")
 ENSEMBLE_OF = ("--set", "ensemble={members=2,worst=0,platform_com={normal='1 mm'}}", "--workers", "1")
 # What writes files: every command, in an order in which each has what it needs. `>` is the file of what is printed.
@@ -148,17 +149,20 @@ CONSUMERS = (
         {"record": RECORD, "experiment": EXPERIMENT},
         unless="the record's run had no [injection]",
     ),
+    # 3: written, with an alarm that the platform of another command is not that of the log
     Use(
-        ("identify", "{log}", "--platform", "{platform}", "--estimate", "platform_mass", "--out", "used/found"),
-        {"log": LOG, "platform": PLATFORM},
+        ("identify", "{logs}", "--validate", "{validate}", "--platform", "{platform}", *MASS, "--out", "used/found"),
+        {"logs": LOG, "validate": LOG, "platform": PLATFORM},
+        (0, 3),
         unless="the log contradicts this platform",
     ),
     Use(
         (
-            *("identify", "out/excited", "--platform", "platforms/own.toml", "--estimate", "platform_mass"),
+            *("identify", "out/excited", "--platform", "platforms/own.toml", *MASS),
             *("--experiment", "{experiment}", *LOOP, "--out", "used/found"),
         ),
         {"experiment": EXPERIMENT},
+        (0, 3),
     ),
     Use(("excite", "--platform", "{platform}", *EXCITE, "--out", "used/excite"), {"platform": PLATFORM}),
     Use(("build", "--platform", "{platform}", "--fmi", "3.0", "--out", "used/build"), {"platform": PLATFORM}),
