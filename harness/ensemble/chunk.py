@@ -142,6 +142,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
                     lag=loop.actuators.lag,
                     position=None if motion is None else motion.position[0],
                     orientation=None if motion is None else motion.orientation[0],
+                    believed=each.platform,
                 )
             )
             stable[k], disk[k] = 1.0, found.disk.alpha

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws import LinearController, made_from
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import (
     Margins,
@@ -166,7 +166,9 @@ def judged(
     ExperimentError
         An invalid `[ensemble]`.
     """
-    hosts, controller = tuple(hosts), prepared.controller
+    hosts = tuple(hosts)
+    # a file or a factory makes it
+    controller = None if prepared.controller is None else made_from(prepared.controller)
     if not isinstance(controller, LinearController):
         what = NO_FEEDBACK if controller is None else f"{_kind_of(controller)} has no linear form"
         return dict.fromkeys(hosts, Judged(reason=what))

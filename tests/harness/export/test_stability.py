@@ -22,6 +22,7 @@ import gough_stewart as gs
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import loop_margins
+from gough_stewart.harness.ensemble.chunk import margins_of
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
@@ -337,6 +338,41 @@ def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form_and_so_d
             text = archive.read(name).decode()
             assert "UNSTABLE, and exported anyway: in the SSP" in text
             assert "forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay" in text
+
+
+def test_a_linear_controller_from_a_python_file_is_judged(tmp_path: Path) -> None:
+    """Expected: the figure of the same gains in the experiment's own table; as the file's object and from its maker."""
+    gains = "control.ss([], [], [], np.diag([9e4, 8e4, 9.5e4, 8.5e4, 7e4, 9.9e4]), 0.001)"
+    (tmp_path / "mine.py").write_text(
+        "import control\nimport numpy as np\n"
+        f"controller = {gains}\n\n\ndef make(platform, sample_time):\n    return {gains}\n"
+    )
+    settings = {"loop.delay": 1, "reference": {"type": "hold"}}
+    for name in ("name", "factory"):
+        of_file = {"type": "python", "file": str(tmp_path / "mine.py"), name: {"name": "controller"}.get(name, "make")}
+        with pytest.raises(
+            UnstableLoopError, match="in C the closed loop is unstable with a delay of 1 sample"
+        ) as found:
+            gs.export("circle", {**settings, "controller": of_file}, forms="c", out=tmp_path / "out")
+        prepared = prepare(experiment_of("circle", settings), eval(gains, {"control": control, "np": np}))
+        assert abs(found.value.eigenvalue) == pytest.approx(radius(prepared, 1), abs=1e-7)
+
+
+def test_margins_of_an_ensembles_member_have_the_geometry_that_is_believed() -> None:
+    """Expected: `loop_margins` with the machine's plant and the belief's Jacobian; with the machine's it is another."""
+    larger = (np.array(gs.load_preset("liu2000").platform_points) * 1.3).tolist()
+    settings = {"loop.delay": 1, "controller.space": "task", "plant.parameters.platform_points": larger}
+    prepared = prepare(experiment_of("circle", settings))
+    motion, linear = prepared.motion, prepared.controller
+    assert motion is not None
+    assert isinstance(linear, LinearController)
+    pose = {"position": motion.position[0], "orientation": motion.orientation[0]}
+    right, wrong = (
+        loop_margins(loop_transfer(prepared.machine, linear, 1e-3, delay=1, **pose, believed=believed)).disk.alpha
+        for believed in (prepared.platform, prepared.machine)
+    )
+    assert margins_of([prepared])["margins.disk"] == pytest.approx([right], rel=1e-9)
+    assert abs(right - wrong) > 0.01 * right
 
 
 def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
