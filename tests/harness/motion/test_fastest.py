@@ -170,6 +170,14 @@ def test_a_plan_without_margin_is_within_its_limits_at_rows_from_any_start(prese
     assert max(largest) > 1 - 1e-4
 
 
+def test_a_ramp_slows_down_where_its_average_exceeds_a_limit_and_nowhere_else() -> None:
+    """Expected: 1 to 1.6 ramp times in a motion of eleven; slower as a whole it would take two more."""
+    platform = load_preset("desktop_hexapod")
+    path = random_path(platform, 6, size=0.05)
+    sharp, averaged = (fastest(platform, path, ramp=ramp).duration for ramp in (0.0, 0.02))
+    assert sharp + 0.02 < averaged < sharp + 1.6 * 0.02
+
+
 @pytest.mark.parametrize(("ramp", "at"), [("0 s", "77.6683114 ms"), ("20 ms", "2.75591132 ms")])
 def test_the_shipped_fastest_path_without_margin_passes_the_check(ramp: str, at: str) -> None:
     found = check("fastest_path", {"reference.margin": 0, "reference.ramp": ramp, "reference.at": at})
