@@ -214,7 +214,8 @@ def test_reading_a_record_never_executes_the_file_that_it_names(
     assert len(repr(read) + read._repr_html_() + str(metrics(read)) + repr(found)) > 1000
     assert "it would execute law.py" in " ".join(invoke("frf", "record").output.split())
     assert invoke("view", "record").exit_code == 0
-    assert invoke("identify", "record", "--preset", "liu2000", "--estimate", "platform_mass").exit_code == 0
+    # 3: written, with an alarm
+    assert invoke("identify", "record", "--preset", "liu2000", "--estimate", "platform_mass").exit_code in (0, 3)
     assert not list(tmp_path.rglob("executed"))
     monkeypatch.chdir(elsewhere)
     gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
