@@ -125,6 +125,23 @@ def test_declared_noise_is_no_alarm(noise: Callable[[np.random.Generator], Float
     assert sum(found_in(noise(random), noise={"leg_length": 1e-3}) is not None for _ in range(200)) == 0
 
 
+@pytest.mark.parametrize(
+    ("sensors", "least"),
+    [
+        ({"noise": {"leg_length": 2e-4}}, 12e-4),
+        ({"quantisation": {"leg_length": 2e-4}}, 6e-4),
+        ({"noise": {"orientation": 1e-3}}, 6e-3 * np.hypot(0.3, 0.1)),
+        ({"quantisation": {"leg_velocity": 0.5}}, 1.5 / (2 * np.pi * 38)),
+        ({}, 2e-6),
+    ],
+)
+def test_a_cycle_is_told_from_six_sigma_and_three_steps_on(sensors: dict[str, Any], least: float) -> None:
+    """Expected: silence 10 % below and an alarm 10 % above; angles by the joints' radius, rates by the frequency."""
+    cycle = np.sin(2 * np.pi * 38 * TIME)
+    assert found_in(0.9 * least * cycle, **sensors) is None
+    assert found_in(1.1 * least * cycle, **sensors) is not None
+
+
 def test_white_noise_that_nobody_declares_is_no_line() -> None:
     """Expected: none in 200 records: of 667 bins, five have seldom more than 3 % of the power."""
     random = np.random.default_rng(26)
