@@ -178,8 +178,11 @@ def _colour(rows: Whitened, projection: Projection) -> tuple[Finding, float] | N
     error = 1 / math.sqrt(max(pairs, 1))
     text = (
         f"the noise is coloured: residuals {1e3 * spacing:.3g} ms apart have a correlation of {correlation:.2f} ± "
-        f"{1.96 * error:.2f} where noise of the sensors that is white has none"
+        f"{1.96 * error:.2f}, white noise of the sensors has none"
     )
+    if correlation > 0:
+        narrow = math.sqrt((1 + correlation) / max(1 - correlation, 1e-3))
+        text += f"; intervals are about {narrow:.1f} times too narrow"
     name = "correlation of neighbouring residuals"
     return Finding(COLOURED, text, (name,), np.array([correlation]), np.array([[error**2]]), 1.0), score
 

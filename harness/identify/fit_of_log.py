@@ -68,7 +68,7 @@ def estimate_of(
     IdentificationError
         The log does not determine all parameters; names those.
     """
-    sigma, directions, covariance = uncertainty(*regression, white=rows is not None)
+    sigma, directions, covariance = uncertainty(*regression)
     _check_identifiable(sigma, directions, names)
     if fit.at_bound:
         notes = [*notes, f"at the bound of what is physical: {', '.join(fit.at_bound)}"]

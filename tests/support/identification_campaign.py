@@ -75,6 +75,7 @@ def run(draw: Draw) -> dict[str, Any]:
         "noise": draw.force_noise,
         "duration": draw.duration,
         "alarm": diagnosis.alarm,
+        "p_value": diagnosis.test.combined if diagnosis.test else None,
         "inside": inside.tolist(),
         "named": diagnosis.findings[0].name if diagnosis.findings else None,
         "listed": [each.name for each in diagnosis.findings],
@@ -99,14 +100,14 @@ def _mass(found: Estimate, machine: Platform) -> tuple[float, float, float]:
 
 
 def _truth(kind: str, findings: Sequence[Finding]) -> dict[str, Any]:
-    """Whether the truth is in the intervals of the named hypothesis: each element's, and the joint region."""
+    """Whether the truth is in the intervals of the named hypothesis: each element's, and the joint 95 % region."""
     if kind not in NAMED or not findings or findings[0].name != NAMED[kind][0]:
-        return {"each_inside": None, "jointly_inside": None}
+        return {"each_inside": None, "jointly_inside": None, "distance": None}
     first, truth = findings[0], NAMED[kind][1]
     inside = (first.interval[:, 0] < truth) & (truth < first.interval[:, 1])
     error = first.values - truth
-    distance = float(error @ np.linalg.pinv(first.covariance, rcond=1e-12) @ error)
-    return {"each_inside": inside.tolist(), "jointly_inside": bool(distance < chi2.ppf(0.95, len(truth)))}
+    distance = float(chi2.sf(error @ np.linalg.pinv(first.covariance, rcond=1e-12) @ error, len(truth)))
+    return {"each_inside": inside.tolist(), "jointly_inside": distance > 0.05, "distance": distance}
 
 
 @lru_cache(maxsize=4)

@@ -6,26 +6,14 @@ from numpy.testing import assert_allclose
 
 from gough_stewart.harness.identify.course import _gains
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of
+from gough_stewart.harness.identify.lack_of_fit import whiteness
 from gough_stewart.harness.identify.physical import BestFit
-from gough_stewart.harness.identify.statistics import long_run_covariance, whiteness
-
-
-def test_scores_that_remember_a_row_have_the_long_run_covariance_of_their_moving_average() -> None:
-    """Expected: of e_t + θ e_{t−1}, Γ0 = 1 + θ² and Γ1 = θ, the latter with the weight of its lag."""
-    n, theta = 200_000, np.array([0.8, -0.5])
-    noise = np.random.default_rng(7).standard_normal((n + 1, 2))
-    found = long_run_covariance(noise[1:] + theta * noise[:-1]) / n
-    lags = int(4 * (n / 100) ** (2 / 9))
-    expected = 1 + theta**2 + 2 * (1 - 1 / (lags + 1)) * theta
-    # two standard errors: 2 √(Σ w²/n) times the variance
-    assert_allclose(np.diag(found), expected, atol=0.06)
-    assert abs(found[0, 1]) < 0.06
 
 
 def test_residuals_that_remember_are_not_white() -> None:
     noise = np.random.default_rng(3).standard_normal((2000, 2))
     noise[1:, 1] += 0.3 * noise[:-1, 1]
-    white, coloured = whiteness(noise)
+    white, coloured = whiteness(noise, np.ones_like(noise))
     assert white > 0.01
     assert coloured < 1e-10
 
