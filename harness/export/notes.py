@@ -111,7 +111,7 @@ def _stability(experiment: Experiment, host: Host, found: Judged) -> list[str]:
         *dict.fromkeys(text for loop in found.loops for text in _margins(loop)),
         "Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. Of "
         "what is left out, only a lag that is named here was part of it.",
-        *_slower(experiment, host),
+        *(f"But {text}." for text in _slower(experiment, host)),
     ]
 
 
@@ -121,7 +121,7 @@ def _slower(experiment: Experiment, host: Host) -> list[str]:
     late = [name for name, value in times.items() if value]
     if not late or host == "ssp":
         return []
-    return [f"With the experiment's {' and '.join(late)} the machine's loop is later than was judged."]
+    return [f"with {' and '.join(late)} the machine's loop around the {NAMES[host]} is later than was judged"]
 
 
 def _verdict(loop: Judgement) -> str:
@@ -134,7 +134,7 @@ def _verdict(loop: Judgement) -> str:
         own = "" if loop.worst.loop == loop.nominal.loop else f",{_circumstances(loop.worst)}"
         parts.append(f"{loop.members} members of [ensemble] at most {_size(loop.worst)} ({loop.worst.what}{own})")
     if loop.impossible:
-        parts.append(f"{loop.impossible} members are impossible and not judged")
+        parts.append(f"impossible members, which are not judged: {loop.impossible}")
     return f"Stability {loop.surroundings.where}{_circumstances(loop.nominal)}: {verdict}; {'; '.join(parts)}."
 
 

@@ -27,6 +27,7 @@ from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.notes import notes_of
 from gough_stewart.harness.export.stability import Case, Host, Judgement, _Member, _OfMembers, judged
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.model import ModelPlant
@@ -373,6 +374,29 @@ def test_margins_of_an_ensembles_member_have_the_geometry_that_is_believed() -> 
     )
     assert margins_of([prepared])["margins.disk"] == pytest.approx([right], rel=1e-9)
     assert abs(right - wrong) > 0.01 * right
+
+
+def test_what_was_not_judged_is_said() -> None:
+    """Expected: members that cannot be, by a negative mass; readings and samples that are later than the model has."""
+    settings = {
+        "sensors.sample_time": 0.002,
+        "loop.jitter": 0.0005,
+        "loop.plant_step": 0.0005,
+        "ensemble.platform_mass": {"grid": [900.0, -5.0, 800.0, -1.0]},
+    }
+    experiment = experiment_of("heave_step", settings)
+    found = judged(experiment, prepare(experiment), HOSTS, margins=False)
+    for host in HOSTS:
+        (loop,) = found[host].loops
+        assert (loop.members, loop.impossible) == (2, 2)
+        notes = notes_of(experiment, host, found[host])
+        assert "impossible members, which are not judged: 2." in " ".join(notes.inside)
+        late = "with sensors.sample_time and loop.jitter the machine's loop around the "
+        name = host.upper()
+        # an SSP has neither
+        assert [text for text in notes.warnings if "later" in text] == (
+            [] if host == "ssp" else [f"{late}{name} is later than was judged"]
+        )
 
 
 def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
