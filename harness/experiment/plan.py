@@ -79,7 +79,8 @@ class Plan:
                 f"was {self.controller}, given in Python, which files do not keep; expected the same call in Python "
                 "with controller=",
             )
-        return _members_of(self.text, self.given)
+        # the pilot prepares them before the substeps are known
+        return _members_of(replace(self, substeps=1).text, self.given)
 
 
 def plan_from(text: str, given: Given | None = None) -> Plan:
@@ -112,7 +113,7 @@ def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
         The members cannot be run.
     """
     plan = plan_without_substeps(experiment, controller)
-    return replace(plan, substeps=substeps_of(Members(experiment, controller)))
+    return replace(plan, substeps=substeps_of(plan.prepared))
 
 
 def plan_without_substeps(experiment: Experiment, controller: Any = None) -> Plan:

@@ -67,6 +67,25 @@ def test_parameters_vary_in_an_ensemble_and_by_set(file: Path) -> None:
         gs.ensemble(file, {**SHORT, "ensemble": {**only, "controller": {"name": {"choice": ["a", "b"]}}}})
 
 
+def test_the_file_is_executed_once_for_each_member(file: Path) -> None:
+    """Expected: as many lines as members, runs or candidates: not for the pilot, copies, checks, or twice for one."""
+    pid, log = file.parent / "pid.py", file.parent / "log"
+    pid.write_text(f"{pid.read_text()}\nwith open('log', 'a') as opened:\n    print('executed', file=opened)\n")
+
+    def executed() -> int:
+        lines = len(log.read_text().splitlines())
+        log.unlink()
+        return lines
+
+    gs.run(file, SHORT)
+    assert executed() == 1
+    for members in (3, 9):
+        gs.ensemble(file, SHORT, members=members, workers=1)
+        assert executed() == members
+    gs.run(file, SHORT, member=4)
+    assert executed() == 1
+
+
 def test_parameters_are_searched_and_written(file: Path, tmp_path: Path) -> None:
     """Expected: the value of the written file, run for the same members, is the value that the search says."""
     settings = {**SHORT, "ensemble.members": 2}
