@@ -241,11 +241,12 @@ class PythonController(ControllerChoice):
 
     `name` ("controller") is a class, a discrete python-control system, a `LinearController`, or an object or function
     that is called with a `Sample`; `factory` instead of it is a function that makes one. Class and factory are called
-    as `make(platform, sample_time, **parameters)`, with the nominal model and `[controller.parameters]`.
+    as `make(platform, sample_time, **parameters)`, with the nominal model and `[controller.parameters]`. Without a file
+    the parameters are for the `controller=` of a call in Python.
     """
 
     type: Literal["python"] = "python"
-    file: FileName
+    file: FileName | None = None
     name: str | None = None
     factory: str | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
@@ -253,10 +254,14 @@ class PythonController(ControllerChoice):
     @property
     def code(self) -> tuple[str, ...]:
         """The file."""
-        return (self.file,)
+        return () if self.file is None else (self.file,)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:
         """The linear controller, or the maker of controllers, of that name in the file. The file is executed."""
+        if self.file is None:
+            raise ControllerError(
+                "file is missing; add the Python file of the controller, or give the controller in Python: controller="
+            )
         design = self.design(platform, sample_time)
         return controller_of_file(folder / self.file, self.name, self.factory, design)
 
@@ -268,6 +273,8 @@ class PythonController(ControllerChoice):
     def _one_of_both(self) -> "PythonController":
         if self.name is not None and self.factory is not None:
             raise ValueError("expected name or factory, not both")
+        if self.file is None and (self.name or self.factory):
+            raise ValueError("name and factory are of a file; file is missing, add it")
         return self
 
 

@@ -19,7 +19,7 @@ def digests(experiment: Experiment) -> dict[str, str]:
     Of a Python controller also the modules beside it that it imports, and the files that these name.
     """
     names = set(file_names(experiment).values())
-    if isinstance(experiment.controller, PythonController):
+    if isinstance(experiment.controller, PythonController) and experiment.controller.file is not None:
         file = experiment.folder / experiment.controller.file
         names |= {_from(each, experiment.folder) for each in files_beside(file) if each != file}
     paths = {name: experiment.folder / name for name in sorted(names)}
