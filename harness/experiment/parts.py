@@ -33,7 +33,7 @@ _TUNABLE = tuple(v.name for v in TUNABLE)
 
 def platform_of(choice: schema.PlatformChoice, folder: Path) -> Platform:
     platform = load_preset(choice.preset_name) if choice.file is None else load_platform(folder / choice.file)
-    return changed(platform, joints_of_keys({**choice.circles, **choice.parameters}))
+    return changed(platform, joints_of_keys(choice.circles) | choice.parameters)
 
 
 def changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:

@@ -135,9 +135,12 @@ def test_an_experiment_may_state_circles_with_units() -> None:
         "platform.base_angle": "24deg",
         "platform.platform_angle": "33deg",
         "platform.home_leg_length": "3.1 m",
+        "platform.parameters.home_orientation": [0, 0, 0.1],
         "loop.duration": 0.01,
     }
     record = gs.run("paper_open_loop", keys)
+    # parameters are changed last
+    assert record.metadata["platform"]["home_orientation"] == [0, 0, 0.1]
     points = np.array(record.metadata["platform"]["base_points"])
     np.testing.assert_allclose(np.linalg.norm(points, axis=-1), 2.1, rtol=1e-12)
     np.testing.assert_allclose(points[0], 2.1 * np.array([math.cos(math.radians(12)), math.sin(math.radians(12)), 0]))
