@@ -167,6 +167,8 @@ def tune(
         here, axes, goal, population=size, generations=generations, seed=seed, progress=progress, status=status
     )
     best = found.best
+    if best is None and found.is_interrupted:
+        raise KeyboardInterrupt  # there is nothing to keep
     if best is None:
         raise NoCandidateError(f"no candidate meets the conditions ({found.ending}): {found.broken_most()}")
     judges = [here]

@@ -26,12 +26,14 @@ def started(*arguments: str, cwd: Path, code: str = "", **environment: str) -> s
     )
 
 
-def test_umlauts_in_a_locale_of_ascii(tmp_path: Path) -> None:
-    """Expected: folder and title as given, as in any other locale; the locale of cron and of many containers."""
+def test_umlauts_in_a_locale_of_ascii_and_the_backend_of_a_notebook_that_is_not_installed(tmp_path: Path) -> None:
+    """Expected: folder and title as given, as in cron and containers; figures, though Jupyter sets this."""
     arguments = ("run", "heave_step", *SHORT, "--set", 'title="Größe"', "--out", "umläut")
-    done = started(*arguments, cwd=tmp_path, LC_ALL="C", PYTHONUTF8="0")
+    surroundings = {"LC_ALL": "C", "PYTHONUTF8": "0", "MPLBACKEND": "module://no_such_package.backend_inline"}
+    done = started(*arguments, cwd=tmp_path, **surroundings)
     assert done.returncode == 0, done.stderr
     assert read_record(tmp_path / "umläut").metadata["title"] == "Größe"
+    assert (tmp_path / "umläut" / "pose.png").is_file()
 
 
 def test_a_folder_that_is_not_utf_8(tmp_path: Path) -> None:
@@ -79,14 +81,6 @@ def test_variables_that_libraries_cannot_read_are_refused(name: str, value: str,
     assert done.stderr.count("\n") == 1
     code = "import gough_stewart as gs\ntry: gs.run\nexcept gs.GoughStewartError as error: print(error)"
     assert says in started(cwd=tmp_path, code=code, **{name: value}).stdout
-
-
-def test_the_backend_of_a_notebook_that_is_not_installed_here(tmp_path: Path) -> None:
-    """Expected: figures; Jupyter sets this for every command that a notebook starts."""
-    inline = "module://no_such_package.backend_inline"
-    done = started("run", "heave_step", *SHORT, "--out", "out", cwd=tmp_path, MPLBACKEND=inline)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "out" / "pose.png").is_file()
 
 
 def test_every_character_of_a_title_can_be_exported() -> None:

@@ -185,3 +185,16 @@ def test_a_full_folder_of_temporary_files_is_said(fmus: dict[str, Fmu], monkeypa
     with pytest.raises(PlantError, match=r"cannot be unpacked in .*No space left on device.*set TMPDIR") as caught:
         UnitFile(fmus["3.0"].path)
     assert "gough-stewart build" not in str(caught.value)
+
+
+def test_a_search_that_is_interrupted_before_its_first_candidate_is_exit_code_130(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: interrupted, not "no candidate meets the conditions"."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gough_stewart.harness.tuning.candidates.Candidates.evaluate", interrupted)
+    done = invoke(*TUNE, *BANDWIDTH, "--set", "loop.duration=0.3", "--out", str(tmp_path / "out"))
+    assert (done.exit_code, done.stderr) == (ExitCode.INTERRUPTED, "interrupted; nothing written\n")
