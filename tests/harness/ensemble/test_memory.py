@@ -238,6 +238,10 @@ def test_a_function_with_memory_is_refused_by_what_it_keeps() -> None:
     for function, what in refused.items():
         with pytest.raises(SharedMemoryError, match=rf"{what}.*use a factory"):
             gs.ensemble(EXPERIMENT, SHORT, controller=function, members=2, workers=1)
+    with pytest.raises(SharedMemoryError, match="closure variable 'total'"):
+        gs.run(EXPERIMENT, SHORT, controller=in_a_closure, member=0)
+    with pytest.raises(SharedMemoryError, match="closure variable 'total'"):
+        gs.tune(EXPERIMENT, ["actuators.lag=0..0.002"], RMS, SHORT, controller=in_a_closure, members=1, population=5)
     said = list[str]()
     alone = gs.run(EXPERIMENT, SHORT, controller=in_a_closure, warn=said.append)  # it may, and is told
     assert "has changed the closure variable 'total'" in said[0]
