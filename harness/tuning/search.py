@@ -10,6 +10,7 @@ from scipy.stats import qmc
 
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.space import Axis, values_of
+from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.vectors import FloatArray
 
 # Every candidate that meets the conditions is better than any that does not.
@@ -95,6 +96,11 @@ def search(
         found.ending = "the candidates have converged" if result.success else f"after {generations} generations"
     except KeyboardInterrupt:
         found.ending, found.is_interrupted = "interrupted by the user", True
+    except RuntimeError as error:
+        # SciPy takes a ValueError of the candidates, which many errors here are, for one of its own call
+        if isinstance(error.__cause__, GoughStewartError):
+            raise error.__cause__ from None
+        raise
     return found
 
 
