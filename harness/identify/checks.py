@@ -50,6 +50,8 @@ def rows_apart(log: Log) -> tuple[NDArray[np.intp], float]:
     """
     if log.time is None:
         raise LogError(f"{log.where}: no column time; expected one, since the motion between rows is needed")
+    if len(log) < 2:
+        raise LogError(f"{log.where}: {len(log)} rows; expected a log of some seconds")
     steps = np.diff(log.time)
     h = float(np.median(steps))
     back = np.flatnonzero(steps <= 0)

@@ -126,11 +126,7 @@ def _of_determined(
         unknown |= {*now.held, *now.not_excited}
         kept = tuple(name for name in names if name not in held)
         if not kept:
-            raise IdentificationError(
-                f"too little excitation: this motion determines none of {', '.join(names)}; record a motion designed "
-                "for them (gough-stewart excite)",
-                names,
-            )
+            raise _not_excited(names)
         fit = method(found.parts, platform, kept, cutoff=found.cutoff, **options)
         values[[names.index(name) for name in kept]] = fit.values
         # what a motion determines of centres of mass and inertias depends on their values
@@ -141,6 +137,8 @@ def _of_determined(
     pull = np.zeros(len(names))
     pull[at] = now.pull * scale[at]
     lacking = [name for name in names if name in unknown]
+    if len(lacking) == len(names):
+        raise _not_excited(names)
     fit = with_all(fit, names, nominal, scale, lacking, pull)
     if lacking:
         note = (
@@ -149,6 +147,14 @@ def _of_determined(
         )
         fit = replace(fit, notes=(*fit.notes, note))
     return fit
+
+
+def _not_excited(names: Sequence[str]) -> IdentificationError:
+    return IdentificationError(
+        f"too little excitation: this motion determines none of {', '.join(names)}; record a motion designed for them "
+        "(gough-stewart excite)",
+        names,
+    )
 
 
 def _logs(given: AnyLog | Sequence[AnyLog]) -> list[Log]:

@@ -197,15 +197,18 @@ def _metadata(path: Path) -> Mapping[str, Any]:
 
 
 def _at_samples(log: Log, metadata: Mapping[str, Any]) -> Log:
-    """The rows of a run at which its sensors were read, with the mean force until the next reading."""
+    """The rows of a run at which its controller, and sensors of their own rhythm, were sampled, with mean forces.
+
+    Readings of slower sensors then repeat, which `without_held_rows` recognises.
+    """
     sample, step = metadata.get("sample_time"), metadata.get("plant_step")
     if not log.holds_force or not sample or not step or log.actuator_force is None:
         return log
     experiment = metadata.get("experiment")
     sensors = experiment.get("sensors") if isinstance(experiment, Mapping) else None
-    # readings of slower sensors are repeated until the next one
     own = sensors.get("sample_time") if isinstance(sensors, Mapping) else None
-    every = round(max(sample, own or 0.0) / step)
+    # a force that varies between two readings has no one time, so its samples are kept
+    every = math.gcd(round(sample / step), round(max(sample, own or 0.0) / step))
     n = len(log) // every
     if every < 2 or n < 2:
         return log

@@ -39,8 +39,8 @@ _OF_CUTOFF = 1 / 8
 # At most this share of a part's length for one side of the filter.
 _EDGE = 0.15
 # A parameter is not excited if its standard error from the motion alone exceeds this share of its scale, or if noise of
-# lengths pulls it by more than this many standard errors.
-_LARGEST_ERROR, _LARGEST_PULL = 0.5, 1.0
+# lengths pulls it by more than the other share.
+_LARGEST_ERROR, _LARGEST_PULL = 0.5, 0.05
 # Forces are never known better than this share of their changes, even if they seem to have no noise.
 _BEST_FORCE = 1e-3
 # Smaller singular values are rounding errors.
@@ -96,6 +96,7 @@ def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None 
         clean, unclean = (_filtered_regressor(platform, each, h * every, own, thin) for each in (lengths, noisy))
         forces = force_of(log)
         deviation = np.maximum(noise_of(forces) * np.sqrt(2 * own * h), _BEST_FORCE * forces.std(axis=0))
+        deviation = np.maximum(deviation, _ROUNDING * float(np.abs(forces).max()))
         # the filter's ends count as well
         share = np.sqrt(len(log) / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
         found.append(share * clean)
@@ -135,7 +136,7 @@ def determined(
     # (Iₘ + Iₙ)⁻¹ Nᵀ (Wₙ φ): noise makes forces that are not there
     inverse = np.linalg.pinv(D.T @ D + N.T @ N, hermitian=True)
     pull = inverse @ (N.T @ (rows.noise @ linear_parameters(elements)).ravel())
-    weak = (errors > _LARGEST_ERROR) | (np.abs(pull) > _LARGEST_PULL * np.sqrt(np.maximum(np.diag(inverse), 0.0)))
+    weak = (errors > _LARGEST_ERROR) | (np.abs(pull) > _LARGEST_PULL)
     left = list(range(len(names)))
     # centres of mass are held first: inertias then take what the log knows of both, and need not be those of a body
     while left and (now := _errors(R[:, left])).max() > _LARGEST_ERROR:

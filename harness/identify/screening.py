@@ -27,7 +27,7 @@ _MENDED = 5
 _AROUND = 6  # rows on either side that tell what they should have been
 # Lengths that vary by fewer standard deviations of their noise are at rest.
 _AT_REST = 20.0
-_SHORTEST = 16  # rows that tell anything
+_SHORTEST = 20  # rows that tell anything
 # More mended rows, or rows that cannot be used, are an alarm; still more, and the log is refused.
 _ALARM, _REFUSED = (0.005, 0.15), (0.02, 0.5)
 # Length of the filters of rows in periods of the cut-off, and the least length of a stretch beyond them.
@@ -111,11 +111,10 @@ class _Damage(NamedTuple):
 
 
 def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _Found:
-    force_of(log)
+    _check_readings(log)
     check_lengths(log, platform)
     check_forces(log, platform)
-    log, is_missing = _on_even_rows(log)
-    notes: list[str] = []
+    log, is_missing, notes = _on_even_rows(log)
     if not is_missing.any():
         log, notes = without_held_rows(log)
         is_missing = np.zeros(len(log), dtype=bool)
@@ -130,7 +129,8 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _Found:
     log = replace(log, leg_length=damage.length, actuator_force=damage.force)
     stretches = _stretches(bad & ~short, [each.row for each in damage.lost])
     longest = max(stretches, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
-    h = _sample_time(log)
+    assert log.time is not None  # checked by rows_apart
+    h = float(np.median(np.diff(log.time)))
     if longest.stop - longest.start > _SHORTEST:
         cutoff = cutoff_of(damage.length[longest], h) if cutoff is None else cutoff
     if len(stretches) > 1 and cutoff is not None:
@@ -166,7 +166,6 @@ def _damage_of(log: Log, platform: Platform, missing: Mask) -> _Damage:
             beyond,
             "left out; use a larger range of the force sensor, or a slower motion",
         ),
-        ("missing rows", missing[:, :1], "interpolated or left out; check the logger"),
     ]
     rows = np.asarray((off | struck).any(axis=1))
     lost = lost_rows(length, still | missing)
@@ -200,26 +199,57 @@ def _check_motion(log: Log, length: FloatArray) -> None:
         )
 
 
-def _sample_time(log: Log) -> float:
-    assert log.time is not None  # checked by rows_apart
-    return float(log.time[-1] - log.time[0]) / (len(log) - 1)
+def _check_readings(log: Log) -> None:
+    """Refuse logs of a few rows, what is no finite number, and sensors that are dead."""
+    force_of(log)
+    if len(log) < _SHORTEST:
+        raise LogError(f"{log.where}: {len(log)} rows; expected a log of some seconds")
+    for name in ("leg_length", "actuator_force"):
+        values = np.asarray(getattr(log, name))
+        bad = np.argwhere(~np.isfinite(values))
+        if len(bad):
+            row, leg = bad[0]
+            raise LogError(
+                f"{log.where}: {name}[{leg + 1}] in row {row + 1} is {values[row, leg]}; expected a finite number: cut "
+                "the log there, or fill the gap where it was recorded"
+            )
+        dead = np.flatnonzero(np.ptp(values, axis=0) == 0)
+        # commands may be constant; lengths that are all constant are those of a machine at rest
+        if dead.size and (dead.size < 6 if name == "leg_length" else not log.holds_force):
+            raise LogError(
+                f"{log.where}: {name}[{dead[0] + 1}] is {values[0, dead[0]]:.6g} in all rows; expected readings of a "
+                "sensor: check its channel"
+            )
 
 
-def _on_even_rows(log: Log) -> tuple[Log, Mask]:
-    """The log with rows in place of those that are missing by its times, and which these are."""
+def _on_even_rows(log: Log) -> tuple[Log, Mask, list[str]]:
+    """The log with rows in place of those that are missing by its times, which these are, and a note on them.
+
+    Of a long gap, which will be left out, only a few rows are put in.
+    """
     number, h = rows_apart(log)
     if (number == 1).all():
-        return log, np.zeros(len(log), dtype=bool)
+        return log, np.zeros(len(log), dtype=bool), []
     assert log.time is not None  # checked by rows_apart
-    at = np.concatenate([[0], np.cumsum(number)])
+    at = np.concatenate([[0], np.cumsum(np.minimum(number, _MENDED + 2))])
     rows = np.arange(at[-1] + 1)
     # a reading is repeated until another one replaces it
     even = log.rows(np.searchsorted(at, rows, side="right") - 1)
     is_missing = ~np.isin(rows, at)
-    even = replace(even, time=float(log.time[0]) + rows * h)
+    even = replace(even, time=np.interp(rows, at, log.time))
     for name in ("leg_length", "actuator_force"):
         _interpolate(getattr(even, name), np.repeat(is_missing[:, None], 6, axis=1))
-    return even, is_missing
+    gaps, missing = np.flatnonzero(number > 1), int((number - 1).sum())
+    places = [
+        f"{log.time[k] + h:.4g} s" + (f" to {log.time[k + 1] - h:.4g} s" if number[k] > 2 else "")
+        for k in gaps[:_EXAMPLES]
+    ]
+    more = f" and {len(gaps) - _EXAMPLES} more times" if len(gaps) > _EXAMPLES else ""
+    note = (
+        f"{log.where}: {missing} missing row{'s' if missing > 1 else ''}, at {', '.join(places)}{more}; up to "
+        f"{_MENDED} in a row interpolated, more left out; check the logger"
+    )
+    return even, is_missing, [note]
 
 
 def _interpolate(values: FloatArray, bad: Mask) -> None:
@@ -260,9 +290,8 @@ def _stretches(bad: Mask, cuts: Sequence[int]) -> list[slice]:
 def _legs(what: str, bad: Mask) -> str:
     """The fault with the number of readings and the legs."""
     count = bad.sum(axis=0)
-    if len(count) < 6 or (count == count[0]).all():
-        text = f"{count.max()} {what}" + (" of every leg" if len(count) == 6 else "")
-        return text.replace("1 missing rows", "1 missing row") if count.max() == 1 else text
+    if (count == count[0]).all():
+        return f"{count[0]} {what} of every leg"
     legs = [k + 1 for k in np.flatnonzero(count)]
     return f"{count.sum()} {what} of leg{'s' if len(legs) > 1 else ''} {', '.join(map(str, legs))}"
 
