@@ -13,7 +13,7 @@ import numpy as np
 
 from gough_stewart.harness.identify.diagnosis import COLOURED, SEPARATED, CommonGain, Diagnosis, Finding
 from gough_stewart.harness.identify.finding_text import CALIBRATE, WITHOUT_ESTIMATE, finding_text
-from gough_stewart.harness.identify.hypotheses import Family
+from gough_stewart.harness.identify.hypotheses import FIXED, Family
 from gough_stewart.harness.identify.instruments import Instruments
 from gough_stewart.harness.identify.lack_of_fit import (
     Projection,
@@ -192,6 +192,9 @@ def _fitted(rows: Whitened, candidate: _Candidate, improvement: float) -> Findin
     fit, family = rows.fit, candidate.family
     chosen = list(candidate.chosen)
     names = [family.parameters[k] for k in chosen]
+    if family.name == FIXED:
+        text = f"{candidate.member} is not what the platform's file has; estimate it, too"
+        return Finding(candidate.member, text, (), np.zeros(0), np.zeros((0, 0)), improvement)
     if family.name in WITHOUT_ESTIMATE:
         return Finding(candidate.member, WITHOUT_ESTIMATE[family.name], (), np.zeros(0), np.zeros((0, 0)), improvement)
     found = dict(zip(fit.names, fit.values.tolist(), strict=True))

@@ -11,7 +11,7 @@ CALIBRATE = "calibrate by poses (geometry)"
 # Of families whose parameters a log of forces does not determine.
 WITHOUT_ESTIMATE = {
     "joints": f"joints are not where the platform's file has them; {CALIBRATE}",
-    "stiction": "friction is higher when a leg starts to slide",
+    "stiction": "friction of a leg that starts to slide is not that of the model (stiction, elastic contact)",
 }
 
 

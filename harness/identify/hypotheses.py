@@ -13,6 +13,7 @@ import numpy as np
 from gough_stewart.harness.identify.force_derivatives import ForceDerivatives
 from gough_stewart.harness.identify.instruments import tilt_directions
 from gough_stewart.harness.identify.linear_parameters import INERTIAL
+from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.regression import Regression
 from gough_stewart.harness.identify.simulation import parameter_columns
 from gough_stewart.model.platform import Platform
@@ -22,7 +23,12 @@ from gough_stewart.model.vectors import FloatArray
 _JOINT = 1e-3  # [m]
 # Velocities over which a leg's friction may decrease as it begins to slide, in those that smooth its sign.
 _STRIBECK = (3.0, 10.0)
+# Travel over which friction builds up after a reversal, by elastic contact [m].
+_TRAVELS = (3e-5, 1e-4, 3e-4)
 LEGS = range(1, 7)
+# Parameters of the platform that may be wrong if they are not estimated.
+FIXED = "parameters not estimated"
+_ESTIMABLE = ("platform_mass", "platform_com", "platform_inertia", "leg_armature")
 
 
 class Family(NamedTuple):
@@ -40,7 +46,12 @@ class Family(NamedTuple):
 
 
 def families_of(
-    regression: Regression, derivatives: ForceDerivatives, phi: FloatArray, platform: Platform, tilt: FloatArray
+    regression: Regression,
+    derivatives: ForceDerivatives,
+    phi: FloatArray,
+    platform: Platform,
+    tilt: FloatArray,
+    names: Sequence[str],
 ) -> list[Family]:
     """The families, at a fit.
 
@@ -52,6 +63,8 @@ def families_of(
         The nominal one, for its joints, gravity and friction velocity.
     tilt
         Of the base (2,) [rad].
+    names
+        What was estimated.
     """
     W = regression.rows.regressor
     n = len(W)
@@ -66,11 +79,16 @@ def families_of(
     joints = tuple(f"{which}_points[{i},{k}]" for which in ("base", "platform") for i in LEGS for k in (1, 2, 3))
     viscous, coulomb = W[:, :, INERTIAL : INERTIAL + 6], W[:, :, INERTIAL + 6 :]
 
-    def stribeck(velocity: FloatArray) -> FloatArray:
+    def sticking(velocity: FloatArray) -> FloatArray:
         v = velocity / platform.leg_friction_velocity
-        return np.concatenate([np.tanh(v) * np.exp(-((v / width) ** 2)) for width in _STRIBECK], axis=1)
+        higher = [np.tanh(v) * np.exp(-((v / width) ** 2)) for width in _STRIBECK]
+        travel = _travel_since_reversal(velocity) * regression.sample_time
+        later = [-np.sign(velocity) * np.exp(-travel / over) for over in _TRAVELS]
+        return np.concatenate([*higher, *later], axis=1)
 
-    sticking = np.stack(np.split(regression.filtered(stribeck), len(_STRIBECK), axis=1), axis=2)
+    groups = {stem: [e for e in expanded([stem], platform) if e not in names] for stem in _ESTIMABLE}
+    fixed = [element for group in groups.values() for element in group]
+    starting = len(_STRIBECK) + len(_TRAVELS)
     return [
         Family(
             "gain of forces",
@@ -114,13 +132,29 @@ def families_of(
         Family("joints", joints, of_platform(*joints), {"joints": tuple(range(36))}, size=_JOINT),
         Family(
             "stiction",
-            tuple(f"friction when a leg starts to slide, over {width:g} v_s" for width in _STRIBECK),
-            sticking,
-            {"stiction": (0, 1)},
+            tuple(f"friction of a starting leg {k + 1}" for k in range(starting)),
+            np.stack(np.split(regression.filtered(sticking), starting, axis=1), axis=2),
+            {"stiction": tuple(range(starting))},
+        ),
+        *(
+            [
+                Family(
+                    FIXED,
+                    tuple(fixed),
+                    of_platform(*fixed),
+                    {stem: tuple(fixed.index(e) for e in group) for stem, group in groups.items() if group},
+                )
+            ]
+            if fixed
+            else []
         ),
     ]
 
 
-def own_columns(names: Sequence[str], derivatives: ForceDerivatives) -> FloatArray:
-    """∂F/∂θ (n, 6, k) by any physical elements of the platform."""
-    return derivatives.by_parameters @ parameter_columns(names)
+def _travel_since_reversal(velocity: FloatArray) -> FloatArray:
+    """Σ |v| since each leg last changed its direction, up to each row (n, 6) [m/s times rows]."""
+    travelled = np.cumsum(np.abs(velocity), axis=0)
+    turns = np.zeros_like(velocity, dtype=bool)
+    turns[1:] = velocity[1:] * velocity[:-1] < 0
+    at_turn = np.maximum.accumulate(np.where(turns, travelled - np.abs(velocity), 0.0), axis=0)
+    return np.asarray(travelled - at_turn)

@@ -58,6 +58,7 @@ class Regression:
     motion: FloatArray  # at the rows: pose, twist, acceleration (m, 18)
     noise: tuple[RawNoise, ...]  # of each part of the log
     sizes: tuple[int, ...]  # rows of each part
+    sample_time: float  # of the log [s]
     # F if the log's forces are late by this [s]
     force_if_late: Callable[[float], FloatArray]
     # d(W φ)/dt for φ (SIZE,) (m, 6) [N/s]
@@ -133,7 +134,7 @@ def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> 
     rows = Rows(log.time[at], force_if_late(0.0), whole, cutoff, np.asarray(slowest > fast, dtype=float))
     motion = np.concatenate([state.to_vector(), *acceleration], axis=1)[motion_rows]
     noise = _raw_noise(log, h, cutoff, every, thin)
-    return Regression(rows, motion, (noise,), (len(at),), force_if_late, rate, filtered)
+    return Regression(rows, motion, (noise,), (len(at),), h, force_if_late, rate, filtered)
 
 
 def _raw_noise(log: Log, h: float, cutoff: float, every: int, thin: int) -> RawNoise:
@@ -169,6 +170,7 @@ def joined(parts: Sequence[Regression]) -> Regression:
         np.concatenate([each.motion for each in parts]),
         tuple(noise for each in parts for noise in each.noise),
         tuple(size for each in parts for size in each.sizes),
+        parts[0].sample_time,
         lambda delay: np.concatenate([each.force_if_late(delay) for each in parts]),
         lambda phi: np.concatenate([each.rate(phi) for each in parts]),
         lambda of: np.concatenate([each.filtered(of) for each in parts]),

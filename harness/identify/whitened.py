@@ -61,7 +61,7 @@ def whitened(regression: Regression, fit: Fit, platform: Platform) -> Whitened:
     instruments = instruments_of(fit.names, fit.values)
     families = tuple(
         family._replace(columns=family.columns[here])
-        for family in families_of(regression, fit.derivatives, fit.phi, platform, instruments.tilt)
+        for family in families_of(regression, fit.derivatives, fit.phi, platform, instruments.tilt, fit.names)
     )
     parts: list[TwoNoises] = []
     sizes: list[int] = []

@@ -13,8 +13,9 @@ from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.page import identification_page
 from gough_stewart.harness.identify.tables import sheets_of
 from gough_stewart.model.platform_toml import platform_to_toml
+from tests.harness.identify import machine as logs_of_another
 from tests.support.identification_campaign import LISTED, NAMED, Draw, run
-from tests.support.machine_logs import NAMES, Course, Sensing, Swing, machine_log, random_machine
+from tests.support.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
 
 
 def test_p_values_of_white_noise_are_uniform() -> None:
@@ -58,6 +59,21 @@ def test_geometry_that_is_wrong_is_in_the_list_with_the_remedy(fault: str) -> No
     assert found["alarm"]
     assert LISTED[fault] in found["listed"]
     assert "calibrate by poses" in found["texts"]
+
+
+def test_a_parameter_that_is_wrong_and_not_estimated_is_named() -> None:
+    """Expected: the inertia, of which the file has another than the machine."""
+    machine, believed = random_machine(3)
+    log = machine_log(machine, Course(Swing(seed=3)), seed=5)
+    found = identify(log, believed, [name for name in NAMES if name != "platform_inertia"])
+    assert any("platform_inertia is not what the platform's file has" in alarm for alarm in found.alarms)
+
+
+def test_bristles_at_a_reversal_are_named() -> None:
+    """Expected: friction of a starting leg, which LuGre's bristles build up over 65 micrometres."""
+    found = identify(logs_of_another.machine_log(friction=logs_of_another.lugre(560.0, 130.0)), NOMINAL, NAMES)
+    assert found.diagnosis is not None
+    assert found.diagnosis.findings[0].name == "stiction"
 
 
 def test_coloured_noise_is_named() -> None:
