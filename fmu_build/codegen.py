@@ -45,6 +45,14 @@ _CALL = re.compile(
 )
 
 
+# Numbers as conditions, which compilers warn of.
+_TRUTHS = (
+    (re.compile(r"\((a\d+)\?"), r"(\1!=0?"),
+    (re.compile(r"\(!(a\d+)\)"), r"(\1==0)"),
+    (re.compile(r"\((a\d+)(&&|\|\|)(a\d+)\)"), r"(\1!=0\2\3!=0)"),
+)
+
+
 class Types(NamedTuple):
     """The C types of a function: `real` for its arithmetic, and `of` for inputs and outputs that differ from it."""
 
@@ -108,6 +116,8 @@ def function_source(
     body = body.replace("casadi_inf", "HUGE_VAL" if types.real == "double" else f"(({types.real})HUGE_VAL)")
     for ours in ("sq", "sign"):
         body = body.replace(f"casadi_{ours}(", f"{ours}(")
+    for truth, compared in _TRUTHS:
+        body = truth.sub(compared, body)
     body = _CALL.sub(lambda match: types.call.format(match[1]), body)
     body = with_reciprocals(body, types.real)
     leftover = re.search(r"casadi|\barg\b|\bres\b|\biw\b|\bif\b" + ("" if conditions else r"|\?"), body)

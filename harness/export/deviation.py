@@ -66,7 +66,7 @@ def deviation_of(experiment: Experiment, designed: Designed, controller: Any = N
     forces = _forces(designed, measured - at_home, reference)
     error = forces - expected
     return Deviation(
-        float(times[-1]),
+        samples * designed.sample_time,
         float(np.abs(error).max()),
         float(np.sqrt((error**2).mean())),
         float(np.abs(expected).max()),

@@ -241,7 +241,7 @@ def test_a_measurement_that_stands_still_while_its_reference_moves_is_frozen(sig
     faults = faults_of(frozen=(samples, movement))
     made = designed(uneven_experiment(reference=SINE, controller={**PD, "feedforward": "gravity"}), law, faults=faults)
     assert made.reference is not None
-    times = made.sample_time * np.arange(200)
+    times = made.sample_time * np.arange(300)
     at = made.reference(times)
     wanted = legs_of(UNEVEN, at).leg_length if signal == "leg_length" else at.position
     exported = Exported(made).start()
@@ -254,13 +254,15 @@ def test_a_measurement_that_stands_still_while_its_reference_moves_is_frozen(sig
     expected = (since >= samples) & (moved > movement)
     first = 59 + int(expected.argmax())
     assert first > 59
-    for k in range(60, first + 5):
+    for k in range(60, first + 110):
         row = wanted[k].copy()
         row[1] = stuck
         exported.step(row)
         assert exported.status == (FROZEN if k >= first else GOOD), k
-    assert exported.bad_time == pytest.approx(5 * made.sample_time)
-    exported.step(wanted[first + 5])
+    # the reference has come back, which thaws nothing
+    assert np.abs(wanted[first : first + 110, 1] - stuck).min() < movement / 2
+    assert exported.bad_time == pytest.approx(110 * made.sample_time)
+    exported.step(wanted[first + 110])
     assert exported.status == GOOD
 
 

@@ -72,7 +72,7 @@ def test_sources_compile_without_a_warning(compiler: str, folder: Path) -> None:
 
 def test_zig_compiles_sources_without_a_warning(folder: Path) -> None:
     """Clang's warnings and C library; slower than the others."""
-    compile_with("zig", ("saturation",), folder)
+    compile_with("zig", ("fastest_path",), folder)
 
 
 @pytest.mark.evidence
