@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.signalled import Trial, faults, signalled
+from tests.support.signalled import Ended, Trial, faults, signalled
 
 pytestmark = [pytest.mark.evidence, pytest.mark.skipif(sys.platform != "linux", reason="adopts orphans as Linux does")]
 
@@ -52,22 +52,24 @@ def campaign(number: int, folder: Path, seed: int = 0) -> tuple[Counter[str], li
         ended = signalled(Trial(arguments, folder, "SIGINT", None))
         assert ended.code == 0, ended.errors
     commands = [[part.format(inputs=folder) for part in each] for each in _COMMANDS]
-    took: dict[int, float] = {}
+    whole: dict[int, Ended] = {}  # without a signal
     codes, wrong = Counter[str](), []
     for k in range(number):
         of = k % len(commands)
         place = Path(tempfile.mkdtemp(dir=folder))
         (place / "out").mkdir()
-        if of not in took:
-            took[of] = signalled(Trial(commands[of], place, "SIGINT", None)).seconds
+        if of not in whole:
+            whole[of] = signalled(Trial(commands[of], place, "SIGINT", None))
             shutil.rmtree(place / "out")
             (place / "out").mkdir()
         name = ("SIGINT", "SIGTERM")[k // len(commands) % 2]
-        trial = Trial(commands[of], place, name, float(random.uniform(0, 1.05 * took[of])))
+        trial = Trial(commands[of], place, name, float(random.uniform(0, 1.05 * whole[of].seconds)))
         ended = signalled(trial)
         codes[f"{_COMMANDS[of][0]} {ended.code}"] += 1
-        for fault in faults(trial, ended):
-            wrong.append(f"{' '.join(trial.arguments)} {name} at {trial.after:.3f} of {took[of]:.2f} s: {fault}")
+        for fault in faults(trial, ended, whole[of].code):
+            wrong.append(
+                f"{' '.join(trial.arguments)} {name} at {trial.after:.3f} of {whole[of].seconds:.2f} s: {fault}"
+            )
             print(wrong[-1], flush=True)
         shutil.rmtree(place)
     return codes, wrong

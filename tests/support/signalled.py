@@ -60,8 +60,11 @@ def signalled(trial: Trial) -> Ended:
     return Ended(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def faults(trial: Trial, ended: Ended) -> list[str]:
-    """What is wrong: a traceback, an orphan, a code that says nothing, a file that is not whole."""
+def faults(trial: Trial, ended: Ended, undisturbed: int = 0) -> list[str]:
+    """What is wrong: a traceback, an orphan, a code that says nothing, a file that is not whole.
+
+    `undisturbed` is the exit code without a signal.
+    """
     found = []
     for mark in ("Traceback", "Exception ignored", "Fatal Python error", "panicked"):
         if mark in ended.errors:
@@ -70,7 +73,7 @@ def faults(trial: Trial, ended: Ended) -> list[str]:
         found.append(f"left: {ended.left}")
     if ended.hung:
         found.append("hung")
-    if ended.code not in (0, 130):
+    if ended.code not in (undisturbed, 130):
         found.append(f"exit code {ended.code}: {ended.errors[-300:]}")
     if ended.code == 130 and "interrupted" not in ended.errors:
         found.append(f"130 without a word: {ended.errors[-300:]!r}")
