@@ -24,7 +24,7 @@ from tests.support.machine_logs import (
 INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)))
 
 
-@pytest.mark.parametrize("size", [0.01, 0.1])
+@pytest.mark.parametrize("size", [0.06])
 def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass(size: float) -> None:
     """Expected: by hand, no rotation, so gravity has no arm that changes and no inertia turns; the rest is right.
 
@@ -35,7 +35,7 @@ def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass(size: fl
     assert found.not_excited == ("platform_com[3]", *INERTIA)
     known = np.array([name not in found.not_excited for name in found.names])
     truth = np.array([value_of(MACHINE, name) for name in found.names])
-    # 12 intervals of two logs: four standard errors are one in 15,000 each
+    # four standard errors are one in 15,000 for each of six
     assert (np.abs(found.values - truth)[known] < 4 * found.standard_errors[known]).all()
     assert not found.at_bound
     plain = json.loads(found.to_json())
@@ -48,7 +48,7 @@ def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass(size: fl
     assert platform.platform_mass == found.values[0]
 
 
-@pytest.mark.parametrize(("axis", "size"), [(0, 0.005), (3, 0.06), (4, 0.005), (5, 0.06)])
+@pytest.mark.parametrize(("axis", "size"), [(3, 0.06), (4, 0.005)])
 def test_numbers_of_motions_along_one_axis_are_right_or_missing(axis: int, size: float) -> None:
     """Expected: the machine's values within five standard errors, one in a million; some without a number."""
     swing = Swing(axes=tuple(float(k == axis) for k in range(6)), size=size)
