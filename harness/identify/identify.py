@@ -50,7 +50,9 @@ def identify(
         The nominal one: the source of all other parameters, and of starting values.
     estimate
         Parameters, or elements of them: a list, or a string with commas. `leg_viscous_friction` is one value for all
-        legs, `leg_viscous_friction[1..6]` six.
+        legs, `leg_viscous_friction[1..6]` six. Also what the instruments do: `force_gain` and `force_offset` of each
+        leg, reading = gain · force + offset [N]; `delay` of the forces [s], positive if they are late; `base_tilt`
+        about X and Y [rad].
     method
         "linear" is least squares of inverse dynamics: masses, centres of mass, inertias, armature, friction;
         "output_error" simulates the plant and accepts any physical parameter, also `leg_friction_velocity`;

@@ -61,6 +61,18 @@ def test_geometry_that_is_wrong_is_in_the_list_with_the_remedy(fault: str) -> No
     assert "calibrate by poses" in found["texts"]
 
 
+def test_offsets_of_lengths_have_their_signs_and_sizes() -> None:
+    """Expected: those that were added to the readings, within 4.5 standard errors, which are a tenth of them."""
+    machine, believed = random_machine(3)
+    offset = np.array([1e-3, -1e-3, 0.5e-3, 1e-3, -0.7e-3, -1e-3])
+    sensing = Sensing(length_offset=tuple(offset.tolist()), force_noise=1e-3)
+    found = identify(machine_log(machine, Course(Swing(seed=3)), sensing, seed=5), believed, NAMES).diagnosis
+    assert found is not None
+    [own] = [each for each in found.findings if each.name == "offset of lengths"]
+    assert (np.abs(own.values - offset) < 4.5 * own.standard_errors).all()
+    assert (own.standard_errors < 2e-4).all()
+
+
 def test_a_parameter_that_is_wrong_and_not_estimated_is_named() -> None:
     """Expected: the inertia, of which the file has another than the machine."""
     machine, believed = random_machine(3)

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.optimize import curve_fit
 
 from gough_stewart.harness.identify.course import _gains
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of
 from gough_stewart.harness.identify.lack_of_fit import whiteness
 from gough_stewart.harness.identify.physical import BestFit
+from gough_stewart.harness.identify.statistics import uncertainty
 
 
 def test_residuals_that_remember_are_not_white() -> None:
@@ -16,6 +18,18 @@ def test_residuals_that_remember_are_not_white() -> None:
     white, coloured = whiteness(noise, np.ones_like(noise))
     assert white > 0.01
     assert coloured < 1e-10
+
+
+def test_covariance_of_a_regression_is_that_of_another_least_squares() -> None:
+    """Expected: SciPy's `curve_fit` of the same rows; rows that are not used, which are 0, change nothing."""
+    rng = np.random.default_rng(5)
+    D, truth = rng.standard_normal((40, 6, 3)), np.array([1.0, -2.0, 0.5])
+    values = D @ truth + 2.0 * rng.standard_normal((40, 6))
+    D[:, 2], values[:, 2] = 0.0, 0.0
+    kept = np.arange(6) != 2
+    X, y = D[:, kept].reshape(-1, 3), values[:, kept].ravel()
+    found, expected = curve_fit(lambda X, *p: X @ np.array(p), X, y, p0=[0.0, 0.0, 0.0])
+    assert_allclose(uncertainty(D, values - D @ found)[2], expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("index", [1e-3, 0.1, 2.0])
