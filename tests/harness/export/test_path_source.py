@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.path_source import path_of
 from gough_stewart.harness.motion.motion import coordinates_of
 from gough_stewart.harness.motion.polynomials import Polynomials
@@ -37,14 +38,19 @@ MOTIONS: dict[str, dict[str, Any]] = {
 }
 
 
+@cache
+def made_along(motion: str) -> Designed:
+    """A controller of nothing but the feedforward; plans take their time."""
+    return designed(load_experiment("fastest_path", {**OPEN, **MOTIONS[motion], "loop.duration": 0.5}))
+
+
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_forces_along_a_path_are_those_of_the_pieces(motion: str) -> None:
     """Expected: inverse dynamics in NumPy of the piecewise quintics of the harness, to 1e-9 of the largest force.
 
     From before the motion to after its end, at the middle of every sample's action.
     """
-    experiment = load_experiment("fastest_path", {**OPEN, **MOTIONS[motion], "loop.duration": 0.5})
-    made = designed(experiment)
+    made = made_along(motion)
     reference = made.reference
     assert isinstance(reference, Polynomials)
     samples = np.arange(int(reference.end / made.sample_time) + 20)
@@ -59,7 +65,7 @@ def test_forces_along_a_path_are_those_of_the_pieces(motion: str) -> None:
 @pytest.mark.parametrize("motion", [name for name in MOTIONS if "cubic" not in name])
 def test_pieces_follow_their_path(motion: str) -> None:
     """Expected: the path at the law's parameter, evaluated itself; 0.1 nm, and accelerations to 1e-5 m/s²."""
-    reference = designed(load_experiment("fastest_path", {**OPEN, **MOTIONS[motion], "loop.duration": 0.5})).reference
+    reference = made_along(motion).reference
     source = path_of(reference)
     assert isinstance(reference, Polynomials)
     assert source is not None
@@ -70,7 +76,7 @@ def test_pieces_follow_their_path(motion: str) -> None:
 
 def test_a_path_takes_little_flash(tmp_path: Path) -> None:
     """Expected: constants of at most 64 KiB, as stated; what a compiler for a Cortex-M4F makes holds them and code."""
-    made = designed(load_experiment("fastest_path"))
+    made = made_along("as shipped")
     assert isinstance(made.reference, Polynomials)
     assert made.reference.coefficients.nbytes > 800_000
     sources = controller_sources(made)
