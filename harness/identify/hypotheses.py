@@ -28,7 +28,7 @@ _TRAVELS = (3e-5, 1e-4, 3e-4)
 LEGS = range(1, 7)
 # Parameters of the platform that may be wrong if they are not estimated.
 FIXED = "parameters not estimated"
-_ESTIMABLE = ("platform_mass", "platform_com", "platform_inertia", "leg_armature")
+MASSES = ("platform_mass", "platform_com", "platform_inertia", "leg_armature")
 
 
 class Family(NamedTuple):
@@ -64,7 +64,7 @@ def families_of(
     tilt
         Of the base (2,) [rad].
     names
-        What was estimated.
+        What was estimated, or has columns of nothing but noise: these are not tested.
     """
     W = regression.rows.regressor
     n = len(W)
@@ -86,7 +86,7 @@ def families_of(
         later = [-np.sign(velocity) * np.exp(-travel / over) for over in _TRAVELS]
         return np.concatenate([*higher, *later], axis=1)
 
-    groups = {stem: [e for e in expanded([stem], platform) if e not in names] for stem in _ESTIMABLE}
+    groups = {stem: [e for e in expanded([stem], platform) if e not in names] for stem in MASSES}
     fixed = [element for group in groups.values() for element in group]
     starting = len(_STRIBECK) + len(_TRAVELS)
     return [

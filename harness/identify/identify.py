@@ -11,16 +11,18 @@ from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import scales, with_all
 from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
+from gough_stewart.harness.identify.hypotheses import MASSES
 from gough_stewart.harness.identify.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.observability import check_separable, determined, is_linear, motion_rows
+from gough_stewart.harness.identify.observability import MotionRows, check_separable, determined, is_linear, motion_rows
 from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.identify.parts import VALIDATION
 from gough_stewart.harness.identify.screening import Screened, screened
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
 
 AnyLog = Log | Record | Path | str
 Method = Literal["linear", "output_error", "geometry"]
@@ -120,6 +122,7 @@ def _of_determined(
     scale = scales(platform, names, rows.force, rows.velocity)
     at = [names.index(name) for name in linear]
     values = nominal.copy()
+    untold = _not_told(rows, platform, names, scale)
     now = determined(rows, platform, linear, values[at], scale[at])
     held: set[str] = set()
     unknown: set[str] = set()
@@ -129,7 +132,7 @@ def _of_determined(
         kept = tuple(name for name in names if name not in held)
         if not kept:
             raise _not_excited(names)
-        fit = method(found.parts, platform, kept, cutoff=found.cutoff, **options)
+        fit = method(found.parts, platform, kept, cutoff=found.cutoff, not_excited=untold, **options)
         values[[names.index(name) for name in kept]] = fit.values
         # what a motion determines of centres of mass and inertias depends on their values
         now = determined(rows, platform, linear, values[at], scale[at])
@@ -149,6 +152,16 @@ def _of_determined(
         )
         fit = replace(fit, notes=(*fit.notes, note))
     return fit
+
+
+def _not_told(rows: MotionRows, platform: Platform, names: Sequence[str], scale: FloatArray) -> tuple[str, ...]:
+    """What of the platform's masses the motion does not excite, estimated or not."""
+    others = [name for name in expanded(MASSES, platform) if name not in names]
+    every = [*(name for name in names if is_linear(name, platform)), *others]
+    sizes = dict(zip(names, scale.tolist(), strict=True))
+    sizes |= dict(zip(others, scales(platform, others, rows.force, rows.velocity).tolist(), strict=True))
+    of_every = np.array([sizes[name] for name in every])
+    return determined(rows, platform, every, nominal_values(every, platform), of_every).not_excited
 
 
 def _not_excited(names: Sequence[str]) -> IdentificationError:

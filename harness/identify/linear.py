@@ -43,6 +43,7 @@ def identify_linear(
     *,
     cutoff: float | None = None,
     validation: float = VALIDATION,
+    not_excited: Sequence[str] = (),
 ) -> Estimate:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
 
@@ -62,6 +63,8 @@ def identify_linear(
         Cut-off of the filter [Hz]; from the log by default.
     validation
         Share of a log, at its end, reserved for validation.
+    not_excited
+        Elements that the motion does not excite, so the residuals tell nothing of them.
 
     Raises
     ------
@@ -102,7 +105,7 @@ def identify_linear(
     values = nominal.copy()
     values[of_platform] = ordinary_fit(rows, elements, own, scale[of_platform], is_fitted, platform).values
     model = RowModel(regression, platform, elements, names)
-    rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), platform)
+    rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), platform, not_excited)
     if len(own) == len(names):
         wide = rows_at.of(np.concatenate([W, F[..., None]], axis=2))
         R, z = _compressed(wide[:, :SIZE], wide[:, SIZE])

@@ -36,6 +36,7 @@ def identify_output_error(
     validation: float = VALIDATION,
     starts: int = 3,
     seed: int = 0,
+    not_excited: Sequence[str] = (),
 ) -> Estimate:
     """Estimate any elements of the physical parameters by a simulation corrected by the log; exact gradients.
 
@@ -54,6 +55,8 @@ def identify_output_error(
         ones about them.
     seed
         Seed of the random ones.
+    not_excited
+        Elements that the motion does not excite, so the residuals tell nothing of them.
 
     Raises
     ------
@@ -72,7 +75,7 @@ def identify_output_error(
     is_fitted = fitted_rows(parts, regression)
     # the linear method is near the best fit where it can estimate
     start = linear_start(regression, platform, names, nominal, is_fitted)
-    rows = whitened(regression, fit_in_rows(regression, platform, names, start, is_fitted), platform)
+    rows = whitened(regression, fit_in_rows(regression, platform, names, start, is_fitted), platform, not_excited)
     near = _platform_with(platform, names, start)
     stretches = [(part, Stretch(part.log, platform, near, names, cutoff)) for part in parts]
     problem = _Problem(
@@ -100,7 +103,9 @@ def identify_output_error(
         # joints, gravity or the friction's velocity have moved: so have the rows
         found = with_values(platform, dict(zip(names, best.values.tolist(), strict=True)))
         regression, derivatives = joined([regression_of(part.log, found, cutoff) for part in parts]), None
-        rows = whitened(regression, fit_in_rows(regression, platform, names, best.values, is_fitted), platform)
+        rows = whitened(
+            regression, fit_in_rows(regression, platform, names, best.values, is_fitted), platform, not_excited
+        )
     else:
         rows = rows.at(fit_in_rows(regression, platform, names, best.values, is_fitted, derivatives))
     return estimate_of(

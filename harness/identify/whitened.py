@@ -55,13 +55,15 @@ class Whitened:
         return self.regression.force_if_late(instruments.delay)[self.fit.is_fitted] - read
 
 
-def whitened(regression: Regression, fit: Fit, platform: Platform) -> Whitened:
+def whitened(regression: Regression, fit: Fit, platform: Platform, not_excited: Sequence[str] = ()) -> Whitened:
     """The covariance of the rows, with the shares of both noises; what extensions describe is not taken for noise."""
     here = fit.is_fitted
     instruments = instruments_of(fit.names, fit.values)
     families = tuple(
         family._replace(columns=family.columns[here])
-        for family in families_of(regression, fit.derivatives, fit.phi, platform, instruments.tilt, fit.names)
+        for family in families_of(
+            regression, fit.derivatives, fit.phi, platform, instruments.tilt, (*fit.names, *not_excited)
+        )
     )
     parts: list[TwoNoises] = []
     sizes: list[int] = []

@@ -290,7 +290,7 @@ def test_many_mended_readings_are_an_alarm() -> None:
 
 
 def test_several_logs_know_more_than_each_and_validate_apart() -> None:
-    """Expected: standard errors of two logs near 1/√2 of one's; a heavier machine's log validates, and changes nothing."""
+    """Expected: standard errors of two logs as of their sum; a log that only validates changes nothing."""
     other = machine_log(course=Course(Swing(seed=7)), seed=9)
     both = identify([machine_log(), other], NOMINAL, NAMES)
     each = [perfect(), identify(other, NOMINAL, NAMES)]
