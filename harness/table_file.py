@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gough_stewart.harness.errors import TableError
+from gough_stewart.harness.table_text import columns_of, text_of
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
     import polars
-
-_SEPARATORS = {b";": "semicolons", b"\t": "tabulators"}
 
 
 def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
@@ -41,20 +40,7 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
             return polars.read_parquet(BytesIO(content))
         except (polars.exceptions.PolarsError, OSError) as error:
             raise TableError(f"is not Parquet: {str(error).splitlines()[0]}") from error
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise TableError("is UTF-16, as some spreadsheets write it; expected CSV in UTF-8")
-    header = content.partition(b"\n")[0]
-    other = next((name for mark, name in _SEPARATORS.items() if mark in header), None)
-    if other is not None and b"," not in header:
-        raise TableError(
-            f"its columns are separated by {other}, as some spreadsheets write them; expected commas between "
-            "them, and points in numbers"
-        )
-    try:
-        # as strings, so that "true" is not read as a number
-        return polars.read_csv(content, infer_schema=False).with_columns(polars.all().str.strip_chars())
-    except polars.exceptions.PolarsError as error:
-        raise TableError(f"is not CSV: {str(error).splitlines()[0]}") from error
+    return columns_of(text_of(content))
 
 
 def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatArray:

@@ -594,7 +594,7 @@ def test_a_file_without_rounding_keeps_all_digits(tmp_path: Path) -> None:
         (csv(rows=with_cell(5, 1, "0.3")), "time goes from 0.3 to 0.3 s in row 5; expected increasing times"),
         (csv(rows=ROWS[:5]), "a table of 5 rows; expected at least 6"),
         (csv(rows=[*ROWS, [*ROWS[0], "8"]]), "is not CSV: .*more fields"),
-        ("", "is not CSV: empty"),
+        ("", "has no rows; expected a header and rows of numbers"),
     ],
 )
 def test_a_file_that_is_no_reference_is_refused_by_file_column_and_row(
@@ -608,7 +608,7 @@ def test_a_file_that_is_no_reference_is_refused_by_file_column_and_row(
 
 def test_a_file_of_other_bytes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(csv().encode() + b"\xe9\xff,1,1,1,1,1,1\n")
-    with pytest.raises(MotionError, match=r"a\.csv: is not CSV: invalid utf-8"):
+    with pytest.raises(MotionError, match=r"a\.csv: time in row 9 is .éÿ.; expected a finite number"):
         read_recording(tmp_path / "a.csv")
 
 
@@ -681,19 +681,13 @@ def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (csv().replace(",", ";"), "columns are separated by semicolons"),
-        ("\ufeff" + csv().replace(",", ";").replace(".", ","), "columns are separated by semicolons"),
-        (csv().replace(",", "\t"), "columns are separated by tabulators"),
         (csv(rows=with_cell(2, 3, '"0,5"')), r"position\[2\] in row 2 is '0,5'; .* with a point, not a comma"),
         (csv([*COLUMNS, "time"], [[*row, "1"] for row in ROWS]), "has the column time twice"),
     ],
 )
-def test_the_csv_of_a_spreadsheet_says_what_is_other(content: str, message: str, tmp_path: Path) -> None:
+def test_a_table_that_could_mean_two_things_is_refused(content: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(content, encoding="utf-8")
     with pytest.raises(MotionError, match=rf"a\.csv: .*{message}"):
-        read_recording(tmp_path / "a.csv")
-    (tmp_path / "a.csv").write_text(content, encoding="utf-16")
-    with pytest.raises(MotionError, match=r"a\.csv: is UTF-16.*; expected CSV in UTF-8"):
         read_recording(tmp_path / "a.csv")
 
 

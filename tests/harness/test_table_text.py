@@ -1,0 +1,117 @@
+"""Tables as instruments and spreadsheets write them: each variant has the numbers that were written to it."""
+
+import codecs
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import TableError
+from gough_stewart.harness.motion.recording import read_recording
+from gough_stewart.harness.table_file import numbers_of, read_table
+from gough_stewart.harness.table_text import columns_of, text_of
+
+NAMES = ("time", "position[1]", "position[2]", "position[3]", "orientation[1]", "orientation[2]", "orientation[3]")
+UNITS = ("ms", "mm", "cm", "m", "deg", "mrad", "rad")
+FACTORS = np.array([1e-3, 1e-3, 1e-2, 1.0, np.pi / 180, 1e-3, 1.0])
+# From 7.3 s on; six different columns.
+TIME = 7.3 + 0.05 * np.arange(30)
+VALUES = np.column_stack(
+    [TIME, *(0.02 * (k + 1) * np.sin((1.1 + 0.3 * k) * TIME + k) + 0.3 * k for k in range(5)), 0.07 * np.cos(TIME)]
+)
+
+
+def text(
+    separator: str = ",", mark: str = ".", head: Sequence[str] = (), between: Sequence[str] = (), scale: bool = False
+) -> str:
+    """The values as CSV; `head` comes after the names, `between` after every seventh row."""
+    values = VALUES / FACTORS if scale else VALUES
+    lines = [separator.join(NAMES), *head]
+    for k, row in enumerate(values):
+        lines.append(separator.join(repr(float(v)).replace(".", mark) for v in row))
+        lines += between if k % 7 == 3 else ()
+    return "\n".join(lines) + "\n"
+
+
+WRITTEN = {
+    "semicolons": text(";").encode(),
+    "semicolons and decimal commas": text(";", ",").encode(),
+    "tabulators": text("\t").encode(),
+    "tabulators and decimal commas": text("\t", ",").encode(),
+    "a row of units": text(head=[",".join(UNITS)], scale=True).encode(),
+    "a row of units in brackets": text(";", ",", [";".join(f"[{unit}]" for unit in UNITS)], scale=True).encode(),
+    "blank rows": ("\n\n" + text(between=["", "  ", ",,,,,,"])).encode(),
+    "comments": ("# from the rig\n# of a Monday; 1,5\n" + text(between=["# pause", "  # again, 1"])).encode(),
+    "the code page 1252": ("# größer als 5 µm\n" + text(";", ",")).encode("cp1252"),
+    "UTF-16": codecs.BOM_UTF16_LE + text(";", ",").encode("utf-16-le"),
+    "UTF-16 with its bytes exchanged": codecs.BOM_UTF16_BE + text().encode("utf-16-be"),
+    "a mark and other ends of lines": codecs.BOM_UTF8 + text(";", ",").replace("\n", "\r\n").encode(),
+}
+
+
+@pytest.mark.parametrize("way", WRITTEN)
+def test_a_table_is_read_as_what_it_is(way: str, tmp_path: Path) -> None:
+    """Expected: the numbers that were written, as a reference motion."""
+    (tmp_path / "ride.csv").write_bytes(WRITTEN[way])
+    motion = read_recording(tmp_path / "ride.csv").table
+    np.testing.assert_allclose(motion.time, VALUES[:, 0] - VALUES[0, 0], atol=1e-9)
+    np.testing.assert_allclose(motion.position, VALUES[:, 1:4], rtol=1e-12)
+    np.testing.assert_allclose(motion.orientation, VALUES[:, 4:], rtol=1e-12)
+
+
+def test_a_log_of_a_machine_is_read_in_the_same_way(tmp_path: Path) -> None:
+    """Expected: the numbers that were written; leg 4 and the last column included."""
+    names = ["time", *(f"leg_length[{k}]" for k in range(1, 7)), *(f"actuator_force[{k}]" for k in range(1, 7))]
+    units = ["ms", *["mm"] * 6, *["kN"] * 6]
+    time = np.arange(50) * 1e-3
+    values = np.column_stack(
+        [
+            time,
+            *(3.0 + 0.01 * k + 0.02 * np.sin(9 * time + k) for k in range(6)),
+            *(900.0 + 70 * k + time for k in range(6)),
+        ]
+    )
+    scaled = values / np.array([1e-3, *[1e-3] * 6, *[1e3] * 6])
+    rows = [";".join(repr(float(v)).replace(".", ",") for v in row) for row in scaled]
+    (tmp_path / "log.csv").write_text("\n".join(["# rig 3", ";".join(names), ";".join(units), *rows]))
+    log = gs.read_log(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.leg_length, values[:, 1:7], rtol=1e-12)
+    np.testing.assert_allclose(log.actuator_force, values[:, 7:], rtol=1e-12)
+    np.testing.assert_allclose(log.time - log.time[0], time, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"a;b\n1,5;2.5\n1.5;2\n", r"the column a has 1,5 and 1\.5; expected one decimal mark"),
+        (b"a;b\n1.234,5;2\n", r"a in row 1 is '1\.234,5'; expected a finite number, with a point, not a comma"),
+        (b"a,b\n1,2,3\n", "is not CSV: .*; expected one header, then as many values in every row"),
+        (b"\n# nothing\n", "has no rows; expected a header and rows of numbers"),
+        (b"a,b\n1,\x81\n", "is not text: byte 6 is 0x81; expected CSV, best in UTF-8, or Parquet"),
+        (b"a [mm],b\nm,m\n1,2\n", r"the column a \[mm\] has the unit m in the second row; expected one of the two"),
+        (b"a,b\nstone,ell\n1,2\n", "a in row 1 is 'stone'"),
+    ],
+)
+def test_what_could_mean_two_things_is_refused_with_the_remedy(content: bytes, says: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(TableError, match=says):
+        numbers_of(read_table(tmp_path / "a.csv", "log"), "a")
+
+
+@given(
+    st.lists(st.floats(-1e9, 1e9, allow_nan=False), min_size=1, max_size=8),
+    st.sampled_from([(",", "."), (";", "."), (";", ","), ("\t", ","), ("\t", ".")]),
+    st.sampled_from(["utf-8", "cp1252", "utf-16"]),
+)
+def test_numbers_survive_every_way_of_writing_them(numbers: list[float], marks: tuple[str, str], encoding: str) -> None:
+    """Expected: the same floats; Python writes the fewest digits that give them."""
+    separator, mark = marks
+    rows = [separator.join([repr(x).replace(".", mark), repr(2 * x).replace(".", mark)]) for x in numbers]
+    content = "\n".join([separator.join(["größe", "b [mm]"]), *rows]).encode(encoding)
+    table = columns_of(text_of(content))
+    assert numbers_of(table, "größe").tolist() == numbers
+    assert numbers_of(table, "b [mm]").tolist() == [2 * x for x in numbers]
