@@ -79,6 +79,8 @@ def test_a_log_of_a_machine_is_read_in_the_same_way(tmp_path: Path) -> None:
     rows = [";".join(repr(float(v)).replace(".", ",") for v in row) for row in scaled]
     (tmp_path / "log.csv").write_text("\n".join(["# rig 3", ";".join(names), ";".join(units), *rows]))
     log = gs.read_log(tmp_path / "log.csv")
+    assert log.actuator_force is not None
+    assert log.time is not None
     np.testing.assert_allclose(log.leg_length, values[:, 1:7], rtol=1e-12)
     np.testing.assert_allclose(log.actuator_force, values[:, 7:], rtol=1e-12)
     np.testing.assert_allclose(log.time - log.time[0], time, atol=1e-12)
