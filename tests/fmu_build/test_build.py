@@ -311,9 +311,9 @@ def test_the_command_line_builds_and_complains(tmp_path: Path, monkeypatch: pyte
     assert "gough_stewart_fmi3.fmu" in done.stdout
     assert [f.name for f in (tmp_path / "fmus").iterdir()] == ["gough_stewart_fmi3.fmu"]
     for arguments, expected, code in (
-        (["--target", "amiga"], "no target 'amiga'", 1),
+        (["--target", "amiga"], "no target 'amiga'", 2),
         (["--fmi", "1.0"], "1.0", 2),  # not one of the choices, which is an error of use
-        (["--preset", "nothing"], "nothing", 1),
+        (["--preset", "nothing"], "nothing", 2),
         (["--platform", "missing.toml"], "missing.toml", 1),
         (["--preset", "liu2000", "--platform", "x.toml"], "exclude", 2),
     ):

@@ -11,6 +11,8 @@ EXAMPLES = [
     errors.GoughStewartError("text"),
     errors.PlatformError("gravity", "is odd"),
     errors.PlatformFileError("mine.toml", "is odd"),
+    errors.ArgumentError("is None"),
+    errors.EnvironmentVariableError("is 'abc'"),
     errors.OutputError("is a file"),
     errors.OrientationError("odd"),
     errors.SingularPoseError("odd", 1e13),

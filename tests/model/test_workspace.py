@@ -309,7 +309,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"at": {"x": 0.1}}, "x is both swept and fixed"),
     ({"over": {"x": (1.0, -1.0), "y": None}}, "x goes from 1 m to -1 m; expected a range from low to high"),
     ({"over": {"x": (0.0, np.inf), "y": None}}, "x is inf; expected a finite number of m"),
-    ({"at": {"pitch": 5.0}}, "pitch is 5 rad; expected from −90° to 90°; write degrees as 5deg"),
+    ({"at": {"pitch": 5.0}}, "pitch is 5 rad, 286.479°; expected from −90° to 90°; numbers without a unit are in rad"),
     ({"points": 1}, "1 points per coordinate for 2 swept coordinates; expected from 2 to 500"),
     ({"points": 501}, "in all 251,001 poses, for 2 swept coordinates; expected from 2 to 500"),
     ({"over": dict.fromkeys("xyz"), "points": 63}, "expected from 2 to 62"),

@@ -118,7 +118,8 @@ def test_an_interrupt_in_a_module_that_turns_it_into_an_error_of_its_own_waits(n
     lines += ["def loading(name, *more):", "    if name.endswith('.cli') and 'app' in (more[2] or ()):"]
     lines += ["        builtins.__import__ = load", "        import brittle", "    return load(name, *more)"]
     lines += ["builtins.__import__ = loading", MAIN]
-    done = started("\n".join(lines), "presets")
+    # long enough that it has not ended when the signal comes again
+    done = started("\n".join(lines), "margins", "heave_step", "--out", str(tmp_path / "margins"))
     assert (done.returncode, done.stderr) == (130, "interrupted; nothing written\n")
 
 
