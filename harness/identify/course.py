@@ -38,8 +38,8 @@ from gough_stewart.model.vectors import FloatArray
 # The filter's cut-off as a multiple of the motion's; a step is this share of its period.
 _WIDER = 2.0
 _STEPS_A_PERIOD = 4
-# RK4 is stable to 2.78 on the real axis. Near that its error at reversals is more than the noise: at 1.5 the innovations
-# of some right machines had a fifth more variance.
+# RK4 is stable to 2.78 on the real axis. Near that its error at reversals is more than the noise: at 1.5 innovations of
+# some right machines had a fifth more variance.
 _STIFFEST = 1.0
 # Manoeuvring index of the α-β filter: the noise of acceleration relative to that of length, and its limits.
 _INDICES = (1e-3, 10.0)
