@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gough_stewart.harness.experiment.static_error import static_error
+from gough_stewart.harness.experiment.hints import static_error
 from gough_stewart.harness.results.metrics import Metrics, metrics, metrics_json
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import PAGE, view_page

@@ -1,13 +1,21 @@
-"""Hints at values of an experiment that are possible but hardly meant; a run prints and records them."""
+"""What is possible but hardly meant: values of an experiment, and a platform that rests off its reference."""
+
+import numpy as np
 
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import VARIABLES
+from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 
 # The largest plausible noise or quantisation: this share of a leg [m] or of a radian, within this time for rates [s].
 _SHARE = 0.05
 _TIME = 0.1
+# The last part of a run, in which a platform at rest moves less than this share of its error.
+_LAST_PART = 0.2
+_AT_REST = 0.02
+# A noticeable error, as a share of the mean leg length.
+_NOTICEABLE = 1e-4
 
 
 def hints_of(experiment: Experiment, platform: Platform) -> tuple[str, ...]:
@@ -30,3 +38,29 @@ def too_late(experiment: Experiment) -> tuple[str, ...]:
     if at < duration:
         return ()
     return (f"reference.at is {at:g} s in a run of {duration:g} s, so nothing moves; set it earlier, or run longer",)
+
+
+def static_error(record: Record) -> list[str]:
+    """What a platform that rests off its reference needs: a feedforward of gravity, or an integral; empty otherwise.
+
+    At rest a PD acts as a spring, F = kp e, so the error is what the load, here the platform's weight, takes of it.
+    """
+    choice = record.metadata["experiment"]["controller"]
+    if choice.get("type") != "pd" or choice.get("feedforward", "none") != "none" or "error.position" not in record:
+        return []
+    first = int((1 - _LAST_PART) * record.table.height)
+    error, reference = record["error.position"][first:], record["reference.position"][first:]
+    if len(error) < 2 or np.ptp(reference, axis=0).any() or not np.isfinite(error).all():
+        return []
+    mean = error.mean(axis=0)
+    distance, scale = float(np.linalg.norm(mean)), float(record["leg_length"][0].mean())
+    if distance < _NOTICEABLE * scale or np.abs(error - mean).max() > _AT_REST * distance:
+        return []
+    gravity = platform_of(record).gravity
+    # e = reference − position points against gravity where the platform hangs below
+    along = -float(mean @ gravity) / (distance * float(np.linalg.norm(gravity)) or 1.0)
+    how = "hangs {:.3g} mm below" if along > 0.9 else "rests {:.3g} mm off"
+    return [
+        f"the platform {how.format(1000 * distance)} its reference at the end: the load over the stiffness of its PD; "
+        "set controller.feedforward = 'gravity', or use a PID, whose integral takes it away"
+    ]

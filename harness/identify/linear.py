@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
@@ -14,6 +13,7 @@ from gough_stewart.harness.identify.instruments import is_of_instruments
 from gough_stewart.harness.identify.linear_parameters import (
     FRICTION,
     SIZE,
+    dependences,
     elements_of,
     gradient,
     linear_parameters,
@@ -30,8 +30,6 @@ from gough_stewart.harness.identify.whitened import Fit, Whitened, whitened
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Relative to the largest pivot; smaller ones are rounding errors.
-_ROUNDING = 1e-9
 # Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine.
 _UNEXPLAINED = 0.5
 
@@ -215,20 +213,11 @@ def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence
     if not size.all():
         dead = [name for name, s in zip(names, size, strict=True) if s == 0]
         raise IdentificationError(f"no force in this log depends on {', '.join(dead)}; remove them", dead)
-    R, pivots = qr(D, mode="r", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
-    if rank == len(names):
+    dependent, text = dependences(D, names)
+    if not dependent:
         return
-    dependent = [names[k] for k in pivots[rank:]]
-    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
-    texts = []
-    for j, name in enumerate(dependent):
-        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
-        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
     raise IdentificationError(
-        f"too little excitation: {'; '.join(texts)}; remove one of each, or move the platform in more ways "
-        "(gough-stewart excite)",
+        f"too little excitation: {text}; remove one of each, or move the platform in more ways (gough-stewart excite)",
         dependent,
     )
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import casadi
 import numpy as np
+from scipy.linalg import qr
 
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -24,6 +25,9 @@ from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, transpose
+
+# Below this share of the largest, what is left of a column is rounding.
+_ROUNDING = 1e-9
 
 PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _SCALARS = (
@@ -151,3 +155,20 @@ def _units(platform: Platform | None, **units: Any) -> Parameters:
     values |= {name: getattr(platform, name) for name in (*_FIXED, "leg_friction_velocity") if platform is not None}
     values |= {name: np.asarray(value, dtype=float) for name, value in units.items()}
     return Parameters(**values)
+
+
+def dependences(columns: FloatArray, names: Sequence[str]) -> tuple[list[str], str]:
+    """Elements whose columns (n, p) are combinations of the others', by QR with pivots, and what that means in words.
+
+    Columns are to be of similar size.
+    """
+    R, pivots = qr(columns, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
+    dependent = [names[k] for k in pivots[rank:]]
+    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
+    texts = []
+    for j, name in enumerate(dependent):
+        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
+        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
+    return dependent, "; ".join(texts)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import qr
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.checks import force_of, sample_time_of
@@ -18,6 +17,7 @@ from gough_stewart.harness.identify.faults import noise_of
 from gough_stewart.harness.identify.linear_parameters import (
     COM,
     FRICTION,
+    dependences,
     elements_of,
     gradient,
     linear_parameters,
@@ -171,18 +171,9 @@ def check_separable(platform: Platform, names: Sequence[str]) -> None:
     dead = [name for name, s in zip(names, size, strict=True) if s == 0]
     if dead:
         raise IdentificationError(f"no force depends on {', '.join(dead)}; remove them", dead)
-    R, pivots = qr(D / size, mode="r", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
-    if rank == len(names):
-        return
-    dependent = [names[k] for k in pivots[rank:]]
-    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
-    texts = []
-    for j, name in enumerate(dependent):
-        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
-        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
-    raise IdentificationError(f"{'; '.join(texts)}, in any motion; remove one of each", dependent)
+    dependent, text = dependences(D / size, names)
+    if dependent:
+        raise IdentificationError(f"{text}, in any motion; remove one of each", dependent)
 
 
 def is_linear(name: str, platform: Platform) -> bool:
