@@ -292,6 +292,8 @@ def _legs(what: str, bad: Mask) -> str:
     count = bad.sum(axis=0)
     if (count == count[0]).all():
         return f"{count[0]} {what} of every leg"
+    if count.sum() == 1:
+        what = what.replace("spikes", "spike").replace("readings", "reading")
     legs = [k + 1 for k in np.flatnonzero(count)]
     return f"{count.sum()} {what} of leg{'s' if len(legs) > 1 else ''} {', '.join(map(str, legs))}"
 

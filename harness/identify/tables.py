@@ -60,7 +60,8 @@ def _tests(test: LackOfFit) -> Sheet:
 
 
 def _findings(diagnosis: Diagnosis) -> Sheet:
-    sheet = Sheet("Diagnosis: the first is most likely, the others are not separated from it", ("", "misfit explained"))
+    others = ": the first is most likely, the others are not separated from it" if len(diagnosis.findings) > 1 else ""
+    sheet = Sheet(f"Diagnosis{others}", ("", "misfit explained"))
     for finding in diagnosis.findings:
         sheet.add(finding.text, f"{100 * finding.improvement:.0f} %")
     return sheet

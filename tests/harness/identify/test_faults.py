@@ -49,6 +49,10 @@ def perfect() -> Estimate:
 
 
 FAULTS: dict[str, tuple[Callable[[Log], Log], str]] = {
+    "one spike of 20 mm": (
+        lambda log: with_spikes(log, "leg_length", 0.02, 1),
+        r": 1 spike in the leg length of leg \d, at \d\.\d+ s; interpolated",
+    ),
     "two spikes of 20 mm": (
         lambda log: with_spikes(log, "leg_length", 0.02, 2),
         r"2 spikes in the leg length of leg 2, at 6\.232 s, 8\.154 s; interpolated",
