@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema
@@ -11,6 +11,7 @@ from pydantic_core.core_schema import tagged_union_schema
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import nearest
+from gough_stewart.model.interrupts import interrupts_held_back
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
     def __init__(self, /, **values: Any) -> None:
+        self.built()
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -42,6 +44,14 @@ class Section(BaseModel):
 
     # For Python callers only: pydantic would call it for nested tables too, and lose their keys.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def built(cls) -> type[Self]:
+        """The class with its validator, built once without interrupts, which pydantic would make errors of its own."""
+        if not cls.__pydantic_complete__:
+            with interrupts_held_back():
+                cls.model_rebuild()
+        return cls
 
     @classmethod
     def refusal(cls, message: str) -> GoughStewartError:

@@ -142,7 +142,7 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Exp
         A key that is unknown, missing, or has an invalid value; names place, value and remedy, one line each.
     """
     try:
-        return Experiment.model_validate(dict(values))
+        return Experiment.built().model_validate(dict(values))
     except ValidationError as error:
         raise ExperimentError(where, "", complaints(error, Experiment, values)) from None
 

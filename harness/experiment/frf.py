@@ -154,7 +154,7 @@ def frf(
 
 def _experiment_of(record: Record) -> Experiment:
     try:
-        return Experiment.model_validate_json(json.dumps(record.metadata["experiment"]))
+        return Experiment.built().model_validate_json(json.dumps(record.metadata["experiment"]))
     except (KeyError, ValueError) as error:
         raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
 

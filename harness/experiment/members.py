@@ -231,7 +231,7 @@ class Members:
 
     def _made(self, name: str, kind: Any, plain: dict[str, Any]) -> Any:
         try:
-            return kind.model_validate(plain)
+            return kind.built().model_validate(plain)
         except ValidationError as error:
             raise ExperimentError(self.nominal.where, name, complaints(error, kind, plain)) from None
 

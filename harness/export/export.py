@@ -173,7 +173,7 @@ def export(
 def around(function: casadi.Function) -> Experiment:
     """A minimal experiment for a control function."""
     parts = {"controller": {"type": "open_loop"}, "reference": {"type": "hold"}, "loop": {"duration": 1.0}}
-    return Experiment.model_validate({"title": function.name(), **parts})
+    return Experiment.built().model_validate({"title": function.name(), **parts})
 
 
 def c_files(law: Designed, prefix: str, real: Real = "double", deviation: str = "") -> dict[str, bytes]:

@@ -21,6 +21,7 @@ from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.motion import Motion, Reference
 from gough_stewart.harness.motion.reach import check_reach
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.progress import StepProgress
 from gough_stewart.model.state import State
@@ -89,6 +90,8 @@ def excite(
     >>> found = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=6, trials=4)
     >>> found.reference.duration, found.condition_number < 100
     """
+    if trials < 1:
+        raise ArgumentError(f"trials is {trials}; expected at least 1 motion to try")
     names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
     rng = np.random.default_rng(seed)
     size = np.repeat([_LARGEST[0] * platform.characteristic_length, _LARGEST[1]], 3)

@@ -67,7 +67,7 @@ def _variations(prefix: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Va
             )
         elif value.keys() & Variation.model_fields.keys():
             try:
-                yield key, Variation.model_validate(value)
+                yield key, Variation.built().model_validate(value)
             except ValidationError as error:
                 raise ValueError(f"{key}: {complaints(error, Variation, value)}") from None
         else:

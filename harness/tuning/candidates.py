@@ -197,7 +197,7 @@ def members_for(experiment: Experiment, members: int, seed: int | None, controll
     """A number of members of an experiment; without `[ensemble]` they differ only in noise and jitter."""
     choice = experiment.ensemble
     if choice is None:
-        choice = EnsembleChoice.model_validate({})
+        choice = EnsembleChoice.built().model_validate({})
     # search and test may need other numbers of members than the design allows
     sampling = "random" if choice.sampling in ("saltelli", "latin_hypercube") else choice.sampling
     update = {"members": members, "sampling": sampling, "seed": choice.seed if seed is None else seed}

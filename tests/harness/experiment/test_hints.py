@@ -45,6 +45,11 @@ def test_a_step_after_the_end_is_hinted_at_and_refused_in_tune() -> None:
         gs.tune("heave_step", ["controller.bandwidth=1..6Hz"], "tracking.position.norm_rms", settings=late)
 
 
+def test_a_search_for_an_excitation_tries_at_least_one_motion() -> None:
+    with pytest.raises(gs.GoughStewartError, match="trials is 0; expected at least 1 motion to try"):
+        gs.excite(gs.load_preset("motion_base"), trials=0)
+
+
 def test_margins_do_not_depend_on_how_fast_the_reference_is() -> None:
     """The loop is linearised at the reference's first pose, which is the same."""
     fast = {"reference.frequency": "20 Hz"}
