@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tools.mutants.__main__ import ROOT, main
+from tools.mutants.folders import is_of_another_room, rooms
 from tools.mutants.selection import equivalents, every_mutant, files_in, mutants_in_order
 
 TOY = """\
@@ -47,10 +48,43 @@ def test_what_the_tests_look_at_is_killed_and_what_they_only_call_survives(
     fates = {key.split("|")[1]: fate for key, fate in json.loads(report.read_text()).items()}
     assert fates == {"return a * b": "KILLED", "return a + b": "SURVIVED"}
     printed = capsys.readouterr().out
-    assert "toy: 1 of 2 mutants killed, 50 % (0 by timeout; 0 more did not compile)" in printed
+    assert "toy: 1 of 2 token mutants killed, 50 % (0 by timeout; 0 more did not compile)" in printed
     assert printed.count("\nsurvived: toy/rectangle.py:6") == 1
     assert (toy / "toy/rectangle.py").read_text() == TOY
     assert sorted(path.name for path in toy.iterdir()) == [".git", "tests", "toy"]
+
+
+def test_draws_of_both_kinds_share_one_run_and_do_not_try_a_mutant_twice(
+    toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: the second draw of the same seed is empty; each condition of the semantic mutant is compared."""
+    wide = "\n\ndef is_wide(a, b):\n    return a > 1 and b > 1\n"
+    tests = "    assert is_wide(2, 2)\n    assert not is_wide(2, 0)\n    assert not is_wide(0, 2)\n"
+    (toy / "toy/rectangle.py").write_text(TOY + wide)
+    (toy / "tests/toy/test_rectangle.py").write_text(TESTS.replace("import", "import is_wide,", 1) + tests)
+    report = tmp_path / "report.json"
+    draws = ["--draw", "token:1:99", "--draw", "token:1:99", "--draw", "semantic:1:9"]
+    assert main(["toy", "--report", str(report), *draws, "--least", "0"], toy, libraries=()) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("first run") == 1
+    tokens = len(mutants_in_order(toy, files_in(toy, ["toy"]), 1))
+    assert f" of {tokens} token mutants killed" in printed
+    assert "toy: 1 of 1 semantic mutants killed, 100 %" in printed
+    assert len(json.loads(report.read_text())) == tokens + 1
+
+
+def test_a_room_contains_no_files_of_the_rooms_inside_it(tmp_path: Path) -> None:
+    """Expected: written by hand."""
+    files = ["model/a.py", "model/inner/b.py", "harness/__init__.py", "harness/web/c.js", "fmu_build/c/unit/d.c"]
+    for name in ("model/data/e.toml", *files):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    found = rooms(tmp_path)
+    assert found == ("fmu_build/c", "harness/web", "model", "model/inner")
+    assert not is_of_another_room(Path("model/a.py"), "model", found)
+    assert is_of_another_room(Path("model/inner/b.py"), "model", found)
+    assert not is_of_another_room(Path("model/inner/b.py"), "model/inner", found)
+    assert not is_of_another_room(Path("fmu_build/c/unit/d.c"), "fmu_build/c/unit", found)
 
 
 @pytest.mark.parametrize(
@@ -80,13 +114,14 @@ def test_every_equivalent_mutant_is_one_of_its_file() -> None:
     """Expected: the sources as they are; an entry whose lines have changed has to be looked at again."""
     known = equivalents()
     for name, before, after in known.single:
-        lines = {(m.before, m.after) for m in every_mutant(Path(name), (ROOT / name).read_bytes())}
+        source = (ROOT / name).read_bytes()
+        lines = {(m.before, m.after) for m in every_mutant(Path(name), source, ("token", "semantic"))}
         assert (before, after) in lines
     for pattern, _, why in known.families:
         found = [
             mutant
             for file in files_in(ROOT, [str(Path(pattern).parent)], Path(pattern).name)
-            for mutant in every_mutant(file, (ROOT / file).read_bytes())
+            for mutant in every_mutant(file, (ROOT / file).read_bytes(), ("token", "semantic"))
             if known.reason(mutant) == why
         ]
         assert len(found) > 1, pattern

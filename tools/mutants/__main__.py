@@ -12,9 +12,9 @@ from pathlib import Path
 from queue import Queue
 
 from tools.mutants.copies import copy_of
-from tools.mutants.folders import DEFAULT_FOLDERS, LIBRARIES, loaded_for, tests_of
-from tools.mutants.mutation import Mutant
-from tools.mutants.selection import equivalents, files_in, mutants_in_order
+from tools.mutants.folders import LIBRARIES, is_of_another_room, loaded_for, rooms, tests_of
+from tools.mutants.mutation import Kind, Mutant
+from tools.mutants.selection import Draw, equivalents, files_in, mutants_in_order
 from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
 
 ROOT = Path(__file__).parents[2]
@@ -25,24 +25,29 @@ def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Itera
     options = _parser().parse_args(arguments)
     reached = True
     report: dict[str, str] = {}
+    draws = options.draw or [Draw(options.kind, options.seed, options.number)]
     try:
-        for folder in options.folders:
-            mutants = _chosen(root, folder, options)
+        for folder in options.folders or rooms(root):
             if options.list:
-                print(*mutants[: options.number], sep="\n")
+                for draw in draws:
+                    print(*_chosen(root, folder, draw, options)[: draw.number], sep="\n")
                 continue
             tests = tuple(options.tests) if options.tests else tests_of(folder, root)
             print(f"{folder}: first run of {' '.join(tests)} on the unchanged sources", flush=True)
             fates: dict[Mutant, Fate] = {}
             with _benches(root, options.jobs, (*libraries, *loaded_for(folder))) as benches:
                 evidence = benches[0].clean_run(tests, [folder])
-                mutants, measured = _measurable(folder, mutants, evidence)
-                reached = reached and measured
-                for mutant, fate in _trials(benches, mutants, tests, evidence, options.number):
-                    fates[mutant] = fate
-                    report[mutant.key] = fate.name
-                    print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)
-            reached = _summary(folder, fates, options.least) and reached
+                for draw in draws:
+                    fresh = [mutant for mutant in _chosen(root, folder, draw, options) if mutant not in fates]
+                    mutants, measured = _measurable(folder, fresh, evidence)
+                    reached = reached and measured
+                    for mutant, fate in _trials(benches, mutants, tests, evidence, draw.number):
+                        fates[mutant] = fate
+                        report[mutant.key] = fate.name
+                        print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)
+            for kind in dict.fromkeys(draw.kind for draw in draws):
+                of_kind = {mutant: fate for mutant, fate in fates.items() if mutant.kind == kind}
+                reached = _summary(folder, kind, of_kind, options.least) and reached
     except (LookupError, CleanRunError) as error:
         print(error, file=sys.stderr)
         return 2
@@ -57,11 +62,18 @@ def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Itera
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
-    parser.add_argument("folders", nargs="*", default=DEFAULT_FOLDERS, help="such as model or harness/loop")
+    parser.add_argument("folders", nargs="*", help="such as model or harness/loop (all rooms)")
     parser.add_argument("--number", type=int, default=100, help="mutants of each folder (100)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the random mutants (1)")
     parser.add_argument(
         "--kind", choices=("token", "semantic"), default="token", help="changes of tokens, or of meaning"
+    )
+    parser.add_argument(
+        "--draw",
+        type=Draw.parse,
+        action="append",
+        metavar="KIND:SEED:NUMBER",
+        help="such as semantic:7:20, instead of --kind, --seed and --number; several draw different mutants",
     )
     parser.add_argument("--jobs", type=int, default=1, help="how many at a time (1)")
     parser.add_argument("--file", default="*", help="only files with matching names, such as 'pid*.py'")
@@ -73,10 +85,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _chosen(root: Path, folder: str, options: argparse.Namespace) -> list[Mutant]:
-    """Mutants of a folder in order, without those known to be equivalent."""
-    known = equivalents()
-    mutants = mutants_in_order(root, files_in(root, [folder], options.file), options.seed, options.kind)
+def _chosen(root: Path, folder: str, draw: Draw, options: argparse.Namespace) -> list[Mutant]:
+    """Mutants of a folder in order, without those known to be equivalent and those of rooms inside it."""
+    known, all_rooms = equivalents(), rooms(root)
+    files = [f for f in files_in(root, [folder], options.file) if not is_of_another_room(f, folder, all_rooms)]
+    mutants = mutants_in_order(root, files, draw.seed, draw.kind)
     if options.again:
         before = json.loads(options.again.read_text(encoding="utf-8"))
         mutants = [mutant for mutant in mutants if before.get(mutant.key) == Fate.SURVIVED.name]
@@ -133,13 +146,13 @@ def _trials(
         pool.shutdown(cancel_futures=True)
 
 
-def _summary(folder: str, fates: dict[Mutant, Fate], least: float) -> bool:
+def _summary(folder: str, kind: Kind, fates: dict[Mutant, Fate], least: float) -> bool:
     """Print kill rate and survivors; returns whether the rate is high enough."""
     number = {fate: sum(each is fate for each in fates.values()) for fate in Fate}
     tried = len(fates) - number[Fate.INVALID]
     killed = number[Fate.KILLED] + number[Fate.TIMEOUT]
     rate = 100 * killed / tried if tried else 100.0
-    print(f"\n{folder}: {killed} of {tried} mutants killed, {rate:.0f} %", end="")
+    print(f"\n{folder}: {killed} of {tried} {kind} mutants killed, {rate:.0f} %", end="")
     print(f" ({number[Fate.TIMEOUT]} by timeout; {number[Fate.INVALID]} more did not compile)")
     for mutant, fate in fates.items():
         if fate is Fate.SURVIVED:

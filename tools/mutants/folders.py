@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-# Default folders of `make mutants`.
-DEFAULT_FOLDERS = ("model", "fmu_build/c", "harness/loop", "harness/control", "harness/motion", "harness/plants")
+_TREES = ("model", "fmu_build", "harness")
+_COMPILED = "fmu_build/c"
 # Loaded once, before the trials.
 LIBRARIES = (
     *("pytest", "hypothesis", "numpy", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial.transform"),
@@ -14,30 +14,59 @@ _READY = {"harness": ("tools.mutants.ready",)}
 # Tests in addition to the folder's mirror in tests/. Other folders have only their mirror.
 _NEARBY = {
     "fmu_build/c": ("tests/harness/export/test_fmu.py", "tests/harness/export/test_fmu_samples.py"),
+    "harness": ("tests/test_doors.py",),
     "harness/loop": ("tests/harness/experiment",),
     "harness/control": ("tests/harness/loop", "tests/harness/experiment"),
     "harness/motion": ("tests/harness/loop", "tests/harness/experiment"),
     "harness/plants": ("tests/harness/loop", "tests/harness/experiment"),
+    "model": ("tests/model/formulations",),
 }
 # Scripts are tested in a browser only.
 _IN_BROWSER = {
-    "harness/view/web": ("tests/harness/view/test_in_browser.py",),
+    "harness/view/web": ("tests/harness/view",),
     "harness/workspace/web": ("tests/harness/workspace/test_in_browser.py",),
     "harness/output/web": ("tests/harness/view/test_in_browser.py", "tests/harness/workspace/test_in_browser.py"),
+    "harness/ensemble/web": ("tests/harness/view",),
+    "harness/identify/web": ("tests/harness/view",),
 }
+
+
+def rooms(root: Path) -> tuple[str, ...]:
+    """Folders that are measured by themselves: packages, the C of units, the scripts of pages."""
+    inside = {folder for tree in _TREES for folder in (root / tree, *(root / tree).rglob("*")) if folder.is_dir()}
+    names = {folder.relative_to(root).as_posix(): folder for folder in inside}
+    return tuple(
+        name
+        for name, folder in sorted(names.items())
+        if name == _COMPILED
+        or any(folder.glob("*.js"))
+        or {path.name for path in folder.glob("*.py")} - {"__init__.py"}
+    )
+
+
+def is_of_another_room(file: Path, folder: str, all_rooms: tuple[str, ...]) -> bool:
+    """Whether a file below a folder belongs to a room inside it."""
+    parents = {parent.as_posix() for parent in file.parents}
+    return any(Path(folder) in Path(room).parents and room in parents for room in all_rooms)
 
 
 def loaded_for(folder: str) -> tuple[str, ...]:
     """Modules of the repository that do not depend on a folder, to load before its trials."""
-    return _READY.get(Path(folder).parts[0], ())
+    return _READY.get(Path(folder).parts[0], ()) if Path(folder).as_posix() not in _TREES else ()
 
 
 def tests_of(folder: str, root: Path) -> tuple[str, ...]:
-    """Tests of sources: their mirror or that of a folder above, and related ones."""
-    if Path(folder).as_posix() in _IN_BROWSER:
-        return _IN_BROWSER[Path(folder).as_posix()]
+    """Tests of sources: their mirror or that of a folder above, and related ones.
+
+    Of a room with rooms inside, such as `harness`, only the tests beside those of the inner rooms.
+    """
+    name = Path(folder).as_posix()
+    if name in _IN_BROWSER:
+        return _IN_BROWSER[name]
     for above in (Path(folder), *Path(folder).parents):
-        if above != Path() and (root / "tests" / above).is_dir():
-            nearby = _NEARBY.get(Path(folder).as_posix(), ())
-            return (f"tests/{above.as_posix()}", *(each for each in nearby if (root / each).exists()))
+        if above != Path() and (mirror := root / "tests" / above).is_dir():
+            nearby = tuple(each for each in _NEARBY.get(name, ()) if (root / each).exists())
+            if above.as_posix() in _TREES and above == Path(folder):
+                return (*(path.relative_to(root).as_posix() for path in sorted(mirror.glob("test_*.py"))), *nearby)
+            return (f"tests/{above.as_posix()}", *nearby)
     raise LookupError(f"no folder of tests for {folder}; expected tests/{folder}; select tests with --tests")

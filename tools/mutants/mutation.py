@@ -4,6 +4,9 @@ import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
+
+Kind = Literal["token", "semantic"]
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,11 @@ class Mutant:
     before: str
     after: str
     occurrence: int = 0  # number of earlier mutants of the file with the same lines
+
+    @property
+    def kind(self) -> Kind:
+        """Whether it changes tokens or meaning."""
+        return "semantic" if self.change.operator else "token"
 
     @property
     def key(self) -> str:

@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from itertools import islice
 from pathlib import Path
-from typing import Literal
+from typing import Self
 
-from tools.mutants.mutation import Change, Mutant, mutant_of
+from tools.mutants.mutation import Change, Kind, Mutant, mutant_of
 from tools.mutants.python_changes import is_python, python_changes
 from tools.mutants.semantic_python import semantic_python
 from tools.mutants.semantic_tokens import semantic_tokens
 from tools.mutants.token_changes import token_changes
 
-Kind = Literal["token", "semantic"]
 _Changes = Callable[[bytes], Iterator[list[Change]]]
 _CHANGES: dict[Kind, dict[str, _Changes]] = {
     "token": {".py": python_changes, ".c": token_changes, ".h": token_changes, ".js": token_changes},
@@ -26,6 +25,23 @@ _CHANGES: dict[Kind, dict[str, _Changes]] = {
 # Sites of each semantic operator that are tried before chance alone decides.
 _OF_EACH = 3
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A number of random mutants of a kind."""
+
+    kind: Kind
+    seed: int
+    number: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read `KIND:SEED:NUMBER`; a ValueError says that it is something else."""
+        kind, seed, number = text.split(":")
+        if kind not in _CHANGES:
+            raise ValueError(f"the kind is {kind}; expected one of {', '.join(_CHANGES)}")
+        return cls(kind, int(seed), int(number))
 
 
 def files_in(root: Path, folders: Iterable[str], pattern: str = "*") -> list[Path]:
