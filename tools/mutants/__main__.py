@@ -140,9 +140,11 @@ def _trials(
             for mutant, fate in zip(batch, pool.map(attempt, batch), strict=True):
                 number -= fate is not Fate.INVALID
                 yield mutant, fate
-    finally:
+    except BaseException:
         for bench in benches:
             bench.stop()
+        raise
+    finally:
         pool.shutdown(cancel_futures=True)
 
 

@@ -84,7 +84,7 @@ class _Semantic(Places):
             return
         text = self._text(node)
         for quote in (b'"', b"'"):
-            if text == quote + node.value.encode() + quote and node.value in OTHER_NAMES:
+            if node.value in OTHER_NAMES and text == quote + node.value.encode() + quote:
                 self._instead("name", node, quote + OTHER_NAMES[node.value].encode() + quote)
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
