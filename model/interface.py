@@ -196,7 +196,7 @@ def find(name: str) -> tuple[Variable, int | None]:
         return BY_NAME[name], None
     if name in _ELEMENTS:
         return _ELEMENTS[name]
-    raise InterfaceError(name, f"no such variable{nearest(name, [*BY_NAME, *_ELEMENTS])}")
+    raise InterfaceError(name, f"no such variable{nearest(name, {**BY_NAME, **_ELEMENTS})}")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

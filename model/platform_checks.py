@@ -44,9 +44,9 @@ def check_bounds(platform: PlatformFields) -> None:
 
 
 def check_bound(name: str, value: float | FloatArray) -> None:
-    """Raise `PlatformError` for the first number of a parameter that violates the bound of the table."""
+    """Raise `PlatformError` for the first number of a parameter that violates its bound in the table."""
     row = TABLE[name]
-    if row.lower_bound is None or (type(value) is float and value > 0):  # the usual case, a shortcut
+    if type(value) is float and value > 0:  # the usual case, a shortcut
         return
     numbers = np.ravel(value)
     for k, number in enumerate(numbers.tolist()):

@@ -31,7 +31,7 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
     StepError
         The pose is beyond a limit; has the quantity and its value.
     """
-    position, orientation = x[0:3], x[3:6]
+    position, orientation = x[:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:
         raise pitch_reached(float(orientation[1]), time)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction; checked below

@@ -18,7 +18,7 @@ class State(NamedTuple):
     @classmethod
     def from_vector(cls, x: Array) -> Self:
         """Split a (..., 12) vector."""
-        return cls(x[..., 0:3], x[..., 3:6], x[..., 6:9], x[..., 9:12])
+        return cls(x[..., :3], x[..., 3:6], x[..., 6:9], x[..., 9:])
 
     def to_vector(self) -> Array:
         """Join to a (..., 12) vector; leading axes broadcast."""
@@ -35,13 +35,13 @@ class Inputs(NamedTuple):
     @classmethod
     def from_vector(cls, u: Array) -> Self:
         """Split a (..., 12) vector."""
-        return cls(u[..., 0:6], u[..., 6:9], u[..., 9:12])
+        return cls(u[..., :6], u[..., 6:9], u[..., 9:])
 
     @classmethod
     def from_actuators(cls, actuator_force: Array) -> Self:
         """Actuator forces (..., 6) without an external wrench."""
         f = np.asarray(actuator_force)
-        return cls(f, 0 * f[..., 0:3], 0 * f[..., 0:3])
+        return cls(f, 0 * f[..., :3], 0 * f[..., :3])
 
     def to_vector(self) -> Array:
         """Join to a (..., 12) vector; leading axes broadcast."""

@@ -213,7 +213,7 @@ class SteppingModel:
         # known from the step before, unless a state or parameter has been set since
         handedness = self._handedness or check_pose(self._platform, self._x, self._time)
         if not self._started:
-            legs = leg_geometry(self._platform, self._x[0:3], self._x[3:6])
+            legs = leg_geometry(self._platform, self._x[:3], self._x[3:6])
             check_leg_com_offsets(self._platform, float(legs.length.min()), "start")
         self._x, self._internal_step = integrate(
             lambda x: self._kernel.derivatives(x, self._u, self._p).copy(),

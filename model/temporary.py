@@ -38,9 +38,9 @@ def temporary_folder(folder: Path) -> Iterator[Path]:
 
 def remove_leftovers(folder: Path) -> None:
     """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
-    if fcntl is None or not folder.is_dir():
+    if fcntl is None:
         return
-    removed = [path.name for path in sorted(folder.glob(".*.part")) if _NAME.fullmatch(path.name) and _remove(path)]
+    removed = [path.name for path in sorted(folder.glob(".*.part")) if _is_leftover(path.name) and _remove(path)]
     if removed:
         _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
 
@@ -86,11 +86,14 @@ def _is_there(path: Path, descriptor: int) -> bool:
     return False
 
 
+def _is_leftover(name: str) -> bool:
+    """Whether a name is that of a temporary place, in release 0.2 of a process that has ended."""
+    matched = _NAME.fullmatch(name)
+    return matched is not None and (matched["process"] is None or not _lives(int(matched["process"])))
+
+
 def _remove(path: Path) -> bool:
     """Remove a file or folder that nobody holds."""
-    matched = _NAME.fullmatch(path.name)
-    if matched is not None and matched["process"] is not None and _lives(int(matched["process"])):
-        return False
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:

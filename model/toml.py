@@ -23,14 +23,15 @@ def toml_values(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError("is not TOML: its values are nested too deeply") from None
     except ValueError as error:  # decoding errors, and integers with too many digits
-        raise ValueError(f"is not TOML: {_explained(str(error), text.splitlines())}") from error
+        raise ValueError(f"is not TOML: {_explained(str(error), text)}") from error
 
 
-def _explained(message: str, lines: list[str]) -> str:
+def _explained(message: str, text: str) -> str:
     found = _PLACE.search(message)
     if found is None:
         return message
-    number = int(found[1])
+    # TOML counts line feeds only
+    number, lines = int(found[1]), text.split("\n")
     # the key of a value with several lines is in a line above
     before = enumerate(reversed(lines[:number]))
     key = next(((number - k, match[1]) for k, line in before if (match := _KEY.match(line))), None)
@@ -39,5 +40,5 @@ def _explained(message: str, lines: list[str]) -> str:
     if declared := _TABLE_TWICE.match(message):
         name = ".".join(re.findall(r"'([^']*)'", declared[1]))
         return f"the table [{name}] in line {number} is a duplicate; expected every table once"
-    line = lines[number - 1].strip() if number <= len(lines) else ""
+    line = lines[number - 1].strip()
     return f"{message}: {line[:60]}" if line else message

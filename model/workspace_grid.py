@@ -181,13 +181,14 @@ def _is_bounded(platform: Platform, name: str) -> bool:
 def _outer_range(
     platform: Platform, name: str, home: float, over: Mapping[str, Range | None], fixed: Mapping[str, float]
 ) -> Range:
-    if not _is_bounded(platform, name):
+    if name in LARGEST_ANGLES and _is_bounded(platform, name):
+        return -LARGEST_ANGLES[name], LARGEST_ANGLES[name]
+    longest = platform.leg_length_max
+    if name in LARGEST_ANGLES or longest is None:
         size = UNBOUNDED_ANGLE if name in LARGEST_ANGLES else UNBOUNDED_LENGTH * platform.characteristic_length
         low, high = float(home - size), float(home + size)
         return (max(low, -np.pi / 2), min(high, np.pi / 2)) if name == "pitch" else (low, high)
-    if name in LARGEST_ANGLES:
-        return -LARGEST_ANGLES[name], LARGEST_ANGLES[name]
-    longest, k = platform.leg_length_max or 0.0, list(COORDINATES).index(name)
+    k = list(COORDINATES).index(name)
     if any(angle in over for angle in LARGEST_ANGLES):
         arms = np.sqrt((platform.platform_points**2).sum(axis=1))
         centres, radii = platform.base_points[:, k], longest + arms

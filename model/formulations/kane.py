@@ -39,7 +39,7 @@ class Solution(NamedTuple):
     @property
     def platform_acceleration(self) -> Array:
         """[v̇; ω̇] (..., 6) of the platform, in the order of the task-space dynamics."""
-        return np.concatenate([self.acceleration[..., 27:30], self.acceleration[..., 24:27]], axis=-1)
+        return np.concatenate([self.acceleration[..., 27:], self.acceleration[..., 24:27]], axis=-1)
 
 
 def leg_speeds(y: Array) -> tuple[Array, Array]:
@@ -50,7 +50,7 @@ def leg_speeds(y: Array) -> tuple[Array, Array]:
 
 def platform_speeds(y: Array) -> tuple[Array, Array]:
     """ω_p and v_p (..., 3) from y; (16)."""
-    return y[..., 24:27], y[..., 27:30]
+    return y[..., 24:27], y[..., 27:]
 
 
 # --- A. legs ---------------------------------------------------------------------------------------------------

@@ -143,4 +143,4 @@ def _pack(configuration: kane.Configuration, y: Array) -> Array:
 def _unpack(x: Array) -> tuple[kane.Configuration, Array]:
     legs = matrix_from_quaternion(x[..., :24].reshape(*x.shape[:-1], 6, 4))
     configuration = kane.Configuration(legs, x[..., 24:30], x[..., 30:33], matrix_from_quaternion(x[..., 33:37]))
-    return configuration, x[..., 37:67]
+    return configuration, x[..., 37:]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import dynamics, energy, interface, kinematics
@@ -23,8 +24,15 @@ from gough_stewart.model.rotations import (
     orientation_rate_from_angular_velocity,
 )
 from gough_stewart.model.state import Inputs, State
-from tests.support.random_platforms import Sample, random_inputs, random_platform, random_state, relative_difference
-from tests.support.uneven import UNEVEN
+from tests.support.random_platforms import (
+    Sample,
+    random_inputs,
+    random_platform,
+    random_sample,
+    random_state,
+    relative_difference,
+)
+from tests.support.uneven import STATE, UNEVEN
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -330,3 +338,94 @@ def test_leg_forces_at_a_singular_pose_are_refused(paper: Platform) -> None:
     with pytest.raises(SingularPoseError, match="condition number") as caught:
         dynamics.static_leg_forces(paper, np.array([0, 0, 3.0]), np.array([0, 0, np.pi / 2]))
     assert caught.value.condition_number > 1e12
+
+
+def yaw_of_condition_number(wanted: float) -> np.ndarray:
+    """An orientation of the uneven platform at home at which the leg Jacobian has about this condition number."""
+
+    def jacobian(yaw: float) -> np.ndarray:
+        return np.asarray(kinematics.leg_jacobian(UNEVEN, UNEVEN.home_position, np.array([0.0, 0.0, yaw])))
+
+    singular = brentq(lambda yaw: np.linalg.det(jacobian(yaw)), 1.0, 2.5, xtol=1e-15)
+    beside = singular + np.geomspace(1e-13, 1e-9, 1000)
+    turned = np.stack([0 * beside, 0 * beside, beside], axis=-1)
+    numbers = np.linalg.cond(kinematics.leg_jacobian(UNEVEN, UNEVEN.home_position, turned))
+    return np.array([0.0, 0.0, beside[np.abs(np.log(numbers / wanted)).argmin()]])
+
+
+def test_one_pose_of_many_whose_forces_would_have_no_digits_is_refused_with_its_number() -> None:
+    """Expected: NumPy's condition number of the worst pose, from 1e12 on; the limit from both sides."""
+    fine, bad = yaw_of_condition_number(6e11), yaw_of_condition_number(2e12)
+    home = UNEVEN.home_position
+    dynamics.static_leg_forces(UNEVEN, home, np.stack([UNEVEN.home_orientation, fine]))
+    for orientation in (bad, np.stack([UNEVEN.home_orientation, bad, fine])):
+        worst = float(np.linalg.cond(kinematics.leg_jacobian(UNEVEN, home, bad)))
+        with pytest.raises(SingularPoseError) as caught:
+            dynamics.static_leg_forces(UNEVEN, home, orientation)
+        assert caught.value.condition_number == pytest.approx(worst, rel=0.05)
+        assert str(caught.value) == (
+            f"leg Jacobian has condition number {caught.value.condition_number:.3g}, expected below 1e+12: the leg "
+            "forces cannot hold this pose; choose a pose away from the singularity"
+        )
+
+
+def test_each_platform_of_a_batch_has_its_own_results() -> None:
+    """Expected: platform by platform; in energies, static forces and friction as in the accelerations."""
+    sample = random_sample(5, 31)
+    p, state = sample.parameters, sample.state
+    many = [
+        energy.kinetic_energy(p, state),
+        energy.potential_energy(p, state.position, state.orientation),
+        energy.friction_power(p, state),
+        dynamics.static_leg_forces(p, state.position, state.orientation),
+        dynamics.bias_wrench(p, state),
+    ]
+    for k, platform in enumerate(sample.platforms):
+        own = State(*(part[k] for part in state))
+        each = [
+            energy.kinetic_energy(platform, own),
+            energy.potential_energy(platform, own.position, own.orientation),
+            energy.friction_power(platform, own),
+            dynamics.static_leg_forces(platform, own.position, own.orientation),
+            dynamics.bias_wrench(platform, own),
+        ]
+        for found, expected in zip(many, each, strict=True):
+            np.testing.assert_allclose(found[k], expected, rtol=1e-9, atol=1e-9 * float(np.abs(expected).max()))
+
+
+def test_energies_of_an_uneven_platform_are_sums_over_its_bodies() -> None:
+    """Expected: ½ m v² and ½ ωᵀ J ω of thirteen bodies and rotors, −m g·r of each; the power of friction leg by leg."""
+    R = Rotation.from_euler("xyz", STATE.orientation).as_matrix()
+    w, g = STATE.angular_velocity, UNEVEN.gravity
+    J = R @ UNEVEN.platform_inertia @ R.T
+    r = R @ UNEVEN.platform_com
+    kinetic = 0.5 * 11.5 * np.sum((STATE.velocity + np.cross(w, r)) ** 2) + 0.5 * w @ J @ w
+    potential, friction = -11.5 * g @ (STATE.position + r), 0.0
+    for k in range(6):
+        arm = R @ UNEVEN.platform_points[k]
+        l = STATE.position + arm - UNEVEN.base_points[k]
+        L, v = np.linalg.norm(l), STATE.velocity + np.cross(w, arm)
+        u = l / L
+        slide, turning = u @ v, np.cross(u, v) / L
+        # centres of mass 0.47 m from the base joint, 0.58 m before the platform joint
+        lower, upper = 0.47 * np.cross(turning, u), (L - 0.58) * np.cross(turning, u) + slide * u
+        kinetic += 0.5 * 2.3 * lower @ lower + 0.5 * 1.2 * upper @ upper + 0.5 * (0.13 + 0.061) * turning @ turning
+        kinetic += 0.5 * 1.7 * slide**2
+        potential -= 2.3 * g @ (UNEVEN.base_points[k] + 0.47 * u) + 1.2 * g @ (UNEVEN.base_points[k] + (L - 0.58) * u)
+        viscous, coulomb = 7.0 * [0.7, 1.4, 0.9, 1.6, 0.5, 1.1][k], 1.9 * [1.3, 0.6, 1.5, 0.8, 1.2, 0.4][k]
+        friction += (viscous * slide + coulomb * np.tanh(slide / 0.06)) * slide
+    assert energy.kinetic_energy(UNEVEN, STATE) == pytest.approx(kinetic, rel=1e-12)
+    assert energy.potential_energy(UNEVEN, STATE.position, STATE.orientation) == pytest.approx(potential, rel=1e-12)
+    assert energy.friction_power(UNEVEN, STATE) == pytest.approx(friction, rel=1e-12)
+
+
+def test_inputs_and_states_are_cut_from_their_vectors_in_order() -> None:
+    """Expected: the numbers of the vector, over leading axes; forces alone have no wrench."""
+    x = np.arange(24.0).reshape(2, 12)
+    state, inputs = State.from_vector(x), Inputs.from_vector(x)
+    assert [part.tolist() for part in state] == [x[:, k : k + 3].tolist() for k in (0, 3, 6, 9)]
+    assert [part.tolist() for part in inputs] == [x[:, :6].tolist(), x[:, 6:9].tolist(), x[:, 9:].tolist()]
+    assert np.array_equal(state.to_vector(), x)
+    assert np.array_equal(inputs.to_vector(), x)
+    forces = Inputs.from_actuators(x[:, 2:8])
+    assert np.array_equal(forces.to_vector(), np.hstack([x[:, 2:8], np.zeros((2, 6))]))

@@ -55,3 +55,28 @@ def test_copies_of_errors_keep_text_and_data(error: errors.GoughStewartError, co
 
 def test_a_step_error_says_quantity_value_and_time() -> None:
     assert str(EXAMPLES[-1]) == "leg_length[1] = 0.1 at time 2 s: has collapsed"
+
+
+def test_an_error_of_many_names_the_first_of_them_and_their_number() -> None:
+    """Expected: the lowest index, in whatever order they were found."""
+    failures = {7: errors.StepError("a", 1, 0.5, "late"), 3: errors.StepError("b", 2, 7.3, "early")}
+    error = errors.MembersError(failures)
+    assert str(error) == "2 of the platforms could not be stepped; number 3: b = 2 at time 7.3 s: early"
+    assert error.failures is failures
+
+
+def test_errors_say_where_first_and_keep_it() -> None:
+    """Expected: the name, then the words; each piece of data under its own name."""
+    platform, file = errors.PlatformError("gravity", "is odd"), errors.PlatformFileError("a.toml", "is empty")
+    assert (str(platform), platform.field) == ("gravity: is odd", "gravity")
+    assert (str(file), file.where) == ("a.toml: is empty", "a.toml")
+    variable, step = errors.InterfaceError("leg_length", "is odd"), errors.StepError("pitch", 1 / 3, 7.3, "too far")
+    assert (str(variable), variable.name) == ("leg_length: is odd", "leg_length")
+    assert (step.quantity, step.value, step.time) == ("pitch", 1 / 3, 7.3)
+    assert str(step) == "pitch = 0.333333 at time 7.3 s: too far"
+    assert str(errors.StepError("pitch", 1.0, 1234.567891234, "x")) == "pitch = 1 at time 1234.56789 s: x"
+    assert errors.SingularPoseError("odd", 2e13).condition_number == 2e13
+    assert errors.NoPoseError("none", "last").result == "last"
+    for kind in vars(errors).values():
+        if isinstance(kind, type) and issubclass(kind, Exception):
+            assert issubclass(kind, errors.GoughStewartError)

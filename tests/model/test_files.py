@@ -1,12 +1,14 @@
 """Files are written whole, and as one set: what is there afterwards, whatever went wrong."""
 
 import os
+import re
+import threading
 from pathlib import Path
 
 import pytest
 
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.files import check_output_folder, file_set, write_files
+from gough_stewart.model.files import check_output_folder, file_set, reserved, write_files, write_whole
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -127,3 +129,97 @@ def test_a_link_that_leads_nowhere_is_refused_before_the_run(tmp_path: Path) -> 
 def test_a_set_leaves_no_file_of_its_own(tmp_path: Path) -> None:
     write_files(tmp_path / "new" / "folder", {"a": b"1"})
     assert contents(tmp_path / "new" / "folder") == {"a": b"1"}
+
+
+def test_an_empty_set_and_one_that_fails_when_it_is_complete_have_no_note(older: Path) -> None:
+    """Expected: nothing is missing where nothing was begun, or where all is there; an error stays as it is."""
+    before = contents(older)
+    with file_set(older, ["table", "figure"], ["page"]):
+        pass
+    assert contents(older) == before
+
+    def fail(names: list[str]) -> None:
+        with file_set(older, names, ["page"]) as new:
+            for name in names[:1]:
+                new.add(name, b"new")
+            raise ZeroDivisionError
+
+    for names in ([], ["table"]):
+        with pytest.raises(ZeroDivisionError) as caught:
+            fail(names)
+        assert not hasattr(caught.value, "__notes__")
+    assert contents(older) == {"table": b"new", "figure": b"old", "notes": b"mine"}
+
+
+def test_a_file_of_a_set_that_has_not_begun_to_replace_is_named_in_its_place(older: Path) -> None:
+    """Expected: number, words and place of the user's file, not of the temporary one."""
+
+    def full(path: Path) -> None:
+        raise OSError(28, "No space left on device", str(path))
+
+    with pytest.raises(OSError, match="No space") as caught:
+        write_whole(older / "table", full)
+    assert (caught.value.errno, caught.value.strerror) == (28, "No space left on device")
+    assert caught.value.filename == str(older / "table")
+    assert contents(older)["table"] == b"old"
+
+
+def test_a_refused_place_is_told_in_whole_sentences(tmp_path: Path) -> None:
+    """Expected: the folder that was asked for, and what is in the way; a link to a file is a file."""
+    (tmp_path / "file").write_bytes(b"mine")
+    (tmp_path / "to_file").symlink_to(tmp_path / "file")
+    (tmp_path / "to_folder").symlink_to(tmp_path)
+    for name in ("file", "to_file"):
+        folder = tmp_path / name / "a" / "b"
+        text = f"output folder {folder}: {tmp_path / name} is a file; expected a folder, existing or new"
+        with pytest.raises(OutputError, match=f"^{re.escape(text)}$"):
+            check_output_folder(folder, [])
+    check_output_folder(tmp_path / "to_folder" / "new", [])
+
+
+def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
+    """Expected: others are refused as long as the outermost block lasts; the same thread may enter again."""
+    refused: list[str] = []
+
+    def elsewhere(folder: Path) -> None:
+        try:
+            with reserved(folder):
+                refused.append("")
+        except OutputError as error:
+            refused.append(str(error))
+
+    def other_thread(folder: Path) -> str:
+        thread = threading.Thread(target=elsewhere, args=(folder,))
+        thread.start()
+        thread.join()
+        return refused.pop()
+
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (tmp_path / "link").symlink_to(folder)
+    sentence = "another command is writing there; wait for its end, or choose another folder"
+    with reserved(folder):
+        with reserved(tmp_path / "link"):
+            assert other_thread(folder) == f"output folder {folder}: {sentence}"
+        assert other_thread(tmp_path / "link") == f"output folder {tmp_path / 'link'}: {sentence}"
+        assert other_thread(tmp_path / "another") == ""
+    assert other_thread(folder) == ""
+
+
+def test_a_reserved_folder_that_was_made_for_nothing_goes_and_others_stay(tmp_path: Path) -> None:
+    """Expected: a new one goes if it is empty; one that was there, or has a file, stays."""
+    with reserved(tmp_path / "a" / "empty"):
+        assert (tmp_path / "a" / "empty").is_dir()
+    assert not (tmp_path / "a" / "empty").exists()
+    with reserved(tmp_path / "full"):
+        (tmp_path / "full" / "record").write_bytes(b"1")
+    assert contents(tmp_path / "full") == {"record": b"1"}
+    (tmp_path / "old").mkdir()
+    with pytest.raises(ZeroDivisionError), reserved(tmp_path / "old"):
+        raise ZeroDivisionError
+    assert (tmp_path / "old").is_dir()
+    with (
+        pytest.raises(OutputError, match="record is a file; expected a folder"),
+        reserved(tmp_path / "full" / "record"),
+    ):
+        pass

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from gough_stewart.model.errors import InterfaceError, NoPoseError, OrientationError
 from gough_stewart.model.forward_kinematics import forward_kinematics
@@ -13,7 +14,7 @@ from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.random_platforms import random_platform, random_state
-from tests.support.uneven import UNEVEN
+from tests.support.uneven import STATE, UNEVEN
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -131,3 +132,107 @@ def test_too_few_iterations_raise(paper: Platform) -> None:
 def test_wrong_lengths_are_refused(paper: Platform, lengths: object, message: str) -> None:
     with pytest.raises(InterfaceError, match=message):
         forward_kinematics(paper, lengths)  # type: ignore[arg-type]
+
+
+def first_step(lengths: np.ndarray, guess: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, float]:
+    """Newton's step [δt; δφ] by a Jacobian from differences of lengths, and its size; bound is half of both."""
+
+    def legs(twist: np.ndarray) -> np.ndarray:
+        R = Rotation.from_rotvec(twist[3:]) * Rotation.from_euler("xyz", guess[1])
+        return np.asarray(
+            np.linalg.norm(guess[0] + twist[:3] + R.apply(UNEVEN.platform_points.copy()) - UNEVEN.base_points, axis=1)
+        )
+
+    h = 1e-6
+    J = np.stack([(legs(h * e) - legs(-h * e)) / (2 * h) for e in np.eye(6)], axis=1)
+    step = np.linalg.solve(J, lengths - legs(np.zeros(6)))
+    rho = np.sqrt((UNEVEN.platform_points**2).sum(axis=1).mean())
+    return step, float(max(np.linalg.norm(step[:3]) / rho, np.linalg.norm(step[3:])))
+
+
+@pytest.mark.parametrize(
+    ("position", "orientation", "bounded"),
+    [
+        (STATE.position, STATE.orientation, False),
+        (UNEVEN.home_position + np.array([0.3, -0.2, 0.9]), UNEVEN.home_orientation, True),
+        (UNEVEN.home_position, UNEVEN.home_orientation + np.array([0.1, -0.05, 0.75]), True),
+    ],
+    ids=["near", "far", "turned"],
+)
+def test_the_first_iterate_is_newton_s_step_of_at_most_half_the_platform(
+    position: np.ndarray, orientation: np.ndarray, bounded: bool
+) -> None:
+    """Expected: the step by differences; a longer one shortened to half the radius, or to 0.5 rad, as a whole."""
+    home = UNEVEN.home_position, UNEVEN.home_orientation
+    lengths = leg_geometry(UNEVEN, position, orientation).length
+    step, size = first_step(lengths, home)
+    assert (size > 0.5) == bounded
+    with pytest.raises(NoPoseError, match="no convergence after 1 iterations") as caught:
+        forward_kinematics(UNEVEN, lengths, max_iterations=1)
+    share = min(1.0, 0.5 / size)
+    found = caught.value.result
+    turned = Rotation.from_rotvec(share * step[3:]) * Rotation.from_euler("xyz", home[1])
+    assert found.position == pytest.approx(home[0] + share * step[:3], abs=1e-7)
+    assert found.orientation == pytest.approx(turned.as_euler("xyz"), abs=1e-7)
+    # the whole message: what, by how much, where
+    gap = np.abs(leg_geometry(UNEVEN, found.position, found.orientation).length - lengths).max()
+    assert found.residual == found.residual_history[-1] == pytest.approx(gap, rel=1e-9)
+    assert str(caught.value) == (
+        f"no pose near this guess: no convergence after 1 iterations; the largest length error is {gap:.3g} m at "
+        f"position {np.round(found.position, 6).tolist()} m, orientation {np.round(found.orientation, 6).tolist()} rad "
+        "after 1 iterations; check the lengths or use a closer guess"
+    )
+
+
+def test_residuals_are_relative_to_the_longest_leg_and_stop_at_the_tolerance() -> None:
+    """Expected: the first residual at or below tolerance × the longest leg ends the iteration; none before is."""
+    lengths = leg_geometry(UNEVEN, STATE.position, STATE.orientation).length
+    whole = forward_kinematics(UNEVEN, lengths, tolerance=1e-3).residual_history
+    at_home = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+    assert whole[0] == pytest.approx(np.abs(lengths - at_home).max(), rel=1e-12)
+    fine = forward_kinematics(UNEVEN, lengths, tolerance=1e-12)
+    r = np.array(fine.residual_history) / lengths.max()
+    for tolerance in (1e-3, 1.02 * r[2], 0.98 * r[2], 1e-9):
+        found = forward_kinematics(UNEVEN, lengths, tolerance=float(tolerance))
+        assert found.iterations == int(np.flatnonzero(r <= tolerance)[0])
+        assert len(found.residual_history) == found.iterations + 1
+        assert found.residual == found.residual_history[-1]
+    # as many iterations as are needed, and not one less
+    forward_kinematics(UNEVEN, lengths, max_iterations=fine.iterations)
+    with pytest.raises(NoPoseError, match=f"no convergence after {fine.iterations - 1} iterations"):
+        forward_kinematics(UNEVEN, lengths, max_iterations=fine.iterations - 1)
+
+
+@pytest.mark.parametrize(
+    ("guess", "text"),
+    [
+        ({"position": [0.0, 0.0]}, r"^position: has shape \(2,\); expected numbers of shape \(3,\) \[m\], origin Op"),
+        ({"orientation": [0.0, 0.0]}, r"^orientation: has shape \(2,\); expected .* \[rad\], roll, pitch, yaw"),
+        ({"tolerance": 1.1e-3}, r"^tolerance: is 0.0011; expected in \(0, 1e-3\], for example 1e-12$"),
+        ({"max_iterations": -1}, r"^max_iterations: is -1; expected at least 0$"),
+        (
+            {"leg_length": [3.0] * 5 + [0.0]},
+            r"^leg_length: is \[3.0, 3.0, 3.0, 3.0, 3.0, 0.0\] m; expected lengths > 0$",
+        ),
+    ],
+)
+def test_wrong_arguments_are_told_by_name(guess: dict[str, object], text: str) -> None:
+    arguments: dict[str, object] = {"leg_length": np.full(6, 3.0), **guess}
+    with pytest.raises(InterfaceError, match=text):
+        forward_kinematics(UNEVEN, **arguments)  # type: ignore[arg-type]
+
+
+def test_either_part_of_a_guess_may_be_left_out() -> None:
+    """Expected: what is left out is that of home; the iteration begins with the lengths there."""
+    lengths = leg_geometry(UNEVEN, STATE.position, STATE.orientation).length
+    for guess, pose in (
+        ({"position": STATE.position}, (STATE.position, UNEVEN.home_orientation)),
+        ({"orientation": STATE.orientation}, (UNEVEN.home_position, STATE.orientation)),
+        ({}, (UNEVEN.home_position, UNEVEN.home_orientation)),
+    ):
+        found = forward_kinematics(UNEVEN, lengths, **guess)  # type: ignore[arg-type]
+        assert found.residual_history[0] == pytest.approx(
+            np.abs(leg_geometry(UNEVEN, *pose).length - lengths).max(), rel=1e-12
+        )
+        assert found.position == pytest.approx(STATE.position, abs=1e-9)
+        assert found.orientation == pytest.approx(STATE.orientation, abs=1e-9)

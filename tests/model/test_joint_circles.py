@@ -10,12 +10,18 @@ import pytest
 import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq, lsq_linear
+from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from gough_stewart.model import joint_order
 from gough_stewart.model.errors import PlatformError, PlatformFileError
-from gough_stewart.model.joint_circles import joints_on_circles
+from gough_stewart.model.joint_circles import joints_of_keys, joints_on_circles
 from gough_stewart.model.joint_order import segment_distances
+from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
+from gough_stewart.model.vectors import FloatArray
+from tests.support.uneven import UNEVEN
 
 _JOINTS = ("base_points", "platform_points", "home_position", "home_orientation")
 
@@ -207,3 +213,187 @@ def test_distances_of_legs_are_those_of_a_search(numbers: list[float]) -> None:
             assert found[k] <= searched + 1e-12
             assert found[k] >= searched - step
             k += 1
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "text"),
+    [
+        ("base_radius", 0.0, "is 0 m; expected a number above 0"),
+        ("home_leg_length", -2, "is -2 m; expected a number above 0"),
+        ("base_angle", 2.1, "is 2.1 rad; expected a number in radians, above 0 and below 2.0944 (120°)"),
+        ("platform_angle", -0.1, "is -0.1 rad; expected a number in radians, above 0 and below 2.0944 (120°)"),
+        ("platform_angle", [1.0], "has shape (1,); expected one number"),
+        (
+            "home_leg_length",
+            1.2,
+            "is 1.2 m; expected more than the 1.23931 m between a base joint and the platform joint above it, seen "
+            "from above",
+        ),
+        ("pairing", "cross", "is 'cross'; expected 'near' or 'far'"),
+        ("home_position", np.zeros(3), "is determined by the radii and angles; leave it out"),
+        ("home_orientation", np.zeros(3), "is determined by the radii and angles; leave it out"),
+        ("platform_points", np.zeros(3), "is determined by the radii and angles; leave it out"),
+    ],
+)
+def test_impossible_circles_are_told_in_whole_sentences(key: str, value: Any, text: str) -> None:
+    """Expected: name, value with its unit, and what is possible; 1.23931 m is √(4 + 1 − 4 cos 30°)."""
+    angle = math.radians(30)
+    values = {"base_radius": 2.0, "platform_radius": 1.0, "base_angle": angle, "platform_angle": angle}
+    with pytest.raises(PlatformError) as refused:
+        gs.Platform.from_radii(
+            **{**_others(gs.load_preset("liu2000")), **values, "home_leg_length": 3.2459, key: value}
+        )
+    assert str(refused.value) == f"{key}: {text}"
+
+
+def test_angles_up_to_120_degrees_and_legs_that_just_reach() -> None:
+    """Expected: the bounds from both sides; a leg of nearly no height stands nearly level."""
+    third = 2 * np.pi / 3
+    for names in ((third - 1e-9, 0.4), (0.4, third - 1e-9)):
+        joints_on_circles(2.0, 1.0, *names, 3.3)
+    for names in ((third, 0.4), (0.4, third)):
+        with pytest.raises(PlatformError, match=r"below 2\.0944"):
+            joints_on_circles(2.0, 1.0, *names, 3.3)
+    across = float(np.sqrt(5 - 4 * np.cos(np.pi / 3 - 0.5)))
+    joints = joints_on_circles(2.0, 1.0, 0.7, 0.3, across * (1 + 1e-9))
+    assert joints["home_position"][2] == pytest.approx(across * np.sqrt(2e-9), rel=1e-3)
+    with pytest.raises(PlatformError, match="expected more than"):
+        joints_on_circles(2.0, 1.0, 0.7, 0.3, across * (1 - 1e-9))
+
+
+def test_each_joint_of_circles_is_where_the_documentation_puts_it() -> None:
+    """Expected: azimuths by hand, in degrees: base a = 20°, platform b = 50°; legs in order of their base joints."""
+    near = joints_on_circles(2.0, 1.5, math.radians(20), math.radians(50), 3.0)
+    far = joints_on_circles(2.0, 1.5, math.radians(20), math.radians(50), 3.0, "far")
+    base = np.radians([10, 110, 130, 230, 250, 350])
+    # platform pairs at 60° ± 25°, 180° ± 25°, 300° ± 25°
+    expected = {"near": np.radians([35, 85, 155, 205, 275, 325]), "far": np.radians([85, 35, 205, 155, 325, 275])}
+    for joints, pairing in ((near, "near"), (far, "far")):
+        assert list(joints) == list(_JOINTS)
+        for points, radius, azimuth in (
+            (joints["base_points"], 2.0, base),
+            (joints["platform_points"], 1.5, expected[pairing]),
+        ):
+            on_circle = radius * np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=1)
+            np.testing.assert_allclose(points, on_circle, atol=1e-12)
+        turn = math.radians(25 if pairing == "near" else 75)
+        z = math.sqrt(9 - 4 - 2.25 + 6 * math.cos(turn))
+        np.testing.assert_allclose(joints["home_position"], [0, 0, z], rtol=1e-12)
+        assert joints["home_orientation"].tolist() == [0, 0, 0]
+
+
+def test_keys_of_circles_in_a_file_are_all_needed_but_the_pairing() -> None:
+    """Expected: what is missing in the order of the keys; a key that comes twice, each by its own name."""
+    values: dict[str, Any] = {"gravity": [0, 0, -9], "name": "a"}
+    assert joints_of_keys(values) == values
+    assert joints_of_keys(values) is not values
+    needed = "expected all of base_radius, platform_radius, home_leg_length, base_angle, platform_angle"
+    for some, text in (
+        ({"platform_radius": 1.0, "home_leg_length": 3.0}, "base_radius, base_angle, platform_angle"),
+        ({"pairing": "far"}, "base_radius, platform_radius, base_angle, platform_angle, home_leg_length"),
+    ):
+        with pytest.raises(PlatformError) as refused:
+            joints_of_keys({**values, **some})
+        assert str(refused.value) == f"{next(iter(some))}: needs {text} beside it; {needed}"
+    circles: dict[str, Any] = {"base_radius": 2.0, "platform_radius": 1.5, "base_angle": 0.3, "platform_angle": 0.5}
+    circles["home_leg_length"] = 3.0
+    for name in _JOINTS:
+        with pytest.raises(PlatformError) as refused:
+            joints_of_keys({**circles, name: 0})
+        assert str(refused.value) == f"{name}: is also determined by base_radius; expected only one of the two"
+    found = joints_of_keys({**values, **circles})
+    assert set(found) == {"gravity", "name", *_JOINTS}
+    np.testing.assert_array_equal(found["base_points"], joints_on_circles(**circles)["base_points"])
+
+
+def _crossing(share: float, **limits: Any) -> gs.Platform:
+    """The uneven platform with the tip of leg 4 moved until that leg passes leg 5 at a share of the shorter one."""
+    base, home = UNEVEN.base_points, UNEVEN.home_position
+    R = Rotation.from_euler("xyz", UNEVEN.home_orientation)
+    tips = home + R.apply(UNEVEN.platform_points.copy())
+
+    def moved(t: float) -> FloatArray:
+        points = UNEVEN.platform_points.copy()
+        points[3] = R.inv().apply(tips[3] + t * (tips[4] + np.array([-0.8, 0.0, 0.0]) - tips[3]) - home)
+        return points
+
+    def gap(t: float) -> float:
+        return _measured(base, home + R.apply(moved(t)), 3, 4) - share
+
+    grid = np.linspace(0, 1, 80)
+    gaps = [gap(t) for t in grid]
+    k = next(k for k in range(1, 80) if gaps[k] < 0)
+    return replace(UNEVEN, platform_points=moved(brentq(gap, grid[k - 1], grid[k], xtol=1e-7)), **limits)
+
+
+def _measured(base: FloatArray, tip: FloatArray, i: int, j: int) -> float:
+    """The least distance of two legs as a share of the shorter, by SciPy's bounded least squares."""
+    d, e, r = tip[i] - base[i], tip[j] - base[j], base[j] - base[i]
+    found = lsq_linear(np.stack([d, -e], axis=1), r, (0, 1), tol=1e-14)
+    return float(np.sqrt(2 * found.cost) / min(np.linalg.norm(d), np.linalg.norm(e)))
+
+
+def test_legs_that_nearly_touch_are_named_with_their_distance_from_5_percent_on() -> None:
+    """Expected: the distance by another method, the numbers of the legs; nothing from just above 5 % on."""
+    close = _crossing(0.031, leg_length_min=None, leg_length_max=None)
+    (first, *_) = close.hints
+    assert first == (
+        "legs 4 and 5 come within 3.1 % of their length of each other at home, so real legs would collide; check the "
+        "order of base_points and platform_points: joint i of one belongs to joint i of the other"
+    )
+    for share, is_hinted in ((0.0495, True), (0.0505, False)):
+        hints = _crossing(share, leg_length_min=None, leg_length_max=None).hints
+        assert any(hint.startswith("legs 4 and 5") for hint in hints) == is_hinted
+
+
+def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() -> None:
+    """Expected: the best of all orders by a search with NumPy's condition number, SciPy's distances and the stroke."""
+    order = [1, 0, 3, 4, 5, 2]
+    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[order], leg_length_min=None, leg_length_max=None)
+    base, home = exchanged.base_points, exchanged.home_position
+    R = Rotation.from_euler("xyz", exchanged.home_orientation)
+
+    orders = np.array(list(permutations(range(6))))
+    arms = R.apply(exchanged.platform_points.copy())[orders]
+    l = home + arms - base
+    L = np.linalg.norm(l, axis=-1)
+    u, rho = l / L[..., None], np.sqrt((arms[0] ** 2).sum() / 6)
+    numbers = np.linalg.cond(np.concatenate([u, np.cross(arms, u) / rho], axis=-1))
+
+    def searched(low: float, high: float) -> tuple[float, str]:
+        """The least condition number of an order that fits, and its numbers of joints."""
+        for k in np.argsort(numbers):
+            # distances are tested by themselves, above
+            shorter = [min(L[k, i], L[k, j]) for i in range(6) for j in range(i + 1, 6)]
+            fits = low <= L[k].min() and L[k].max() <= high
+            if fits and (segment_distances(base, home + arms[k]) / shorter).min() >= 0.05:
+                return float(numbers[k]), ", ".join(str(j + 1) for j in orders[k])
+        raise AssertionError("no order fits")
+
+    now = conditioning(exchanged, home, exchanged.home_orientation).condition_number
+    own = leg_geometry(exchanged, home, exchanged.home_orientation).length
+    seen = set()
+    for low, high in ((None, None), (None, float(own.max()) * 1.001), (float(own.min()) * 0.999, None)):
+        platform = replace(exchanged, leg_length_min=low, leg_length_max=high)
+        number, best = searched(low or 0.0, high or np.inf)
+        seen.add(best)
+        assert [hint for hint in platform.hints if "in the order" in hint] == [
+            f"the leg Jacobian has a condition number of {now:.3g} at home, and of {number:.3g} with the platform "
+            f"joints in the order {best}; check the order of base_points and platform_points: joint i of one belongs "
+            "to joint i of the other"
+        ]
+    assert len(seen) == 3
+
+
+def test_an_order_is_named_from_a_third_of_the_condition_number_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the ratio of the two numbers of the hint, just met and just missed."""
+    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[[1, 0, 3, 4, 5, 2]], leg_length_max=None)
+    assert joint_order.BETTER == 3
+    home = exchanged.home_position, exchanged.home_orientation
+    (hint,) = (each for each in exchanged.hints if "in the order" in each)
+    order = [int(k) - 1 for k in hint.split("in the order ")[1].split(";")[0].split(", ")]
+    better = replace(exchanged, platform_points=exchanged.platform_points[order])
+    ratio = conditioning(exchanged, *home).condition_number / conditioning(better, *home).condition_number
+    for factor, is_named in ((ratio * (1 - 1e-9), True), (ratio * (1 + 1e-9), False)):
+        monkeypatch.setattr(joint_order, "BETTER", factor)
+        assert any("in the order" in each for each in exchanged.hints) == is_named

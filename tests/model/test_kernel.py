@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import dynamics, interface, kernel, kinematics
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -161,8 +162,63 @@ def test_leg_velocity_row_of_the_jacobian_is_the_leg_jacobian() -> None:
     assert np.allclose(C[rows][:, 6:], J, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["derivatives", "outputs"])
+NAMES = {
+    "derivatives": (["x", "u", "p"], ["xdot"]),
+    "outputs": (["x", "u", "p"], ["y"]),
+    "jacobians": (["x", "u", "p"], ["A", "B", "C", "D"]),
+    "forward": (["x", "u", "p", "dx", "du", "dp"], ["dxdot", "dy"]),
+    "reverse": (["x", "u", "p", "wxdot", "wy"], ["gx", "gu", "gp"]),
+    "legs": (["x", "p"], ["length", "length_rate", "jacobian", "rho"]),
+    "signals": (["x", "p"], ["y"]),
+    "margins": (["x", "p"], ["square", "determinant", "size"]),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_functions_carry_names_for_whoever_generates_code(name: str) -> None:
+    """Expected: those of the module's equations, in the order in which C gets its arguments."""
     f = getattr(kernel, f"{name}_function")()
     assert f.name() == name
-    assert f.name_in() == ["x", "u", "p"]
+    assert (f.name_in(), f.name_out()) == NAMES[name]
+
+
+@given(seeds)
+def test_functions_of_the_legs_alone_are_those_of_geometry(seed: int) -> None:
+    """Expected: NumPy's norms, cross products and determinants of vectors from SciPy's rotation."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    state = random_state(platform, rng)
+    x, p = state.to_vector(), parameter_vector(platform)
+    arm = Rotation.from_euler("xyz", state.orientation).apply(platform.platform_points.copy())
+    l = state.position + arm - platform.base_points
+    L = np.linalg.norm(l, axis=1)
+    u, rho = l / L[:, None], np.sqrt((arm**2).sum() / 6)
+    rates = (u * (state.velocity + np.cross(state.angular_velocity, arm))).sum(axis=1)
+    scaled = np.hstack([u, np.cross(arm, u) / rho])
+
+    found = dict(zip(NAMES["legs"][1], map(np.array, kernel.legs_function()(x, p)), strict=True))
+    assert found["length"].ravel() == pytest.approx(L, rel=1e-12)
+    assert found["length_rate"].ravel() == pytest.approx(rates, rel=1e-9, abs=1e-12)
+    assert found["jacobian"].reshape(6, 6) == pytest.approx(scaled, rel=1e-9, abs=1e-12)
+    assert found["rho"].ravel() == pytest.approx([rho], rel=1e-12)
+
+    square, determinant, size = map(np.array, kernel.margins_function()(x, p))
+    assert square.ravel() == pytest.approx(L**2, rel=1e-12)
+    expected = np.linalg.det(np.hstack([l, np.cross(arm, l)]))
+    assert determinant.ravel() == pytest.approx([expected], rel=1e-8)
+    assert size.ravel() == pytest.approx([rho**2], rel=1e-12)
+
+    signals = np.array(kernel.signals_function()(x, p)).ravel()
+    assert signals.shape == (24,)
+    assert signals == pytest.approx(np.concatenate([x, L, rates]), rel=1e-9, abs=1e-12)
+
+
+def test_the_parameter_vector_has_each_number_once_in_the_order_of_the_table() -> None:
+    """Expected: the numbers of the uneven platform by hand, row by row; the FMU's value references follow it."""
+    p = parameter_vector(UNEVEN).tolist()
+    assert p[:4] == [0.52, 1.93, 0.04, -0.61]
+    assert p[18:21] == [0.74, 0.66, -0.06]
+    assert p[36:49] == [11.5, 0.06, -0.11, 0.17, 4.6, 0.35, -0.28, 0.35, 5.7, 0.41, -0.28, 0.41, 8.1]
+    assert p[49:55] == [2.3, 1.2, 0.47, 0.58, 0.13, 0.061]
+    assert p[55:62] == [7.0, 1.9, 0.06, 0.9, -1.3, -9.4, 1.7]
+    assert p[62:] == [0.7, 1.4, 0.9, 1.6, 0.5, 1.1, 1.3, 0.6, 1.5, 0.8, 1.2, 0.4]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.model import dynamics, kinematics
+from gough_stewart.model import dynamics, kinematics, pose_limits
 from gough_stewart.model.errors import SingularPoseError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import angular_velocity_from_orientation_rate
@@ -180,3 +180,98 @@ def test_a_leg_of_length_zero_is_a_singular_pose_and_no_warning(paper: Platform)
         dynamics.static_leg_forces(met, o, o)
     with pytest.raises(SingularPoseError, match="condition number inf"):
         dynamics.inverse_dynamics(met, State(o, o, o, o), dynamics.Acceleration(o, o))
+
+
+def test_conditioning_is_that_of_singular_values_with_angles_scaled() -> None:
+    """Expected: NumPy's singular values of [u, c × u / ρ], written out; ρ is the joints' root mean square distance."""
+    turn = Rotation.from_euler("xyz", STATE.orientation)
+    arm = turn.apply(UNEVEN.platform_points.copy())
+    l = STATE.position + arm - UNEVEN.base_points
+    u = l / np.linalg.norm(l, axis=1)[:, None]
+    rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
+    sigma = np.linalg.svd(np.hstack([u, np.cross(arm, u) / rho]), compute_uv=False)
+    found = kinematics.conditioning(UNEVEN, STATE.position, STATE.orientation)
+    assert found.condition_number == pytest.approx(sigma[0] / sigma[5], rel=1e-10)
+    assert found.smallest_singular_value == pytest.approx(sigma[5], rel=1e-10)
+    assert found.characteristic_length == pytest.approx(rho, rel=1e-12)
+    assert UNEVEN.characteristic_length == pytest.approx(rho, rel=1e-12)
+    J = np.hstack([u, np.cross(arm, u)])
+    assert kinematics.leg_jacobian(UNEVEN, STATE.position, STATE.orientation) == pytest.approx(J, abs=1e-13)
+
+
+def test_poses_of_a_batch_know_nothing_of_each_other() -> None:
+    """Expected: each function of one pose at a time, also beside a pose in which a leg has no direction."""
+    rng = np.random.default_rng(11)
+    base, top = UNEVEN.base_points.copy(), UNEVEN.platform_points.copy()
+    base[3] = top[3] = [0.5, 1.0, 0.0]
+    met = replace(UNEVEN, base_points=base, platform_points=top, home_orientation=np.zeros(3))
+    position = met.home_position + 0.2 * rng.normal(size=(4, 3))
+    orientation = met.home_orientation + 0.1 * rng.normal(size=(4, 3))
+    position[2] = orientation[2] = 0.0
+    home = met.home_position, met.home_orientation
+
+    def results(position: np.ndarray, orientation: np.ndarray) -> list[np.ndarray]:
+        legs = kinematics.leg_geometry(met, position, orientation)
+        scaled, rho = kinematics.scaled_jacobian_of_legs(legs)
+        angles = kinematics.joint_angles(met, position, orientation, *home)
+        return [
+            *legs,
+            *kinematics.conditioning_of_legs(legs),
+            kinematics.handedness_of_legs(legs),
+            scaled,
+            rho,
+            *angles,
+            pose_limits.side_of_singular_poses(met, legs),
+        ]
+
+    with np.errstate(invalid="ignore"):
+        many, each = results(position, orientation), [results(p, o) for p, o in zip(position, orientation, strict=True)]
+    for k in range(4):
+        for found, expected in zip(many, each[k], strict=True):
+            np.testing.assert_allclose(found[k], expected, rtol=1e-11, atol=1e-13)
+    numbers = many[4]
+    assert numbers[2] == np.inf
+    assert np.isfinite(numbers[[0, 1, 3]]).all()
+    assert many[-1][[0, 1, 3]].tolist() == [1, 1, 1]
+
+
+def test_the_side_of_singular_poses_is_the_sign_of_the_determinant_against_home() -> None:
+    """Expected: a platform mirrored in its base has the other sign; so do yaws on either side of the singular one."""
+    mirrored = np.array([0.08, -0.05, -2.9]), np.array([-0.04, 0.07, 0.11])
+    flat = replace(
+        UNEVEN, base_points=UNEVEN.base_points * [1, 1, 0], platform_points=UNEVEN.platform_points * [1, 1, 0]
+    )
+    poses = [(flat.home_position, flat.home_orientation), mirrored, (flat.home_position, np.array([0.0, 0.0, 2.8]))]
+    for position, orientation in poses:
+        legs = kinematics.leg_geometry(flat, position, orientation)
+        dets = [np.linalg.det(kinematics.leg_jacobian(flat, *pose)) for pose in ((position, orientation), poses[0])]
+        assert pose_limits.side_of_singular_poses(flat, legs) == np.sign(dets[0] * dets[1])
+        assert kinematics.handedness_of_legs(legs) == np.sign(dets[0])
+    assert pose_limits.side_of_singular_poses(flat, kinematics.leg_geometry(flat, *mirrored)) == -1
+
+
+@given(seeds)
+def test_leg_accelerations_are_the_second_derivatives_of_lengths(seed: int) -> None:
+    """Expected: central differences of L̇ along the motion; joint accelerations those of the joint velocities."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    state = random_state(platform, rng)
+    linear, angular = rng.normal(size=(2, 3))
+    h = 1e-5
+
+    def rates(t: float) -> kinematics.LegRates:
+        turn = Rotation.from_rotvec(t * state.angular_velocity + 0.5 * t * t * angular)
+        o = (turn * Rotation.from_euler("xyz", state.orientation)).as_euler("xyz")
+        p = state.position + t * state.velocity + 0.5 * t * t * linear
+        return kinematics.leg_rates(
+            platform, State(p, o, state.velocity + t * linear, state.angular_velocity + t * angular)
+        )
+
+    ahead, behind = rates(h), rates(-h)
+    legs = kinematics.leg_geometry(platform, state.position, state.orientation)
+    found = kinematics.leg_accelerations(legs, state, linear, angular)
+    expected = (ahead.length_rate - behind.length_rate) / (2 * h)
+    assert found == pytest.approx(expected, abs=1e-5 * (1 + np.abs(expected).max()))
+    joints = kinematics.joint_accelerations(legs, state.angular_velocity, linear, angular)
+    expected = (ahead.joint_velocity - behind.joint_velocity) / (2 * h)
+    assert joints == pytest.approx(expected, abs=1e-5 * (1 + np.abs(expected).max()))

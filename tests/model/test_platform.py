@@ -1,6 +1,7 @@
 """What a Platform accepts, refuses, and promises."""
 
 import pickle
+import re
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import FrozenInstanceError, replace
@@ -12,6 +13,7 @@ import pytest
 from gough_stewart.model.errors import GoughStewartError, PlatformError
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.platform_toml import load_preset, preset_names
 from tests.support.uneven import UNEVEN
 
@@ -174,3 +176,189 @@ def test_motion_base_masses_are_those_of_the_sources_cylinders() -> None:
     assert platform.leg_lower_mass == pytest.approx(rho * np.pi * (0.05**2 - 0.03**2) * 0.75 * L, abs=0.05)
     assert platform.leg_upper_mass == pytest.approx(rho * np.pi * 0.03**2 * 0.75 * L, abs=0.05)
     assert platform.leg_lower_com == pytest.approx(0.375 * L, abs=0.001)
+
+
+def changed(**change: Any) -> Platform:
+    """The uneven platform with what a user may give."""
+    return replace(UNEVEN, **change)
+
+
+def says(text: str, **change: Any) -> None:
+    """The change of the uneven platform is refused in exactly these words."""
+    with pytest.raises(PlatformError, match=f"^{re.escape(text)}$") as caught:
+        changed(**change)
+    assert caught.value.field == text.partition(": ")[0]
+
+
+def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
+    """Expected: the pair of joints, the elements, the moments by hand; legs and elements that are not the first."""
+    base, top = UNEVEN.base_points.copy(), UNEVEN.platform_points.copy()
+    base[4], top[5] = base[2], top[1]
+    different = "m; expected six different points (an idealised double joint needs a small offset)"
+    says(f"base_points: joints 3 and 5 coincide at (1.47, -1.32, 0.07) {different}", base_points=base)
+    says(f"platform_points: joints 2 and 6 coincide at (-0.69, 0.75, 0.03) {different}", platform_points=top)
+    J = UNEVEN.platform_inertia.copy()
+    J[2, 1] = 0.5
+    says(
+        "platform_inertia: is not symmetric: [2,3] = 0.41 but [3,2] = 0.5 kg m²; set both to the same value (minus the "
+        "product of inertia)",
+        platform_inertia=J,
+    )
+    says(
+        "platform_inertia: is not positive definite: principal moments (-1, 2, 2.5) kg m²; expected all > 0",
+        platform_inertia=np.diag([2.0, -1.0, 2.5]),
+    )
+    says(
+        "platform_inertia: is unphysical: principal moments (1, 2, 3.5) kg m², the largest exceeds the sum of the "
+        "others (triangle inequality); check the units and that they are about the centre of mass",
+        platform_inertia=np.diag([2.0, 3.5, 1.0]),
+    )
+    lengths = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+    shortest, longest = lengths.min(), lengths.max()
+    for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
+        says(
+            f"{name}: is 3.1 m from the {end} joint; expected between 0 and the shortest leg of the home pose, "
+            f"{shortest:g} m",
+            **{name: 3.1},
+        )
+    reach = (
+        np.sqrt(0.93**2 + 0.29**2 + 0.07**2),
+        np.sqrt(1.02**2 + 0.24**2 + 0.02**2),
+        np.sqrt(0.22**2 + 1.04**2 + 0.0016),
+    )
+    says(
+        f"platform_com: is 13 m from Op, more than ten times the farthest platform joint ({max(reach):g} m); check "
+        "units",
+        platform_com=[3.0, -12.0, 4.0],
+    )
+    says("leg_length_min: is 3.95 m; expected below leg_length_max = 3.9 m", leg_length_min=3.95)
+    says(f"leg_length_min: is 3.05 m, but a home leg is {shortest:g} m long", leg_length_min=3.05)
+    says(f"leg_length_max: is 3.06 m, but a home leg is {longest:g} m long", leg_length_max=3.06)
+    says("joint_angle_max: is 40 rad; expected at most π (radians, not degrees)", joint_angle_max=40.0)
+    says("home_orientation: has pitch -1.58 rad; expected less than ±90°", home_orientation=[0.1, -1.58, 0.3])
+    says(
+        "leg_viscous_friction_factor[4]: is -0.1; expected >= 0: each leg's viscous friction over leg_viscous_friction",
+        leg_viscous_friction_factor=[0.7, 1.4, 0.9, -0.1, -0.5, 1.1],
+    )
+    says("platform_mass: is -2 kg; expected > 0: mass of the platform with payload", platform_mass=-2)
+    says("actuator_power_max: is 0 W; expected > 0, or leave it out: maximum actuator power", actuator_power_max=0.0)
+    says("source: is 3; expected a text", source=3)
+    says("name: is None; expected a text", name=None)
+
+
+def test_bounds_of_shape_and_size_hold_from_both_sides() -> None:
+    """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, the legs at home."""
+    distances = np.linalg.norm(UNEVEN.base_points[:, None] - UNEVEN.base_points[None], axis=-1)
+    spread = {"base_points": distances.max()}
+    distances = np.linalg.norm(UNEVEN.platform_points[:, None] - UNEVEN.platform_points[None], axis=-1)
+    spread["platform_points"] = distances.max()
+    for name, largest in spread.items():
+        for share, refused in ((0.9e-6, True), (1.1e-6, False)):
+            points = getattr(UNEVEN, name).copy()
+            points[5] = points[3] + share * largest * np.array([0.0, 0.6, 0.8])
+            change: dict[str, Any] = {name: points, "leg_length_min": None, "leg_length_max": None}
+            if refused:
+                with pytest.raises(PlatformError, match="joints 4 and 6 coincide"):
+                    changed(**change)
+            else:
+                changed(**change)
+    J = UNEVEN.platform_inertia.copy()
+    for share, refused in ((0.9e-9, False), (1.1e-9, True)):
+        skewed, flat = J.copy(), np.diag([2.0, 1.0, 3.0 * (1 + share)])
+        skewed[0, 2] += share * 8.1
+        for inertia in (skewed, flat):
+            if refused:
+                with pytest.raises(PlatformError, match=r"not symmetric|triangle"):
+                    changed(platform_inertia=inertia)
+            else:
+                changed(platform_inertia=inertia)
+    far = np.array([0.6, 0.0, 0.8]) * 10 * float(np.sqrt((UNEVEN.platform_points**2).sum(axis=1)).max())
+    changed(platform_com=(1 - 1e-9) * far)
+    with pytest.raises(PlatformError, match="ten times"):
+        changed(platform_com=(1 + 1e-9) * far)
+    assert changed(joint_angle_max=np.pi).joint_angle_max == np.pi
+    with pytest.raises(PlatformError, match="at most π"):
+        changed(joint_angle_max=np.nextafter(np.pi, 4))
+    lengths = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+    changed(leg_length_min=float(lengths.min()), leg_length_max=float(lengths.max()))
+    for change in (
+        {"leg_length_min": np.nextafter(lengths.min(), 9)},
+        {"leg_length_max": np.nextafter(lengths.max(), 0)},
+    ):
+        with pytest.raises(PlatformError, match="but a home leg is"):
+            changed(**change)
+    one_sided = changed(leg_length_min=None)
+    assert replace(one_sided, leg_length_max=None).leg_length_max is None
+    for name in ("platform_mass", "actuator_force_max"):
+        assert getattr(changed(**{name: 1e30}), name) == 1e30
+        with pytest.raises(PlatformError, match=rf"^{name}: is 1.1e\+30; expected numbers below 1e\+30 in SI units"):
+            changed(**{name: 1.1e30})
+    for number in (1.1e30, -1.1e30):
+        with pytest.raises(PlatformError, match=r"^gravity: is .*expected numbers below 1e"):
+            changed(gravity=[0.0, number, 0.0])
+    gravity = changed(gravity=[0.0, -1e30, 0.0]).gravity
+    assert gravity.tolist() == [0.0, -1e30, 0.0]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_home_may_be_pitched_up_to_nearly_90_degrees(sign: int) -> None:
+    """Expected: 1e-3 rad below 90°, from both sides and of both signs."""
+    far = np.pi / 2 - 1e-3
+    with pytest.raises(PlatformError, match=f"has pitch {sign * far:g} rad"):
+        changed(home_orientation=[0.0, sign * (far + 1e-9), 0.0])
+    turned = [0.0, sign * (far - 1e-9), 0.0]
+    assert changed(home_orientation=turned, leg_length_min=None, leg_length_max=None).home_orientation[1] == turned[1]
+
+
+def test_a_home_pose_is_singular_from_a_condition_number_of_1e8_on(paper: Platform) -> None:
+    """Expected: NumPy's condition number with scaled angles of yaws beside Fichter's singular pose at 90°."""
+    for off, refused in ((5e-8, False), (3e-8, True)):
+        orientation = np.array([0.0, 0.0, np.pi / 2 - off])
+        turn = np.array([[np.sin(off), -np.cos(off), 0], [np.cos(off), np.sin(off), 0], [0, 0, 1]])
+        arm = paper.platform_points @ turn.T
+        l = paper.home_position + arm - paper.base_points
+        u = l / np.linalg.norm(l, axis=1)[:, None]
+        number = np.linalg.cond(np.hstack([u, np.cross(arm, u)]))  # all joints 1 m from Op
+        assert (number > 1e8) == refused
+        if refused:
+            with pytest.raises(PlatformError, match=r"singular at the home pose \(condition number .*below 1e\+08"):
+                replace(paper, home_orientation=orientation)
+        else:
+            assert replace(paper, home_orientation=orientation).home_orientation[2] == orientation[2]
+
+
+def test_centres_of_mass_may_be_at_either_end_of_the_shortest_leg() -> None:
+    """Expected: 0 and the length itself are on the leg; the pose is named."""
+    for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
+        for value in (0.0, 2.5):
+            check_leg_com_offsets(changed(**{name: value}), 2.5, "start")
+        text = (
+            f"{name}: is 2.6 m from the {end} joint; expected between 0 and the shortest leg of the start pose, 2.5 m"
+        )
+        with pytest.raises(PlatformError, match=f"^{re.escape(text)}$"):
+            check_leg_com_offsets(changed(**{name: 2.6}), 2.5, "start")
+
+
+@pytest.mark.parametrize("name", [*UNEVEN.as_dict(), "leg_velocity_max"])
+def test_equal_platforms_are_equal_in_every_field(name: str) -> None:
+    """Expected: a change of the last number of any field makes another platform; the same value makes the same."""
+    value: Any = getattr(UNEVEN, name)
+    assert replace(UNEVEN, **{name: value}) == UNEVEN
+    assert hash(replace(UNEVEN, **{name: value})) == hash(UNEVEN)
+    other: Any = f"{value}x" if isinstance(value, str) else 1.3 if value is None else np.array(value)
+    if isinstance(other, np.ndarray):
+        other[(-1,) * other.ndim] *= 1 + 1e-12
+    assert replace(UNEVEN, **{name: other}) != UNEVEN
+
+
+def test_a_platform_lists_its_fields_in_the_order_of_its_file() -> None:
+    """Expected: texts, physical parameters, home pose, limits; those that are stated, as they are."""
+    names = list(UNEVEN.as_dict())
+    assert names[:4] == ["name", "source", "base_points", "platform_points"]
+    assert names[-6:] == [
+        *("home_position", "home_orientation", "leg_length_min", "leg_length_max", "actuator_force_max"),
+        "joint_angle_max",
+    ]
+    for name, value in UNEVEN.as_dict().items():
+        assert value is getattr(UNEVEN, name)
+    assert Platform(**UNEVEN.as_dict()) == UNEVEN

@@ -3,6 +3,7 @@
 import json
 import logging
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.model.files import check_output_folder, file_set, write_files
-from gough_stewart.model.temporary import remove_leftovers, temporary_file
+from gough_stewart.model.temporary import lock, remove_leftovers, temporary_file, temporary_folder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks are POSIX's")
 
@@ -112,3 +113,86 @@ def test_a_race_between_writing_and_removing_loses_nothing(tmp_path: Path) -> No
         sweeper.kill()
         sweeper.communicate()
     assert names(tmp_path) == {"a"}
+
+
+def test_links_and_pipes_with_the_name_of_a_leftover_stay(tmp_path: Path) -> None:
+    """Expected: no command waits for a pipe, or follows a link to remove what it did not write; no log either."""
+    (tmp_path / "mine").write_bytes(b"mine")
+    (tmp_path / ".a.12345678.part").symlink_to(tmp_path / "mine")
+    os.mkfifo(tmp_path / ".b.12345678.part")
+    (tmp_path / ".c.12345678.part").write_bytes(b"old")
+    # nobody else writes to the pipe: it would be waited for
+    done = subprocess.run([sys.executable, "-c", _REMOVER], cwd=tmp_path, timeout=20, check=False)
+    assert done.returncode == 0
+    assert ".c.12345678.part" not in names(tmp_path)
+    assert {"mine", ".a.12345678.part"} <= names(tmp_path)
+    remove_leftovers(tmp_path / "not_there")
+    remove_leftovers(tmp_path / "mine")
+
+
+_REMOVER = "from pathlib import Path; from gough_stewart.model.temporary import *; remove_leftovers(Path('.'))"
+
+
+def test_a_folder_of_a_killed_process_goes_with_what_is_in_it_and_other_names_stay(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Expected: names of eight of a to z, 0 to 9 and _, nothing else; said in order of their names."""
+    gone = [".12345678.part", ".b.c.0a_b1c2d.part"]
+    stay = [
+        ".1234567.part",
+        ".123456789.part",
+        ".ABCDEFGH.part",
+        ".x.1.2",
+        "12345678.part",
+        "..140.part",
+        ".a.12.b.part",
+    ]
+    for name in gone:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "table").write_bytes(b"1")
+    for name in stay:
+        (tmp_path / name).write_bytes(b"1")
+    with caplog.at_level(logging.INFO):
+        remove_leftovers(tmp_path)
+    assert names(tmp_path) == set(stay)
+    assert caplog.messages == [
+        f"removed from {tmp_path} what a command left that was killed: .12345678.part, .b.c.0a_b1c2d.part"
+    ]
+
+
+def test_a_temporary_place_is_locked_new_and_gone_afterwards(tmp_path: Path) -> None:
+    """Expected: beside its target, under its name, empty; renamed it stays."""
+    with temporary_file(tmp_path / "table") as first, temporary_file(tmp_path / "table") as second:
+        assert first != second
+        assert {first.parent, second.parent} == {tmp_path}
+        assert all(re.fullmatch(r"\.table\.[0-9a-f]{8}\.part", each.name) for each in (first, second))
+        assert first.read_bytes() == b""
+        descriptor = os.open(first, os.O_RDONLY)
+        assert lock(descriptor) is False
+        os.close(descriptor)
+        second.write_bytes(b"2")
+        second.replace(tmp_path / "table")
+    assert names(tmp_path) == {"table"}
+    with temporary_folder(tmp_path) as folder:
+        (folder / "inside").write_bytes(b"1")
+        assert re.fullmatch(r"\.[0-9a-f]{8}\.part", folder.name)
+    assert names(tmp_path) == {"table"}
+
+
+def test_without_locks_nothing_is_removed_and_files_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: as on Windows, where there is no such module, and on file systems that refuse to lock."""
+    (tmp_path / ".c.12345678.part").write_bytes(b"old")
+
+    def refuse(*_: object) -> None:
+        raise OSError(95, "Operation not supported")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("fcntl.flock", refuse)
+        write_files(tmp_path, {"a": b"1"})
+        remove_leftovers(tmp_path)
+    monkeypatch.setattr("gough_stewart.model.temporary.fcntl", None)
+    write_files(tmp_path, {"b": b"2"})
+    remove_leftovers(tmp_path)
+    assert names(tmp_path) == {"a", "b", ".c.12345678.part"}
