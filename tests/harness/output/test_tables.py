@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.output.tables import Named, Sheet, quantity_text
+from gough_stewart.harness.output.columns import Column, is_number, is_prose, stacked_columns
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
 from tests.support.whole_tables import check_is_whole, printed
 
 
@@ -72,8 +73,152 @@ def test_sentences_fold_and_stand_at_the_left() -> None:
         (None, "mm", "–"),
         (0.00123456, "mm", "0.001235"),
         (1e-5, "a unit that is not listed", "1e-05"),
+        (0.00099999, "mm", "< 0.001"),
+        (-0.001, "mm", "-0.001"),
+        (-7.5, "mm", "-7.5"),
+        (0.02, "N/s", "< 0.1"),
     ],
 )
 def test_what_is_too_small_to_be_looked_at_is_only_less(value: float | None, unit: str, text: str) -> None:
     """Expected: a thousandth of a millimetre or milliradian as the least."""
     assert quantity_text(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (None, 4, "–"),
+        (18610.4, 4, "18610"),
+        (-18610.4, 4, "-18610"),
+        (9_999_999.0, 4, "9999999"),
+        (-9_999_999.0, 4, "-9999999"),
+        (1e7, 4, "1e+07"),
+        (-12_345_678.0, 4, "-1.235e+07"),
+        (0.0001234567, 5, "0.00012346"),
+        (3.14159265, 6, "3.14159"),
+        (0.0, 4, "0"),
+    ],
+)
+def test_numbers_have_so_many_digits_and_large_ones_are_whole(value: float | None, digits: int, text: str) -> None:
+    """Expected: rounded by hand; in full up to ten million, of both signs."""
+    assert number_text(value, digits) == text
+
+
+def uneven() -> Sheet:
+    """Two columns of numbers, one of sentences, a group that ends, an empty head, and texts like markup."""
+    sheet = Sheet("Legs [of] <a> machine", ("", "leg 1", "leg 2", "note", ""))
+    sheet.add(Named("peak <force>", "N & m"), "12.5", "-7", "of the longest leg in the second half of the run", "7")
+    sheet.add("flags", "–", "3", "", "x", ends_group=True)
+    sheet.add("", "1", "22222", "<b>x", "11")
+    return sheet
+
+
+WIDE = """\
+Legs [of] <a> machine
+┏━━━━━━━━━━━━━━━━━━━━┳━━━━━━━┳━━━━━━━┳━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━┳━━━━┓
+┃                    ┃ leg 1 ┃ leg 2 ┃ note                                             ┃    ┃
+┡━━━━━━━━━━━━━━━━━━━━╇━━━━━━━╇━━━━━━━╇━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━╇━━━━┩
+│ peak <force> N & m │  12.5 │    -7 │ of the longest leg in the second half of the run │ 7  │
+│ flags              │     – │     3 │                                                  │ x  │
+├────────────────────┼───────┼───────┼──────────────────────────────────────────────────┼────┤
+│                    │     1 │ 22222 │ <b>x                                             │ 11 │
+└────────────────────┴───────┴───────┴──────────────────────────────────────────────────┴────┘
+"""
+# one column less than in all: the head "leg 1" folds; the sentence takes what is left
+FOLDED = """\
+Legs [of] <a> machine
+┏━━━━━━━━━━━━━━━━━━━━┳━━━━━━┳━━━━━━━┳━━━━━━━━━━━━━━━━━━━━━━━━━━━━┳━━━━┓
+┃                    ┃  leg ┃       ┃                            ┃    ┃
+┃                    ┃    1 ┃ leg 2 ┃ note                       ┃    ┃
+┡━━━━━━━━━━━━━━━━━━━━╇━━━━━━╇━━━━━━━╇━━━━━━━━━━━━━━━━━━━━━━━━━━━━╇━━━━┩
+│ peak <force> N & m │ 12.5 │    -7 │ of the longest leg in the  │ 7  │
+│                    │      │       │ second half of the run     │    │
+│ flags              │    – │     3 │                            │ x  │
+├────────────────────┼──────┼───────┼────────────────────────────┼────┤
+│                    │    1 │ 22222 │ <b>x                       │ 11 │
+└────────────────────┴──────┴───────┴────────────────────────────┴────┘
+"""
+
+
+def test_a_table_in_wide_and_in_narrower_terminals_letter_by_letter() -> None:
+    """Expected: written by hand by the rules: numbers at the right, all else at the left, names and sentences fold.
+
+    A column without a head has no numbers to compare; a group ends with a line; sixteen rows more hide nothing.
+    """
+    sheet = uneven()
+    assert "".join(f"{line.rstrip()}\n" for line in printed(sheet, 110).splitlines()) == WIDE
+    assert "".join(f"{line.rstrip()}\n" for line in printed(sheet, 71).splitlines()) == FOLDED
+    # a terminal of another kind is never wider than 100
+    assert text_of(to_terminal(sheet)) == WIDE.rstrip("\n")
+    assert max(map(len, text_of("word " * 60).splitlines())) == 99
+    untitled = Sheet("", sheet.heads, sheet.rows, sheet.group_ends)
+    assert printed(untitled, 110).splitlines()[0].startswith("┏")
+
+
+def test_a_table_of_a_page_tag_by_tag() -> None:
+    """Expected: written by hand; heads of columns and rows have their scope, empty ones are no heads."""
+    assert to_html(uneven()) == (
+        "<table><caption>Legs [of] &lt;a&gt; machine</caption>"
+        '<thead><tr><td></td><th scope="col">leg 1</th><th scope="col">leg 2</th><th scope="col">note</th><td></td>'
+        '</tr></thead><tbody><tr><th scope="row">peak &lt;force&gt; <span class="unit">N &amp; m</span></th>'
+        "<td>12.5</td><td>-7</td><td>of the longest leg in the second half of the run</td><td>7</td></tr>"
+        '<tr class="group-end"><th scope="row">flags</th><td>–</td><td>3</td><td></td><td>x</td></tr>'
+        "<tr><td></td><td>1</td><td>22222</td><td>&lt;b&gt;x</td><td>11</td></tr></tbody></table>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("cells", "number", "prose"),
+    [
+        (["1", "-2.5", "×3", "< 0.001", "+7", "±2", "(4, 5)", "−6"], True, False),
+        (["1", "–", "never"], True, False),
+        (["never", "–"], False, False),
+        ([], False, False),
+        (["1 of the eighteen lett"], True, True),
+        (["1", "exactly eighteen c"], True, False),
+        (["1", "exactly nineteen ch"], False, True),
+        (["1", "nineteenletterslong"], True, False),
+        (["stands 1 at the end"], False, True),
+    ],
+)
+def test_columns_of_numbers_and_of_sentences(cells: list[str], number: bool, prose: bool) -> None:
+    """Expected: a number may follow a sign, a relation or a bracket; a sentence has words and over 18 letters."""
+    assert (is_number(cells), is_prose(cells)) == (number, prose)
+
+
+def test_widths_of_columns_and_shares_of_tables() -> None:
+    """Expected, by hand: names of 20 letters, numbers of 5, 6, 7, 8 and 4, each framed by three more, and one line.
+
+    All need 20 + 30 + 6 · 3 + 1 = 69; names fold to 18 = their least; then the tables divide, the last take more.
+    """
+    columns = [["", "twenty letters long."], *([f"h{k}", "9" * k] for k in (5, 6, 7, 8, 4))]
+    whole = [[(0, 20), (1, 5), (2, 6), (3, 7), (4, 8), (5, 4)]]
+    assert stacked_columns(columns, 200) == stacked_columns(columns, 69) == whole
+    assert stacked_columns(columns, 68) == [[(0, 19), *whole[0][1:]]]
+    assert stacked_columns(columns, 67) == [[(0, 18), *whole[0][1:]]]
+    # 18 + 3 + 5 + 3 + 6 + 3 + 1 = 39 and 18 + 3 + 7 + 3 + 8 + 3 + 4 + 3 + 1 = 50
+    assert stacked_columns(columns, 66) == [[(0, 20), (1, 5), (2, 6)], [(0, 20), (3, 7), (4, 8), (5, 4)]]
+    assert stacked_columns(columns, 50) == [[(0, 18), (1, 5), (2, 6)], [(0, 18), (3, 7), (4, 8), (5, 4)]]
+    assert stacked_columns(columns, 49) == [[(0, 20), (1, 5)], [(0, 20), (2, 6), (3, 7)], [(0, 20), (4, 8), (5, 4)]]
+    # not even one beside the names of least width: 33 are 18 + 3 + 8 + 3 + 1; names give way
+    single = [[(1, 5)], [(2, 6)], [(3, 7)], [(4, 8)], [(5, 4)]]
+    assert stacked_columns(columns, 33) == [[(0, 18), *each] for each in single]
+    assert stacked_columns(columns, 30) == [[(0, 15), *each] for each in single]
+    assert stacked_columns(columns, 3) == [[(0, 1), *each] for each in single]
+    assert stacked_columns(columns[:1], 12) == [[(0, 8)]]
+    assert stacked_columns(columns[:1], 40) == [[Column(0, 20)]]
+
+
+def test_room_goes_first_to_what_lacks_most() -> None:
+    """Expected, by hand: sentences of 30 and 40 letters from 18 each; the longer gets 10 more before they share.
+
+    A word of 26 letters stays whole, and of one of 27 letters only 26 do.
+    """
+    short, long = ("word " * 6).strip() + "x", ("word " * 8).strip() + "x"
+    columns = [["", "n"], ["a", short], ["b", long]]
+    assert stacked_columns(columns, 100) == [[(0, 1), (1, 30), (2, 40)]]
+    assert stacked_columns(columns, 56) == [[(0, 1), (1, 18), (2, 27)]]
+    assert stacked_columns(columns, 61) == [[(0, 1), (1, 20), (2, 30)]]
+    for letters, least in ((26, 26), (27, 26), (19, 19), (5, 18)):
+        words = [["", "n"], ["a", "b" * letters + " and more words than fit in any line of this width"]]
+        assert stacked_columns(words, 1 + 3 + 1 + 3 + least) == [[(0, 1), (1, least)]], letters
