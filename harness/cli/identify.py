@@ -145,7 +145,9 @@ def identify_command(
             from gough_stewart.model.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
-        chosen = None if experiment is None else chosen_experiment(experiment, settings, no_python)
+        chosen = None
+        if experiment is not None:
+            chosen = chosen_experiment(experiment, settings, no_python, lambda chosen: chosen.code)
         with progress_bar() as progress:
             task = progress.add_task("identifying", total=None)
             options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame.value}

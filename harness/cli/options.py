@@ -3,7 +3,7 @@
 Commands import what they need inside their functions, so that --help and mistyped commands do not wait for NumPy.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -174,8 +174,20 @@ def chosen_targets(names: list[str] | None) -> list[str]:
     return names
 
 
-def chosen_experiment(experiment: str, settings: list[str] | None, no_python: bool) -> "Experiment":
+def _its_law(experiment: "Experiment") -> tuple[str, ...]:
+    """What a design executes of an experiment: not the FMU of its plant."""
+    return experiment.controller.code
+
+
+def chosen_experiment(
+    experiment: str,
+    settings: list[str] | None,
+    no_python: bool,
+    executed: "Callable[[Experiment], tuple[str, ...]]" = _its_law,
+) -> "Experiment":
     """The experiment from a file, or a shipped one by name; a file of that name takes precedence.
+
+    `executed` gives the files among those that it names which the command executes; each is announced.
 
     Raises
     ------
@@ -186,11 +198,12 @@ def chosen_experiment(experiment: str, settings: list[str] | None, no_python: bo
         from gough_stewart.harness.experiment.file import load_experiment
 
         chosen = load_experiment(experiment, settings or [])
-    if no_python and chosen.code:
+    code = executed(chosen)
+    if no_python and code:
         raise ExperimentError(
-            chosen.where, "", f"executes {', '.join(chosen.code)}; omit --no-python if you trust these files"
+            chosen.where, "", f"executes {', '.join(code)}; omit --no-python if you trust these files"
         )
-    for file in chosen.code:
+    for file in code:
         errors.say((f"executes {file}, named by {experiment}", "dim"))
     return chosen
 

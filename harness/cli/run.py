@@ -93,7 +93,15 @@ def run_command(
     """
     report = report or open_it
     with clear_errors() as command:
-        chosen = chosen_experiment(experiment, settings, no_python)
+
+        def executed(chosen: "Experiment") -> tuple[str, ...]:
+            law = chosen.controller.code if controller is None or controller in FMI_VERSIONS else ()
+            # members without a plant of their own run in the compiled batch
+            in_batch = member is not None and plant is None and fmu is None
+            unit = None if in_batch else chosen.plant.own_unit(plant, fmu)
+            return law if unit is None else (*law, unit)
+
+        chosen = chosen_experiment(experiment, settings, no_python, executed)
         folder = out or results_folder("run", experiment, "" if member is None else f"_member_{member}")
         # each refresh takes as long as a hundred steps of the run
         with progress_bar(refresh_per_second=4) as progress:

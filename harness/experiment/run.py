@@ -125,8 +125,8 @@ def run_prepared(
     if plant is None or isinstance(plant, str):
         kind: PlantKind = plant or choice.kind
         name: str = kind
-        if fmu is None and choice.fmu is not None and kind == choice.kind:
-            fmu = experiment.folder / choice.fmu
+        if (own := choice.own_unit(plant, fmu)) is not None:
+            fmu = experiment.folder / own
         opening: AbstractContextManager[Plant] = open_plant(
             kind,
             prepared.machine,

@@ -111,6 +111,10 @@ class PlantChoice(Section):
     tolerance: Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])] = DEFAULT_TOLERANCE
     fixed_step_size: Time = 0.0
 
+    def own_unit(self, kind: PlantKind | None, fmu: object) -> FileName | None:
+        """Its FMU if a run executes that: one that asks for no plant or for this kind, and brings no other file."""
+        return self.fmu if fmu is None and kind in (None, self.kind) else None
+
 
 class Start(Section):
     """`[start]`: the state at time 0; missing keys are those of the reference."""
@@ -246,7 +250,7 @@ class Experiment(Section):
 
     @property
     def code(self) -> tuple[str, ...]:
-        """Files that it names and a run executes, with the user's rights."""
+        """Files that it names and a run of it as it is executes, with the user's rights."""
         return self.controller.code + (() if self.plant.fmu is None else (self.plant.fmu,))
 
     @property

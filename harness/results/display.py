@@ -8,7 +8,7 @@ import numpy as np
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_html
 from gough_stewart.harness.results.figures import pose_png
 from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.tables import metrics_sheets
 
@@ -43,7 +43,7 @@ def _circumstances(record: Record) -> Sheet:
     if known.get("plant"):
         sheet.add("plant", str(known["plant"]))
     if "outcome" in known:
-        sheet.add("outcome", outcome_text(known["outcome"]))
+        sheet.add("outcome", outcome_text(outcome_of(record) if "platform" in known else known["outcome"]))
     rows, columns = record.table.shape
     sheet.add("table", f"{rows} rows, {columns} columns")
     if rows and "time" in record:

@@ -19,7 +19,7 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.plotting import Draw, entitle, pictures, png
 from gough_stewart.harness.output.quantities_shown import least_span
-from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.outcome import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.vectors import FloatArray
 
@@ -225,9 +225,9 @@ def _room(texts: Iterable[str]) -> float:
 
 
 def _title(record: Record, what: str) -> list[str]:
-    outcome = record.metadata["outcome"]
+    outcome = outcome_of(record)
     lines = textwrap.wrap(f"{record.metadata['title']} — {what}", 85, max_lines=2, placeholder=" …")
-    if outcome["status"] != "completed":
+    if not is_sound(outcome):
         lines += textwrap.wrap(outcome_text(outcome), 85, max_lines=2, placeholder=" …")
     return lines
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.results.limits import shares_of_limits
-from gough_stewart.harness.results.oscillation import oscillation
+from gough_stewart.harness.results.outcome import outcome_of
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.steps import AXES, BAND, HIGH, LOW, step_in, step_numbers
 from gough_stewart.model.vectors import FloatArray
@@ -75,7 +75,7 @@ def metrics(record: Record) -> Metrics:
     with np.errstate(all="ignore"):
         return Metrics(
             {
-                "outcome": {**record.metadata["outcome"], "oscillation": _oscillation(record)},
+                "outcome": outcome_of(record),
                 "rows": n,
                 "duration": float(time[-1] - time[0]) if n else None,
                 "tracking": _tracking(kept) if n else None,
@@ -103,11 +103,6 @@ def finite_part(record: Record) -> Record:
             fine &= np.isfinite(record[name]).all(axis=1)
     rows = len(fine) if fine.all() else int(fine.argmin())
     return Record(record.table.head(rows), record.metadata)
-
-
-def _oscillation(record: Record) -> dict[str, Any] | None:
-    found = oscillation(record)
-    return None if found is None else found._asdict()
 
 
 def _tracking(record: Record) -> dict[str, Any] | None:

@@ -6,14 +6,14 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, to_terminal
-from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.outcome import is_sound, outcome_text
 
 
 def metrics_table(metrics: dict[str, Any]) -> RenderableType:
-    """Tables for the terminal, after the outcome if the run did not complete."""
+    """Tables for the terminal, after the outcome if the run did not complete, or its loop oscillates or grows."""
     parts: list[RenderableType] = []
     outcome = metrics["outcome"]
-    if outcome["status"] != "completed":
+    if not is_sound(outcome):
         parts.append(Text(outcome_text(outcome), "bold red"))
     return Group(*parts, *map(to_terminal, metrics_sheets(metrics)))
 

@@ -8,7 +8,7 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.tables import quantity_text
 from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.harness.results.metrics import flattened
-from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.outcome import is_sound, outcome_text
 from gough_stewart.harness.results.record import Record
 
 # Prefixes of the paths that are shown, in this order.
@@ -38,7 +38,8 @@ _BEST = '<span class="best">★</span> '
 def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
     """A table with one column per run, in HTML.
 
-    The best values of a row are marked if all runs have the same reference and duration, and all completed.
+    The best values of a row are marked if all runs have the same reference and duration, all completed, and no loop
+    oscillates or grows by itself.
     """
     flat = [flattened(each) for each in metrics]
     paths = dict.fromkeys(path for each in flat for path in each)
@@ -48,7 +49,7 @@ def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]
     )
     outcomes = "".join(f"<td>{escape(outcome_text(each['outcome']))}</td>" for each in metrics)
     rows = [f'<tr><th scope="row">outcome</th>{outcomes}</tr>']
-    marks = _same_task(records)
+    marks = _same_task(records) and all(is_sound(each["outcome"]) for each in metrics)
     for path in sorted(filter(_is_shown, paths), key=_place):
         rows.append(_row(path, [each.get(path) for each in flat], marks))
     note = ' <span class="unit">★ best of the row</span>' if marks else ""
@@ -95,8 +96,7 @@ def _place(path: str) -> int:
 def _same_task(records: Sequence[Record]) -> bool:
     first = records[0].metadata
     return all(
-        each.metadata["outcome"]["status"] == "completed"
-        and each.metadata.get("duration") == first.get("duration")
+        each.metadata.get("duration") == first.get("duration")
         and (each.metadata.get("experiment") or {}).get("reference") == (first.get("experiment") or {}).get("reference")
         for each in records
     )

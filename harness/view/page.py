@@ -14,7 +14,7 @@ from gough_stewart.harness.output.pages import asset, document, plotly
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.output.three import three, three_licence
 from gough_stewart.harness.results.metrics import finite_part, metrics
-from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.outcome import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record import Record, machine_of, platform_of
 from gough_stewart.harness.results.tables import metrics_sheets
 from gough_stewart.harness.view.charts import chart_of, points_of
@@ -127,11 +127,11 @@ def _lead(record: Record, platform: Platform) -> str:
 
 
 def _heads(shown: Sequence[_Shown]) -> str:
-    """One line per record, with a box to hide it if there are several, and how it ended if it did not complete."""
+    """One line per record, with a box to hide it if there are several, and how it ended if that is not sound."""
     heads = []
     for k, each in enumerate(shown):
-        outcome, ended = each.record.metadata["outcome"], ""
-        if outcome["status"] != "completed":
+        outcome, ended = outcome_of(each.record), ""
+        if not is_sound(outcome):
             ended = f' <span class="ended">{html.escape(outcome_text(outcome))}</span>'
         if len(shown) > 1:
             box = f'<input type="checkbox" data-record="{k}" checked> '

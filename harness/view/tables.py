@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text
-from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.scene import FLAGS, nearness_to_limits
 from gough_stewart.model.parameters import TABLE
@@ -16,7 +16,7 @@ from gough_stewart.model.platform import Platform
 def run_sheet(record: Record, platform: Platform) -> Sheet:
     """How the run was made, and how it ended."""
     metadata, sheet = record.metadata, Sheet("Run", ("", ""))
-    sheet.add("outcome", outcome_text(metadata["outcome"]))
+    sheet.add("outcome", outcome_text(outcome_of(record)))
     sheet.add("plant", str(metadata.get("plant", "–")))
     sheet.add("platform", platform.name)
     sheet.add("rows", str(record.table.height))

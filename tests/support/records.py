@@ -1,5 +1,6 @@
 """Records made from closed-form motions, for tests of what is drawn from them."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -56,3 +57,23 @@ def waving_record(
         "versions": {"python": "3"},
     }
     return Record(polars.DataFrame(table), {**known, **metadata})
+
+
+def oscillating(record: Record, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> Record:
+    """The same with a sine as the error of one leg [Hz, m], and errors at rest of the others; the reference stands."""
+    wave = amplitude * np.sin(2 * np.pi * frequency * record["time"])
+    errors = {f"error.leg_length[{k}]": wave if k == leg else 1e-3 * k + 0 * wave for k in range(1, 7)}
+    standing = {name: np.full_like(wave, record[name][0]) for name in columns("reference.leg_length", 6)}
+    return Record(record.table.with_columns(**errors, **standing), record.metadata)
+
+
+def says_it_oscillates(text: str, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> bool:
+    """Whether a text on an outcome after 0.5 s names what `oscillating` made, to 1 % and what to do."""
+    said = re.fullmatch(
+        r"completed at 0\.5 s; leg (\d) oscillates at (\S+) Hz by itself, with an amplitude of (\S+) mm\. Lower .*",
+        text,
+    )
+    if said is None:
+        return False
+    found, expected = [float(each) for each in said.groups()], [leg, frequency, 1e3 * amplitude]
+    return bool(np.allclose(found, expected, rtol=0.01))

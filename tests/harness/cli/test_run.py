@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from gough_stewart.harness.cli import app as cli
 from gough_stewart.harness.experiment.file import experiment_names, shipped_text
 from gough_stewart.harness.results.record import read_record
+from gough_stewart.model.errors import GoughStewartError
 from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
@@ -196,7 +197,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("command", ["run", "margins"])
 def test_no_python_refuses_what_an_experiment_would_execute(command: str, own: Path) -> None:
     """Expected: the file is named, and was not executed."""
-    for experiment, file in (("heave_step.toml", "law.py"), ("unit.toml", "unit.fmu")):
+    for experiment, file in (("heave_step.toml", "law.py"), ("unit.toml", "unit.fmu"))[: 2 if command == "run" else 1]:
         done = invoke(command, experiment, "--no-python")
         assert done.exit_code == 1
         assert f"{experiment}: executes {file}; omit --no-python" in done.output
@@ -208,6 +209,65 @@ def test_run_says_which_code_it_executes(own: Path) -> None:
     done = invoke("run", "heave_step.toml")
     assert "executes law.py, named by heave_step.toml" in done.stderr
     assert (own / "mark").is_file()
+
+
+_LAW, _UNIT = "executes law.py, named by both.toml\n", "executes unit.fmu, named by both.toml\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "both.toml"), _LAW + _UNIT),
+        (("run", "both.toml", "--plant", "fmu2"), _LAW + _UNIT),
+        (("run", "both.toml", "--plant", "fmu3"), _LAW),
+        (("run", "both.toml", "--plant", "model"), _LAW),
+        (("run", "both.toml", "--fmu", "mine.fmu"), _LAW),
+        (("run", "both.toml", "--controller", "fmu3"), _LAW + _UNIT),
+        (("run", "both.toml", "--controller", "mine.fmu"), _UNIT),
+        (("run", "both.toml", "--member", "0"), _LAW),
+        (("run", "both.toml", "--member", "0", "--plant", "fmu2"), _LAW + _UNIT),
+        (("run", "both.toml", "--member", "0", "--fmu", "mine.fmu"), _LAW),
+        (("margins", "both.toml"), _LAW),
+        (("frf", "record", "--experiment", "both.toml"), _LAW),
+        (("export", "both.toml"), _LAW),
+        (("ensemble", "both.toml"), _LAW),
+        (("ensemble", "heave_tolerances", "--compare", "both.toml"), _LAW),
+        (("tune", "both.toml", "--vary", "controller.x=1..2", "--minimise", "force.peak"), _LAW),
+        (("identify", "log.csv", "--estimate", "platform_mass", "--experiment", "both.toml"), _LAW + _UNIT),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_what_is_executed_is_announced_and_nothing_else(
+    arguments: tuple[str, ...], said: str, own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the law of designs, runs and members; the unit only of a run that simulates it.
+
+    What is announced is also what --no-python refuses. No command gets any further here.
+    """
+    text = (own / "unit.toml").read_text().replace('controller.type = "open_loop"', "")
+    (own / "both.toml").write_text(text + '\ncontroller = {type = "python", file = "law.py"}\n')
+
+    class HereError(GoughStewartError):
+        pass
+
+    def stop(*_: object, **__: object) -> None:
+        raise HereError("so far")
+
+    room = "gough_stewart.harness"
+    for place in (
+        *("experiment.run.run", "experiment.analysis.margins", "experiment.frf.frf", "export.export.export"),
+        *("export.own_unit.exported_controller", "ensemble.ensemble.ensemble", "ensemble.compared.run_compared"),
+        *("experiment.setting_file.text_with_settings", "identify.log.read_log"),
+    ):
+        monkeypatch.setattr(f"{room}.{place}", stop)
+    done = invoke(*arguments)
+    announced = "".join(line for line in done.stderr.splitlines(keepends=True) if line.startswith("executes"))
+    assert announced == said, done.output
+    assert "so far" in done.stderr
+    if arguments[0] != "frf":  # has no such option: only who names an experiment has code executed
+        files = ", ".join(line.split()[1].removesuffix(",") for line in said.splitlines())
+        assert f"both.toml: executes {files}; omit --no-python" in invoke(*arguments, "--no-python").stderr
+    assert not (own / "mark").exists()
 
 
 def test_a_file_with_the_name_of_a_shipped_experiment_has_a_folder_of_its_own(own: Path) -> None:

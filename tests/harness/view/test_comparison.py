@@ -13,7 +13,7 @@ from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.comparison import best, comparison_table
 from gough_stewart.harness.view.tables import limits_sheet
 from gough_stewart.model.platform_toml import load_preset
-from tests.support.records import waving_record
+from tests.support.records import oscillating, says_it_oscillates, waving_record
 
 
 def rows_of(records: list[Record]) -> tuple[list[str], dict[str, list[str]]]:
@@ -54,6 +54,18 @@ def test_each_run_has_a_column_and_the_best_values_are_marked() -> None:
 def test_nothing_is_best_where_runs_had_different_tasks_or_did_not_complete(other: dict[str, Any]) -> None:
     base = load_preset("motion_base")
     _, rows = rows_of([waving_record(base, size=0.04), waving_record(base, size=0.02, **other)])
+    assert not any("★" in text for row in rows.values() for text in row)
+
+
+def test_nothing_is_best_where_a_loop_oscillates_and_its_outcome_says_so() -> None:
+    """Expected: an error of leg 5 made of 40 Hz and 3 mm, in words; the other run completed and is named as such."""
+    base = load_preset("motion_base")
+    sound = waving_record(base, size=0.0)
+    heads, rows = rows_of([sound, oscillating(sound)])
+    assert heads == ["run <0>", "run <1>"]
+    outcomes = rows["outcome"]
+    assert outcomes[0] == "completed at 0.5 s"
+    assert says_it_oscillates(outcomes[1])
     assert not any("★" in text for row in rows.values() for text in row)
 
 

@@ -27,7 +27,7 @@ from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion
 from gough_stewart.model.vectors import FloatArray
 from tests.support.colour_vision import BLIND, delta_e_76, delta_e_2000, lab, rgb_of
-from tests.support.records import waving_record
+from tests.support.records import oscillating, says_it_oscillates, waving_record
 
 
 def numbers(packed: dict[str, str], width: int | None = None) -> FloatArray:
@@ -202,6 +202,18 @@ def test_rows_from_a_value_that_is_not_finite_on_are_left_out(record: Record) ->
     values[1000:] = np.nan
     broken = Record(record.table.with_columns(**{"position[3]": values}), record.metadata)
     assert numbers(data_of(view_page([broken], ["x"]))["scenes"][0]["time"])[-1] == record["time"][999]
+
+
+@pytest.mark.parametrize("records", [1, 2])
+def test_a_loop_that_oscillates_is_not_just_completed(platform: Platform, records: int) -> None:
+    """Expected: beside the title and in the table of the run, what the record was given: leg 5, 40 Hz, 3 mm."""
+    record = oscillating(waving_record(platform, size=0.0))
+    page = view_page([record] * records, [f"run {k}" for k in range(records)])
+    ended = [each.text_content() for each in elements(page, "//header//*[@class='ended']")]
+    assert [says_it_oscillates(text) for text in ended] == [True] * records
+    of_runs = elements(page, "//caption[text()='Run']/../tbody/tr[th='outcome']/td/text()")
+    assert of_runs == ended
+    assert elements(view_page([waving_record(platform)], ["a"]), "//*[@class='ended']") == []
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
