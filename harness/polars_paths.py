@@ -1,8 +1,17 @@
-"""Files of Polars whose paths are not UTF-8, which it refuses: they go through memory."""
+"""Files of Polars: paths that are not UTF-8, which it refuses, go through memory, and interrupts wait for its end.
+
+A `KeyboardInterrupt` in one of the Python functions that Polars calls from Rust becomes a panic.
+"""
 
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gough_stewart.model.interrupts import interrupts_held_back
+
+if TYPE_CHECKING:  # it is slow to import
+    import polars
 
 
 def readable(path: Path) -> Path | BytesIO:
@@ -10,6 +19,23 @@ def readable(path: Path) -> Path | BytesIO:
     return path if _is_utf8(path) else BytesIO(path.read_bytes())
 
 
+@interrupts_held_back()
+def read_parquet(path: Path | BytesIO) -> "polars.DataFrame":
+    """The table in a Parquet file; `*` and `[1]` are parts of a name."""
+    import polars
+
+    return polars.read_parquet(path if isinstance(path, BytesIO) else readable(path), glob=False)
+
+
+@interrupts_held_back()
+def scan_parquet(path: Path) -> "polars.LazyFrame":
+    """The same, not yet read."""
+    import polars
+
+    return polars.scan_parquet(readable(path), glob=False)
+
+
+@interrupts_held_back()
 def write_to(path: Path, write: Callable[[Path | BytesIO], None]) -> None:
     """Let Polars write a file."""
     if _is_utf8(path):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gough_stewart.harness.errors import TableError
+from gough_stewart.harness.polars_paths import read_parquet
 from gough_stewart.harness.table_text import columns_of, text_of
 from gough_stewart.model.vectors import FloatArray
 
@@ -37,7 +38,7 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
         raise TableError(f"cannot read this {what}: {error.strerror or error}") from error
     if content.startswith(b"PAR1"):
         try:
-            return polars.read_parquet(BytesIO(content))
+            return read_parquet(BytesIO(content))
         except (polars.exceptions.PolarsError, OSError) as error:
             raise TableError(f"is not Parquet: {str(error).splitlines()[0]}") from error
     return columns_of(text_of(content))

@@ -16,7 +16,7 @@ from gough_stewart.harness.ensemble.result import CAUSE, INTEGRATION_ERROR, OUTC
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions
-from gough_stewart.harness.polars_paths import readable, write_to
+from gough_stewart.harness.polars_paths import read_parquet, scan_parquet, write_to
 from gough_stewart.harness.results.bands import bands_frame, together
 from gough_stewart.model.files import write_whole
 
@@ -27,9 +27,7 @@ _MOST_CAUSES = 50
 
 def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path) -> Ensemble:
     """Write members.parquet, bands.parquet and ensemble.json from the chunks; the last one marks completion."""
-    rows = polars.concat(
-        [polars.scan_parquet(readable(files.rows(first)), glob=False) for first, _ in ranges], how="diagonal"
-    )
+    rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
 
     def write(path: Path | BytesIO) -> None:
         rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
@@ -37,7 +35,7 @@ def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: S
     write_whole(folder / MEMBERS, lambda path: write_to(path, write))
     bands = bands_frame(together(files.bands(first) for first, _ in ranges))
     write_whole(folder / BANDS, lambda path: write_to(path, partial(bands.write_parquet, statistics=False)))
-    members = polars.scan_parquet(readable(folder / MEMBERS), glob=False)
+    members = scan_parquet(folder / MEMBERS)
     write_whole(folder / METADATA, json.dumps(_metadata(plan, members, features), indent=1).encode())
     return read_ensemble(folder)
 
@@ -54,8 +52,8 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     try:
         metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
         return Ensemble(
-            polars.read_parquet(readable(folder / MEMBERS), glob=False),
-            polars.read_parquet(readable(folder / BANDS), glob=False),
+            read_parquet(folder / MEMBERS),
+            read_parquet(folder / BANDS),
             metadata,
         )
     except (OSError, ValueError, polars.exceptions.PolarsError) as error:

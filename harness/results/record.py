@@ -11,7 +11,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.polars_paths import readable, write_to
+from gough_stewart.harness.polars_paths import read_parquet, readable, write_to
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -134,7 +134,7 @@ def read_record(path: Path | str) -> Record:
         if path.suffix == ".parquet":
             # a table from elsewhere has none
             text = polars.read_parquet_metadata(readable(path)).get(_METADATA_KEY, "null")
-            record = Record(polars.read_parquet(readable(path), glob=False), json.loads(text))
+            record = Record(read_parquet(path), json.loads(text))
         else:
             # the first rows of a float column may all be integers
             table = polars.read_csv(readable(path), infer_schema_length=None, glob=False)
