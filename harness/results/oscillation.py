@@ -29,6 +29,8 @@ _CYCLES, _CYCLES_MOVING = 3, 8
 _ABOVE, _POWER = 10.0, 0.999
 # Least amplitude: in standard deviations of the noise, in steps of the quantisation, and of the mean leg length.
 _NOISES, _STEPS, _RELATIVE = 6.0, 3.0, 1e-6
+# Larger lengths are no platform's, and their spectra and accelerations may overflow [m].
+_LARGEST = 1e9
 
 _REMEDY = "Lower the bandwidth or the delay; `gough-stewart margins` shows what the loop allows"
 
@@ -64,7 +66,9 @@ def oscillation(record: Record) -> Oscillation | None:
         return None
     choice = record.metadata.get("experiment", {})
     error, time = record["error.leg_length"], record["time"]
-    if len(time) < _ROWS or not np.isfinite(error).all() or choice.get("controller", {}).get("type") == "open_loop":
+    if len(time) < _ROWS or choice.get("controller", {}).get("type") == "open_loop":
+        return None
+    if not all((np.abs(record[name]) < _LARGEST).all() for name in _USED):  # NaN is not below it either
         return None
     begin = _rest_begins(record)
     if len(time) - begin >= max(_ROWS, _REST * len(time)):

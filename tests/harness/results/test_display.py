@@ -14,9 +14,10 @@ from rich.console import Console
 
 import gough_stewart as gs
 from gough_stewart.harness.paper.reproduce import Reproduction
+from gough_stewart.harness.results.figures import run_figures
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.tables import metrics_table
-from tests.support.records import waving_record
+from tests.support.records import oscillating, says_it_oscillates, waving_record
 
 BAD = '<script>alert(1)</script> & "so on"'
 
@@ -114,3 +115,14 @@ def test_a_reproduction_is_one_line_and_saves_its_files(tmp_path: Path) -> None:
     assert repr(made) == "<Reproduction: 1 of 2 comparisons within their bounds; files a.csv, b.png>"
     assert [path.read_bytes() for path in made.save(tmp_path / "new")] == [b"1", b"2"]
     assert not made.agrees
+
+
+def test_a_loop_that_oscillates_shows_it_everywhere() -> None:
+    """Expected: leg 5, 40 Hz and 3 mm, as the record was made, in the lines, the tables and above the figures."""
+    record = oscillating(waving_record(gs.load_preset("motion_base"), size=0.0))
+    (line,) = (line for line in repr(record).splitlines() if line.split()[0] == "outcome")
+    assert says_it_oscillates(line.removeprefix("  outcome").strip())
+    before_tables = str(gs.metrics(record)).partition("Tracking error")[0]
+    assert says_it_oscillates(" ".join(before_tables.split()))
+    drawing = run_figures(record)["pose.svg"].decode()
+    assert re.search(r"<!-- completed at 0\.5 s; leg 5 oscillates at (39\.\d|40) Hz by itself", drawing)
