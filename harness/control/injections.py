@@ -96,8 +96,8 @@ class InjectionChoice(Kind):
         For a leg both are unit vectors. For a mode a = J⁻ᵀ e / max|J⁻ᵀ e|, forces that add up to a single force or
         torque, and b gives the force or torque Jᵀ u relative to that of a. J is the leg Jacobian (6, 6).
         """
-        if self.mode is None:
-            one = np.eye(6)[(self.leg or 1) - 1]
+        if self.leg is not None:
+            one = np.eye(6)[self.leg - 1]
             return one, one
         k = MODES.index(self.mode)
         forces = np.linalg.solve(jacobian.T, np.eye(6)[k])

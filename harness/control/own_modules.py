@@ -94,15 +94,15 @@ def _builtins_of(prefix: str, folder: Path) -> dict[str, Any]:
                 known[top] = is_beside(folder, top)
             if not known[top]:
                 try:
-                    return builtins.__import__(name, globals, locals, fromlist or (), level)
+                    return builtins.__import__(name, globals, locals, fromlist, level)
                 except ModuleNotFoundError as error:
                     # a folder without __init__.py counts if nothing else has this name
                     if error.name != top or not (folder / top).is_dir():
                         raise
                     known[top] = True
-            found = importlib.__import__(f"{prefix}.{name}", globals, locals, fromlist or (), 0)
+            found = importlib.__import__(f"{prefix}.{name}", globals, locals, fromlist, 0)
             return found if fromlist else sys.modules[f"{prefix}.{top}"]
-        return builtins.__import__(name, globals, locals, fromlist or (), level)
+        return builtins.__import__(name, globals, locals, fromlist, level)
 
     return {**vars(builtins), "__import__": import_}
 

@@ -38,21 +38,6 @@ def controller_of_file(file: Path, name: str | None, factory: str | None, design
     return found if isinstance(found, LinearController | UnitController) else maker
 
 
-def controller_from_file(file: Path, name: str) -> Any:
-    """A controller from a Python file, executed anew: a linear one, or a control function that pickles as its location.
-
-    Raises
-    ------
-    ControllerError
-        As `controller_of_file`.
-    """
-    opened = _Opened(Path(file), name)
-    found = opened.found
-    if is_control_system(found) or not callable(found) or isinstance(found, LinearController | UnitController):
-        return controller_of(found)
-    return _OwnFunction(found, opened.modules, (controller_from_file, (Path(file).absolute(), name)))
-
-
 class FromFile(Maker):
     """Makes controllers from a Python file, which is executed anew for each."""
 
@@ -82,7 +67,7 @@ class FromFile(Maker):
         return _OwnFunction(found, opened.modules, (_remade, (self,)))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_opened": [], "first": None}
+        return {**vars(self), "_opened": []}
 
     def _makes(self, found: Any) -> bool:
         return self._is_factory or inspect.isclass(found)

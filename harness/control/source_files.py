@@ -7,9 +7,6 @@ from pathlib import Path
 
 from gough_stewart.harness.control.own_modules import is_beside
 
-# Longer texts are no file names.
-_LONGEST_NAME = 255
-
 
 def files_beside(file: Path) -> list[Path]:
     """The file, the modules beside it that its import statements reach, and files that these name, in order.
@@ -55,7 +52,7 @@ def _modules(folder: Path, name: str) -> list[Path]:
 
 def _texts(tree: ast.AST) -> Iterator[str]:
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and 0 < len(node.value) <= _LONGEST_NAME:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
 
 

@@ -67,7 +67,7 @@ def state_space_of(system: Any) -> Any:
         if isinstance(system, control.StateSpace):
             return system
         if isinstance(system, control.TransferFunction):
-            return control.ss(system) if system.issiso() else _by_elements(system)
+            return _by_elements(system)
     raise ControllerError(
         f"controller is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
         "or a function of a Sample"

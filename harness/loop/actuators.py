@@ -111,9 +111,9 @@ class _Delay:
         self._out = start.copy()
 
     def __call__(self, j: int, forces: FloatArray, due: BoolArray | None) -> FloatArray:
-        """Store the forces of sample j of the members that are due, and return the delayed ones."""
+        """Store the forces of sample j, and return the delayed ones of the members that are due."""
         slots, n = self._slots, self._delay + 1
-        slots[j % n] = forces if due is None else np.where(due, forces, slots[j % n])
+        slots[j % n] = forces  # of members that are not due the last ones, replaced at their own row
         if due is None and not self._of_slot:
             return slots[(j - self._delay) % n]
         for delay, whose in self._of_slot or [(self._delay, True)]:

@@ -28,7 +28,7 @@ class Outcomes:
         self.going = np.ones(shape, dtype=bool)  # members without an outcome
         self.running = np.ones(shape, dtype=bool)  # members for which the present row counts
         self.all_go = True
-        self._before, self._ended_now = self.going.copy(), False
+        self._ended_now = False
 
     def end(
         self,
@@ -60,13 +60,12 @@ class Outcomes:
         return np.asarray(np.arange(self.going.size).reshape(self._shape) == member)
 
     def end_of_row(self) -> BoolArray | None:
-        """Members that have ended since the last call, or None; later rows do not count for them."""
+        """Members that have ended so far, None if none has since the last call; later rows do not count for them."""
         if not self._ended_now:
             return None
-        ended: BoolArray = self._before & ~self.going
-        self.running[...] = self._before[...] = self.going
+        self.running[...] = self.going
         self._ended_now = False
-        return ended
+        return ~self.going
 
     def at_last(self, time: float) -> tuple[Outcome, ...]:
         """The outcomes of all members at the end of the run [s]."""

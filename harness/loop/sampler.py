@@ -38,8 +38,7 @@ class Sampler:
         own = loop.sensors.sample_time
         every = None if own is None else timing.steps_in(own, "the sensors' sample_time")
         rows = timing.rows_of_samples
-        n = len(rows) if every is None else timing.steps // every + 1
-        self._encoders = Encoders(loop.sensors, every, n, shape)
+        self._encoders = Encoders(loop.sensors, every, shape)
         if law_from is not None and loop.reference is None:
             raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
@@ -48,7 +47,6 @@ class Sampler:
         self._rows = rows.tolist() if rows.ndim == 1 else None
         self._rows_of_members = rows
         self._law: Law | None = None
-        self._sum = members.zeros(shape, 6) if shape else None  # a buffer for the command
         self._no_state = np.zeros((*shape, 0))
         self._excess = members.zeros(shape, 6)
         self.command = members.zeros(shape, 6)
@@ -84,9 +82,9 @@ class Sampler:
             at = j * self._every * self._plant_step
             if self._shape:
                 force, due = self._forces(cast("LawOfMany", self._law), j, at, reference, reading, due)
-                command = np.add(command, force, out=self._sum if due is None else None)
             else:
-                command = command + self._law.force(j, at, reference, reading, self._excess)
+                force = self._law.force(j, at, reference, reading, self._excess)
+            command = command + force
         if self._shape:
             self._command_many(j, time, command, due)
         else:
@@ -115,9 +113,9 @@ class Sampler:
             beyond = ~(np.abs(self.command) <= LARGEST_NUMBER).all(axis=-1)
             self._outcomes.end(beyond, "diverged", lambda member: _forces_are(self.command[member]), time=time)
             due = going & (True if due is None else due)
-        cut, excess = self._drives.command(j, self.command, due)
         # for commands that were held, both stay the same
-        self.force_limited, self._excess = cut if due is None else cut & going[:, None], excess
+        cut, self._excess = self._drives.command(j, self.command, due)
+        self.force_limited = cut & going[:, None]
 
     def _forces(
         self, law: "LawOfMany", j: int, at: float, reference: FloatArray, reading: FloatArray, due: BoolArray | None

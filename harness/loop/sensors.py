@@ -10,7 +10,7 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
 
-# Number of readings per block in which noise is drawn for many members.
+# Number of readings per block in which noise is drawn; the numbers do not depend on it.
 _BLOCK = 64
 
 
@@ -30,12 +30,12 @@ class Sensors:
 
 
 class Readings:
-    """The sensors in a run of n readings; internal arrays are (24,) or (24, N)."""
+    """The sensors in a run; internal arrays are (24,) or (24, N)."""
 
-    def __init__(self, sensors: Sensors, n: int, shape: tuple[int, ...] = ()) -> None:
+    def __init__(self, sensors: Sensors, shape: tuple[int, ...] = ()) -> None:
         # one random stream per signal: noise on one does not change the noise on the others
         self._noise = {
-            name: _Noise(sensors, name, n, shape)
+            name: _Noise(sensors, name, shape)
             for name in signals.NAMES
             if np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0)
         }
@@ -47,10 +47,10 @@ class Readings:
         """Read only these signals from now on, to save time with many members."""
         many = self._measured.ndim > 1
         read = list(names) if many else list(signals.NAMES)
-        self._exact = _joined([_PARTS[name] for name in read if name not in self._steps or name in self._noise])
+        self._exact = _joined([_PARTS[name] for name in read])
         self._noisy = [(_PARTS[name], noise) for name, noise in self._noise.items() if name in read]
         self._stepped = [
-            (part := _PARTS[name], _Steps(step, None if many else part.stop - part.start), name in self._noise)
+            (part := _PARTS[name], _Steps(step, None if many else part.stop - part.start))
             for name, step in self._steps.items()
             if name in read
         ]
@@ -66,8 +66,8 @@ class Readings:
                 np.copyto(measured[part], columns[part])
         for part, noise in self._noisy:
             measured[part] += noise(k)
-        for part, steps, is_noisy in self._stepped:
-            steps.round((measured if is_noisy else columns)[part], measured[part])
+        for part, steps in self._stepped:
+            steps.round(measured[part])
         return measured.T
 
 
@@ -81,14 +81,14 @@ class _Steps:
         if size is not None:
             self._step = np.full(size, step)  # twice as fast in NumPy as a number
 
-    def round(self, exact: FloatArray, out: FloatArray) -> None:
-        """Write to `out`, which may be `exact`."""
-        kept = exact.copy() if self._some_have_none else None
-        np.divide(exact, self._step, out)
-        np.rint(out, out)
-        np.multiply(out, self._step, out)
+    def round(self, values: FloatArray) -> None:
+        """In place."""
+        kept = values.copy() if self._some_have_none else None
+        np.divide(values, self._step, values)
+        np.rint(values, values)
+        np.multiply(values, self._step, values)
         if kept is not None:
-            np.copyto(out, kept, where=self._none)
+            np.copyto(values, kept, where=self._none)
 
 
 class Encoders:
@@ -98,12 +98,10 @@ class Encoders:
     ----------
     every
         Plant steps between readings; None for readings at the samples.
-    n
-        Number of readings.
     """
 
-    def __init__(self, sensors: Sensors, every: int | None, n: int, shape: tuple[int, ...] = ()) -> None:
-        self._every, self._readings = every, Readings(sensors, n, shape)
+    def __init__(self, sensors: Sensors, every: int | None, shape: tuple[int, ...] = ()) -> None:
+        self._every, self._readings = every, Readings(sensors, shape)
         self._latest: FloatArray = np.zeros(signals.SIZE)
         self.only = self._readings.only
 
@@ -120,23 +118,22 @@ class Encoders:
 class _Noise:
     """White noise of one signal: (size,), or (size, N) for many members."""
 
-    def __init__(self, sensors: Sensors, name: str, n: int, shape: tuple[int, ...]) -> None:
+    def __init__(self, sensors: Sensors, name: str, shape: tuple[int, ...]) -> None:
         purpose = signals.NAMES.index(name)
         seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
         self._streams = [stream(seed, purpose) for seed in seeds]
         self._deviation = sensors.noise[name]
-        self._rows = min(n, _BLOCK) if shape else n
         axis = (len(seeds),) if shape else ()
-        self._normal = np.zeros((self._rows, signals.VARIABLES[purpose].size, *axis))
+        self._normal = np.zeros((_BLOCK, signals.VARIABLES[purpose].size, *axis))
         self._drawn: tuple[int, FloatArray] = (-1, self._normal)
 
     def __call__(self, k: int) -> FloatArray:
         """Noise of reading k; k stays the same or increases by one."""
-        block, row = divmod(k, self._rows)
+        block, row = divmod(k, _BLOCK)
         if block != self._drawn[0]:
-            rows, size = self._normal.shape[:2]
+            shape = self._normal.shape[:2]
             for member, each in enumerate(self._streams):
-                self._normal.reshape(rows, size, -1)[:, :, member] = each.standard_normal((rows, size))
+                self._normal.reshape(*shape, -1)[:, :, member] = each.standard_normal(shape)
             self._drawn = block, self._deviation * self._normal
         noise: FloatArray = self._drawn[1][row]
         return noise

@@ -14,7 +14,6 @@ from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.members import PerMember
-from gough_stewart.model.vectors import FloatArray
 
 
 def together(loops: Sequence[Loop]) -> Loop:
@@ -89,10 +88,10 @@ def _numbers(values: Sequence[Any], none: float = np.nan) -> PerMember:
     return np.array([none if value is None else value for value in values])
 
 
-def _arrays(arrays: Sequence[FloatArray | None]) -> Any:
-    """One array if all are the same, or a stack."""
+def _arrays(arrays: Sequence[Any]) -> Any:
+    """One array, or None, if all are the same, or a stack."""
     first = arrays[0]
-    if first is None or all(each is first or np.array_equal(each, first) for each in arrays if each is not None):
+    if all(each is first or np.array_equal(each, first) for each in arrays):
         return first
     return members.stacked(arrays)
 
@@ -127,8 +126,8 @@ def _changes(loops: Sequence[Loop]) -> tuple[Change, ...]:
             of_row[row] = of_row.get(row, -1) + 1
             kind = (row, of_row[row], tuple(sorted(change.parameters)), change.external_wrench is not None)
             kinds.setdefault(kind, {})[member] = change
-    # sorted is stable, and all changes of a member at a row are of one kind
-    return tuple(_one(kinds[kind], len(loops)) for kind in sorted(kinds, key=lambda each: each[:2]))
+    # by row, then by their order in each member's list
+    return tuple(_one(kinds[kind], len(loops)) for kind in sorted(kinds))
 
 
 def _one(changes: Mapping[int, Change], n: int) -> Change:

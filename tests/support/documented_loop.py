@@ -5,10 +5,11 @@ small steps; motions, controllers and drives are stated here as formulas of one 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from gough_stewart.model.platform import Platform
@@ -291,3 +292,98 @@ def _stepped(
 
 def _solved(A: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(A, b), dtype=float)
+
+
+# --- the loop as a linear system -------------------------------------------------------------------------------------
+
+
+@dataclass
+class DocumentedLoop:
+    """The loop of some options at rest in a pose, opened at the actuators: u = −L u."""
+
+    options: Mapping[str, Any]
+    jacobian: FloatArray  # ∂L̇/∂(v, ω) (6, 6)
+    plant: tuple[FloatArray, FloatArray, FloatArray]  # x⁺ = A x + B u, lengths C x; with the lags of the drives
+    channel: tuple[FloatArray, ...]  # b, p, d, i, each (6,): kp + b (z − 1)/(z − p) + d + i/(z − 1)
+
+    def response(self, omega: FloatArray) -> FloatArray:
+        """L (n, 6, 6) at frequencies [rad/s]: J⁻ᵀ K(z) J⁻¹ C (z − A)⁻¹ B z⁻ᵈ, without J in leg space."""
+        A, B, C = self.plant
+        z = np.exp(1j * omega * self.options["sample_time"])[:, None]
+        poles, modes = np.linalg.eig(A)
+        P = ((C @ modes)[None] / (z - poles)[:, None]) @ np.linalg.solve(modes, B)
+        b, p, d, i = self.channel
+        with np.errstate(divide="ignore", invalid="ignore"):
+            integral = np.where(i > 0, d + i / (z - 1), 0.0)
+        K = (self.options["kp"] + b * (z - 1) / (z - p) + integral)[:, :, None] * np.eye(6)
+        if self.options["space"] == "task":
+            inverse = np.linalg.inv(self.jacobian)
+            K = inverse.T @ K @ inverse
+        return np.asarray(K @ P * (z ** -self.options["delay"])[:, :, None])
+
+    def poles(self, factors: FloatArray) -> FloatArray:
+        """Eigenvalues z of the closed loop, with factors (6,) on the forces of the six legs."""
+        (A, B, C), (b, p, d, i) = self.plant, self.channel
+        n, delay, task = len(A), self.options["delay"], self.options["space"] == "task"
+        inverse = np.linalg.inv(self.jacobian) if task else np.eye(6)
+        on = np.flatnonzero(i > 0)
+        # states: plant, filters, integrators, commands on their way
+        f, x, w = n, n + 6, n + 6 + len(on)
+        whole = np.zeros((w + 6 * delay, w + 6 * delay))
+        seen = np.zeros((6, len(whole)))
+        seen[:, :n] = -inverse @ C
+        force = (np.asarray(self.options["kp"]) + b + np.where(i > 0, d, 0.0))[:, None] * seen
+        force[:, f:x] += np.diag(b * (p - 1))
+        force[on, x + np.arange(len(on))] += 1.0
+        force = factors[:, None] * (inverse.T @ force)
+        whole[:n, :n] = A
+        whole[f:x] = seen
+        whole[f:x, f:x] += np.diag(p)
+        whole[x:w] = i[on, None] * seen[on]
+        whole[x:w, x:w] += np.eye(len(on))
+        if delay:
+            whole[w : w + 6] = force
+            whole[w + 6 :, w:-6] = np.eye(6 * (delay - 1))
+            whole[:n, -6:] += B
+        else:
+            whole[:n] += B @ force
+        return np.asarray(np.linalg.eigvals(whole))
+
+
+def linear(options: Mapping[str, Any], believed: Platform, q: FloatArray) -> DocumentedLoop:
+    """The loop about a pose q (6,) at rest, by central differences of the Lagrangian's accelerations.
+
+    Without Coulomb friction; sampled exactly for held commands, together with the lags of the drives.
+    """
+    machine = replace(believed, leg_coulomb_friction=0.0)
+    held, h = _static(machine, q), 1e-5
+
+    def slope(of: Callable[[FloatArray], FloatArray], size: float, n: int) -> FloatArray:
+        return np.stack([(of(size * e) - of(-size * e)) / (2 * size) for e in np.eye(n)], axis=1)
+
+    def rates(x: FloatArray) -> FloatArray:
+        return _accelerations(machine, q + x[:6], x[6:], held, np.zeros(6))
+
+    A, B = np.zeros((12, 12)), np.zeros((12, 6))
+    A[:6, 6:], A[6:] = np.eye(6), slope(rates, h, 12)
+    B[6:] = slope(lambda u: _accelerations(machine, q, np.zeros(6), held + u, np.zeros(6)), 1.0, 6)
+    C = np.zeros((6, 12))
+    C[:, :6] = slope(lambda x: legs_along(machine, Pose((q + x)[None], *np.zeros((2, 1, 6))))[0][0], h, 6)
+    T, tau = options["sample_time"], options["lag"]
+    if tau > 0:
+        A, B = (
+            np.block([[A, B], [np.zeros((6, 12)), -np.eye(6) / tau]]),
+            np.vstack([np.zeros((12, 6)), np.eye(6) / tau]),
+        )
+        C = np.hstack([C, np.zeros((6, 6))])
+    n = len(A)
+    held_over = expm(np.block([[A, B], [np.zeros((6, n + 6))]]) * T)
+    kp, kd, ki = (np.array(options[name]) for name in ("kp", "kd", "ki"))
+    Tf = options["derivative_filter"] or float((kd / kp).min() / 20)
+    b, p, share = {
+        "tustin": (2 * kd / (2 * Tf + T), (2 * Tf - T) / (2 * Tf + T), 0.5),
+        "backward_diff": (kd / (Tf + T), Tf / (Tf + T), 1.0),
+        "zoh": (kd / Tf, np.exp(-T / Tf), 0.0),
+    }[options["discretisation"]]
+    channel = (b, np.full(6, p), share * ki * T, ki * T)
+    return DocumentedLoop(options, _jacobian(machine, q), (held_over[:n, :n], held_over[:n, n:], C), channel)

@@ -15,8 +15,19 @@ _READY = {"harness": ("tools.mutants.ready",)}
 _NEARBY = {
     "fmu_build/c": ("tests/harness/export/test_fmu.py", "tests/harness/export/test_fmu_samples.py"),
     "harness": ("tests/test_doors.py",),
-    "harness/loop": ("tests/harness/experiment",),
-    "harness/control": ("tests/harness/loop", "tests/harness/experiment"),
+    "harness/loop": (
+        "tests/harness/control/test_controllers_at_work.py",
+        "tests/harness/experiment/test_options_together.py",
+        "tests/harness/experiment/test_truth_and_belief.py",
+    ),
+    "harness/control": (
+        "tests/harness/loop",
+        "tests/harness/ensemble/test_memory.py",
+        "tests/harness/experiment/test_frf.py",
+        "tests/harness/experiment/test_named_files.py",
+        "tests/harness/experiment/test_options_together.py",
+        "tests/harness/experiment/test_truth_and_belief.py",
+    ),
     "harness/motion": ("tests/harness/loop", "tests/harness/experiment"),
     "harness/plants": ("tests/harness/loop", "tests/harness/experiment"),
     "model": ("tests/model/formulations",),

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.harness.control.laws import LinearController, Sample
-from gough_stewart.harness.control.python_file import controller_from_file
+from gough_stewart.harness.control.controllers import PythonController
+from gough_stewart.harness.control.laws import LinearController, Sample, made_from
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
 from gough_stewart.harness.experiment.run import run
@@ -175,7 +175,7 @@ def test_a_controller_file_may_hold_dataclasses_and_its_controller_goes_to_anoth
     lines = ["from __future__ import annotations", "from dataclasses import dataclass", "@dataclass", "class Ramp:"]
     lines += ["    slope: float", "    def __call__(self, sample):", "        return [self.slope * sample.time] * 6"]
     (tmp_path / "json.py").write_text("\n".join([*lines, "controller = Ramp(3.0)"]))
-    ramp = controller_from_file(tmp_path / "json.py", "controller")
+    ramp = made_from(PythonController(file="json.py").controller(load_preset("liu2000"), 1e-3, tmp_path))
     assert "dumps" in dir(importlib.import_module("json"))
     code = "import pickle, sys; print(pickle.load(sys.stdin.buffer)(type('Sample', (), {'time': 2.0})))"
     done = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(ramp), capture_output=True, check=False)
@@ -188,7 +188,7 @@ def test_a_controller_file_may_hold_dataclasses_and_its_controller_goes_to_anoth
 def test_a_controller_file_that_fails_says_so(tmp_path: Path, line: str) -> None:
     (tmp_path / "mine.py").write_text(line)
     with pytest.raises(ControllerError, match=r"mine.py: fails with (ValueError|SystemExit): (no oil|0)"):
-        controller_from_file(tmp_path / "mine.py", "controller")
+        PythonController(file="mine.py").controller(load_preset("liu2000"), 1e-3, tmp_path)
 
 
 def test_a_controller_of_another_sample_time_is_refused() -> None:

@@ -209,12 +209,12 @@ def test_noise_of_a_member_is_that_of_its_seed_alone() -> None:
     true = np.zeros((3, signals.SIZE))
 
     def of(seeds: tuple[SeedSequence, ...]) -> FloatArray:
-        readings = Readings(Sensors(noise, seed=seeds), n, (len(seeds),))
+        readings = Readings(Sensors(noise, seed=seeds), (len(seeds),))
         return np.array([readings(k, true[: len(seeds)]).copy() for k in range(n)])
 
     some, fewer = of((children[4], children[1], children[2])), of((children[2],))
     for at, k in enumerate((4, 1, 2)):
-        single = Readings(Sensors(noise, seed=SeedSequence(9, spawn_key=(k,))), n)
+        single = Readings(Sensors(noise, seed=SeedSequence(9, spawn_key=(k,))))
         np.testing.assert_array_equal(some[:, at], [single(j, true[0]) for j in range(n)])
     np.testing.assert_array_equal(some[:, 2], fewer[:, 0])
     assert (some[:, 0, 12:18] != some[:, 1, 12:18]).all()

@@ -22,7 +22,7 @@ COLUMNS = {name: signals.positions([name]) for name in signals.NAMES}
 
 
 def measured(sensors: Sensors, true: FloatArray = TRUE) -> FloatArray:
-    readings = Readings(sensors, len(true))
+    readings = Readings(sensors)
     return np.array([readings(k, row) for k, row in enumerate(true)])
 
 
@@ -58,7 +58,7 @@ def test_no_element_and_no_row_has_the_noise_of_another() -> None:
 
 def test_a_longer_run_begins_with_the_noise_of_a_shorter_one() -> None:
     def noise(n: int) -> list[FloatArray]:
-        encoders = Encoders(Sensors(DEVIATIONS), None, n)
+        encoders = Encoders(Sensors(DEVIATIONS), None)
         return [encoders(k, np.zeros(signals.SIZE), k) for k in range(n)]
 
     np.testing.assert_array_equal(noise(9)[:4], noise(4))
@@ -100,5 +100,5 @@ def test_noise_comes_before_quantisation() -> None:
 def test_readings_keep_the_truth() -> None:
     """Expected: what is handed in stays as it was."""
     true = TRUE[0].copy()
-    Readings(Sensors(DEVIATIONS, {"leg_length": 0.1}), 1)(0, true)
+    Readings(Sensors(DEVIATIONS, {"leg_length": 0.1}))(0, true)
     assert (true == TRUE[0]).all()

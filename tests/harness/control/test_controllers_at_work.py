@@ -1,0 +1,230 @@
+"""Controllers in whole runs: what they are told, what linear ones compute, and each member of an ensemble as alone.
+
+The platform is uneven and away from home; forces are limited in size and rate, sensors are noisy, the start is off.
+"""
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.results.metrics import flattened
+from gough_stewart.model.vectors import FloatArray
+from tests.support.uneven import UNEVEN
+from tests.support.uneven_loops import POSE, experiment_of
+
+T, STEP, DURATION = 5e-3, 1e-3, 0.1
+FORCE_LIMIT, RATE_LIMIT = 70.0, 1100.0
+SIGNALS = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
+PLACES = {name: 3 if k < 4 else 6 for k, name in enumerate(SIGNALS)}
+AMPLITUDE = np.array([0.02, -0.01, 0.015, 0.03, -0.02, 0.04])
+TABLES: dict[str, Any] = {
+    "reference": {
+        "type": "sine",
+        "position": POSE[:3].tolist(),
+        "orientation": POSE[3:].tolist(),
+        "position_amplitude": AMPLITUDE[:3].tolist(),
+        "orientation_amplitude": AMPLITUDE[3:].tolist(),
+        "frequency": 2.3,
+        "phase": 0.6,
+    },
+    "start": {
+        "position": (POSE[:3] + np.array([0.004, 0.002, -0.003])).tolist(),
+        "orientation": (POSE[3:] + np.array([-0.003, 0.005, 0.004])).tolist(),
+    },
+    "loop": {"duration": DURATION, "sample_time": T, "plant_step": STEP, "delay": 1},
+    "sensors": {"noise": {"leg_length": 1e-4, "velocity": 3e-3}, "seed": 5},
+    "actuators": {"force_limit": FORCE_LIMIT, "rate_limit": RATE_LIMIT},
+    "limits": {"reference": "warn", "position_error": 10.0},
+}
+SETTINGS = {"controller.feedforward": "computed_torque"}
+
+
+def injected(time: float) -> FloatArray:
+    """Another force on each leg."""
+    return np.asarray(3 * np.sin(40 * time + np.arange(6)))
+
+
+def run_of(controller: Any, **tables: Any) -> gs.Record:
+    return gs.run(experiment_of("pd", **(TABLES | tables)), SETTINGS, controller=controller, injection=injected)
+
+
+def at_samples(record: gs.Record, name: str) -> FloatArray:
+    """The first row of each sample."""
+    return np.asarray(record[name][: -1 : round(T / STEP)])
+
+
+def excesses(record: gs.Record) -> FloatArray:
+    """What both limits left of the last command, minus it, from the static forces of the start on; at first nothing."""
+    commands, planned, found = at_samples(record, "controller.force"), record["actuator_force"][0], [np.zeros(6)]
+    for command in commands[:-1]:
+        clipped = np.clip(command, -FORCE_LIMIT, FORCE_LIMIT)
+        planned = planned + np.clip(clipped - planned, -RATE_LIMIT * T, RATE_LIMIT * T)
+        found.append(planned - command)
+    return np.array(found)
+
+
+def test_a_function_is_told_what_the_record_shows() -> None:
+    """Expected: every field of every sample by the columns of the record; the excess from them by the limits."""
+    seen: list[gs.Sample] = []
+
+    def law(sample: gs.Sample) -> FloatArray:
+        seen.append(sample)
+        error = sample.reference["leg_length"] - sample.measured["leg_length"]
+        return 900 * error - 60 * sample.measured["leg_velocity"] + np.arange(6)
+
+    record = run_of(law)
+    n = round(DURATION / T)
+    assert [sample.index for sample in seen] == list(range(n))
+    assert [sample.time for sample in seen] == pytest.approx(np.arange(n) * T, abs=1e-15)
+    assert {sample.sample_time for sample in seen} == {T}
+    assert all(sample.platform == seen[0].platform for sample in seen)
+    assert seen[0].platform.platform_mass == UNEVEN.platform_mass  # not the machine's
+    for name in SIGNALS:
+        told = np.array([sample.measured[name] for sample in seen])
+        assert told == pytest.approx(at_samples(record, f"measured.{name}"), abs=0)
+        assert told.shape == (n, PLACES[name])
+        assert (np.abs(told - at_samples(record, name)) > 1e-6).any() == (name in TABLES["sensors"]["noise"])
+    for name in (*SIGNALS, "acceleration", "angular_acceleration"):
+        told = np.array([sample.reference[name] for sample in seen])
+        assert told == pytest.approx(at_samples(record, f"reference.{name}"), abs=0)
+        assert np.abs(told).min() > 0
+    commands = at_samples(record, "controller.force")
+    assert np.array([sample.command for sample in seen[1:]]) == pytest.approx(commands[:-1], abs=1e-12)
+    assert not seen[0].command.any()
+    ahead = at_samples(record, "controller.feedforward")
+    assert np.array([sample.feedforward for sample in seen]) == pytest.approx(ahead, abs=0)
+    assert np.ptp(ahead, axis=0).min() > 0.1
+    expected = excesses(record)
+    assert np.array([sample.excess for sample in seen]) == pytest.approx(expected, abs=1e-9)
+    assert (np.abs(expected) > 1).any(axis=0).sum() >= 3
+    own = np.array([law(sample) for sample in list(seen)])
+    injections = at_samples(record, "controller.injection")
+    assert injections == pytest.approx(np.array([injected(k * T) for k in range(n)]), abs=1e-12)
+    assert commands == pytest.approx(own + ahead + injections, abs=1e-9)
+
+
+def system(inputs: int, seed: int = 3, states: int = 4) -> Any:
+    """A stable system in which everything depends on everything."""
+    rng = np.random.default_rng(seed)
+    A = rng.uniform(-0.3, 0.3, (states, states))
+    sizes = ((states, inputs), (6, states), (6, inputs))
+    return control.ss(A, *(200 * rng.normal(size=size) for size in sizes), T)
+
+
+def wanted_and_measured(record: gs.Record, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    return tuple(  # type: ignore[return-value]
+        np.hstack([at_samples(record, f"{kind}.{name}") for name in names]) for kind in ("reference", "measured")
+    )
+
+
+def recursion(plain: Any, u: FloatArray, u_at_rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """x⁺ = A x + B u, w = C x + D u from the rest of the first input without excess: (w, x) of every sample."""
+    x = np.linalg.solve(np.eye(len(plain.A)) - plain.A, plain.B @ u_at_rest)
+    outputs, states = [], []
+    for each in u:
+        states.append(x)
+        outputs.append(plain.C @ x + plain.D @ each)
+        x = plain.A @ x + plain.B @ each
+    return np.array(outputs), np.array(states)
+
+
+@pytest.mark.parametrize("names", [("leg_length",), ("leg_velocity", "position", "angular_velocity")], ids=len)
+@pytest.mark.parametrize("form", ["errors", "both", "excess"])
+def test_a_linear_controller_is_its_recursion_over_the_record(form: str, names: tuple[str, ...]) -> None:
+    """Expected: of the record's references, measurements and limits, plus feedforward and injection; its states."""
+    n = sum(PLACES[name] for name in names)
+    plain = system({"errors": n, "both": 2 * n, "excess": 2 * n + 6}[form])
+    record = run_of(gs.LinearController(plain, names))
+    wanted, measured = wanted_and_measured(record, names)
+    inputs = wanted - measured if form == "errors" else np.hstack([wanted, measured])
+    rest = inputs[0]
+    if form == "excess":
+        inputs, rest = np.hstack([inputs, excesses(record)]), np.append(inputs[0], np.zeros(6))
+    forces, states = recursion(plain, inputs, rest)
+    known = at_samples(record, "controller.feedforward") + at_samples(record, "controller.injection")
+    assert at_samples(record, "controller.force") == pytest.approx(forces + known, rel=1e-9, abs=1e-8)
+    assert at_samples(record, "controller.state") == pytest.approx(states, rel=1e-9, abs=1e-9)
+    assert np.abs(excesses(record)).max() > 1
+
+
+def test_in_task_space_it_is_its_recursion_through_the_jacobians_of_the_reference() -> None:
+    """Expected: y = ∑ J⁻¹ ΔL, r = y + J⁻¹ (L_r − L), Jᵀ times the excess, F = J⁻ᵀ w; J of the nominal platform."""
+    plain = system(18, seed=8)
+    record = run_of(gs.LinearController(plain, space="task"))
+    wanted, measured = wanted_and_measured(record, ("leg_length",))
+    poses = (at_samples(record, "reference.position"), at_samples(record, "reference.orientation"))
+    J = np.array([gs.leg_jacobian(UNEVEN, *pose) for pose in zip(*poses, strict=True)])
+    solved = np.array([np.linalg.inv(each) for each in J])
+    moved = np.vstack([np.zeros(6), np.diff(measured, axis=0)])
+    y = np.cumsum(np.einsum("nij,nj->ni", solved, moved), axis=0)
+    r = y + np.einsum("nij,nj->ni", solved, wanted - measured)
+    excess = np.einsum("nji,nj->ni", J, excesses(record))
+    wrenches, states = recursion(plain, np.hstack([r, y, excess]), np.concatenate([r[0], y[0], np.zeros(6)]))
+    forces = np.einsum("nji,nj->ni", solved, wrenches)
+    known = at_samples(record, "controller.feedforward") + at_samples(record, "controller.injection")
+    assert at_samples(record, "controller.force") == pytest.approx(forces + known, rel=1e-8, abs=1e-7)
+    assert at_samples(record, "controller.state") == pytest.approx(states, rel=1e-8, abs=1e-9)
+
+
+class Together:
+    """A factory of linear controllers whose states depend on each other, another one for each gain."""
+
+    def __init__(self, space: str, inputs: int) -> None:
+        self.space, self.inputs = space, inputs
+
+    def __call__(self, _platform: gs.Platform, _sample_time: float, gain: float = 1.0) -> Any:
+        plain = system(self.inputs)
+        A = plain.A * gain
+        A[0, 0], A[0, 1:] = 1.0, 0.0  # an integrator, which others hear
+        return gs.LinearController(
+            control.ss(A, plain.B * gain, plain.C * 0.3, plain.D * gain**2, T),
+            ("leg_length",),
+            self.space,  # type: ignore[arg-type]
+        )
+
+
+class Stateful:
+    """A controller in Python with a memory of its own."""
+
+    def __init__(self, _platform: gs.Platform, _sample_time: float, gain: float = 1.0) -> None:
+        self.gain, self.total = gain, np.zeros(6)
+
+    def __call__(self, sample: gs.Sample) -> FloatArray:
+        error = sample.reference["leg_length"] - sample.measured["leg_length"]
+        self.total = self.total + error + 1e-4 * sample.excess - 1e-5 * sample.command
+        return np.asarray(self.gain * (800 * error + 300 * self.total) - 20 * sample.measured["leg_velocity"])
+
+
+VARIES: dict[str, Any] = {
+    "members": 5,
+    "seed": 4,
+    "tolerance": 1e-10,
+    "platform_mass": {"normal": "2 kg"},
+    "controller": {"parameters": {"gain": {"uniform": [0.5, 1.2]}}},
+    "loop": {"delay": {"choice": [0, 1, 3]}, "jitter": {"uniform": [0.0011, 0.0049]}},
+    "actuators": {"rate_limit": {"uniform": [700.0, 1500.0]}, "force_limit": {"uniform": [60.0, 80.0]}},
+    "sensors": {"noise": {"leg_length": {"uniform": [1e-5, 2e-4]}}},
+}
+
+
+@pytest.mark.parametrize(
+    "controller", [Together("leg", 18), Together("task", 12), Together("leg", 6), Stateful],
+    ids=["leg", "task", "errors", "class"],
+)  # fmt: skip
+def test_members_of_an_ensemble_have_the_numbers_of_runs_of_their_own(controller: Any) -> None:
+    """Expected: the same member alone in the loop of one, by the stepping model with an error-controlled step."""
+    python = {"type": "python", "parameters": {"gain": 1.0}, "feedforward": "gravity"}
+    tables = TABLES | {"controller": python, "ensemble": VARIES, "loop": {**TABLES["loop"], "jitter": 0.002}}
+    experiment = experiment_of("pd", **tables, plant={"tolerance": 1e-10})
+    found = gs.ensemble(experiment, controller=controller, workers=1)
+    delays = found.members["varied.loop.delay"].to_numpy()
+    assert np.ptp(delays) > 0
+    for member in (0, 2, 4):
+        alone = flattened(gs.metrics(gs.run(experiment, controller=controller, member=member, plant="model")))
+        names = [name for name in found.metrics if isinstance(alone.get(name), int | float)]
+        assert len(names) > 25
+        for name in names:
+            assert found.values(name)[member] == pytest.approx(alone[name], rel=1e-6, abs=1e-9), name
