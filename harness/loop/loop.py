@@ -215,10 +215,11 @@ def _signals_of(plant: Plant) -> Callable[[], FloatArray]:
 
 def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
     """Pass parameters to the plant, and the wrench to the inputs (*shape, 12)."""
-    if change.parameters and change.members is None:
-        plant.set_parameters(change.parameters)
-    elif change.parameters and change.members is not None:
-        plant.set_parameters_of(change.members, change.parameters)
+    if change.parameters:
+        if change.members is None:
+            plant.set_parameters(change.parameters)
+        else:
+            plant.set_parameters_of(change.members, change.parameters)
     if change.external_wrench is not None:
         concerned = True if change.members is None else change.members[..., None]
         np.copyto(acting[..., 6:], change.external_wrench, where=concerned)

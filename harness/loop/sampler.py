@@ -66,7 +66,7 @@ class Sampler:
         return self._sample(j, time, reading, due)
 
     def _sample(self, j: int, time: float, reading: FloatArray, due: BoolArray | None) -> Sampled:
-        if self._shape and not self._outcomes.all_go:
+        if not self._outcomes.all_go:  # of many: a single run has ended
             due = self._outcomes.going & (True if due is None else due)
         command = self._loop.feedforward[j]
         if self._loop.injection is not None:

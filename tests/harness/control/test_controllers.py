@@ -126,8 +126,8 @@ def test_what_feeds_back_leaves_the_feedforward_alone() -> None:
         (lambda: PD(bandwidth=-1), "^bandwidth: is -1; expected > 0 Hz$"),
         (lambda: PD(bandwidth=1, dampin=1), "^dampin: unknown key .= 1.; did you mean 'damping_ratio'"),  # type: ignore[call-arg]
         (lambda: PD(bandwidth=1, space="joint"), "^space: is 'joint'; expected 'leg' or 'task'$"),  # type: ignore[arg-type]
-        (lambda: PD(bandwidth=1, feedforward="magic"), "^feedforward: is 'magic'; expected 'none', 'gravity' or"),  # type: ignore[arg-type]
-        (lambda: PD(bandwidth=1, discretisation="euler"), "^discretisation: is 'euler'; expected 'tustin', "),  # type: ignore[arg-type]
+        (lambda: PD(bandwidth=1, feedforward="magic"), "expected 'none', 'gravity' or 'computed_torque'$"),  # type: ignore[arg-type]
+        (lambda: PD(bandwidth=1, discretisation="euler"), "is 'euler'; expected 'tustin', 'backward_diff' or 'zoh'$"),  # type: ignore[arg-type]
         (
             lambda: PD(proportional_gain=KP[:5], derivative_gain=1),
             r"^proportional_gain: is array.*; expected a number \[N/m\] or a list of 6; found 5 values$",
@@ -136,6 +136,10 @@ def test_what_feeds_back_leaves_the_feedforward_alone() -> None:
             lambda: PD(proportional_gain=[*KP[1:], "6 N"], derivative_gain=1),
             r"^proportional_gain: .*value 6 of 6: .*found the unit 'N'$",
         ),
+        (lambda: PD(bandwidth=1, derivative_on="x"), "^derivative_on: is 'x'; expected 'error' or 'measurement'$"),  # type: ignore[arg-type]
+        (lambda: PythonController(name="a"), "^name and factory are of a file; file is missing, add it$"),
+        (lambda: PythonController(factory="a"), "^name and factory are of a file; file is missing, add it$"),
+        (lambda: PD(bandwidth=1, model=3), r"^the key model was removed: controllers use the nominal model"),  # type: ignore[call-arg]
         (lambda: PID(bandwidth=1), "^a PID needs an integral_time or an integral_gain; or choose type = 'pd'$"),
         (lambda: PID(bandwidth=1, integral_gain=1), "^integral_gain needs gains; with a bandwidth use"),
         (

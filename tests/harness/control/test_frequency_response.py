@@ -99,6 +99,17 @@ def test_signals_fill_their_band_repeat_and_keep_to_their_size() -> None:
     assert few.lines(T).tolist() == [1, 2, 5, 10, 22, 46, 100]  # 100^(k/6), rounded
 
 
+@pytest.mark.parametrize("seed", [0, 195, 12])
+def test_a_multisine_is_the_flattest_of_fifty_sums_of_cosines(seed: int) -> None:
+    """Expected: ∑ cos(2π k t/n + φ_k), drawn and summed here; of these seeds one takes its first sum, one its last."""
+    choice = Multisine(leg=2, amplitude=7.0, band=(4, 90), period=0.5, lines_at_most=5, seed=seed)
+    n, k, rng = 500, choice.lines(T), np.random.default_rng(seed)
+    t = np.arange(n)[:, None] / n
+    sums = [np.cos(2 * np.pi * (k * t + rng.uniform(size=len(k)))).sum(axis=1) for _ in range(50)]
+    flattest = min(sums, key=lambda each: float(np.abs(each).max()))
+    assert choice.signal(T) == pytest.approx(flattest / np.abs(flattest).max(), abs=1e-12)
+
+
 @pytest.mark.parametrize("mode", MODES)
 def test_a_mode_is_one_force_or_torque_alone(mode: Any) -> None:
     """Expected: forces along the legs, and their torques about Op, summed up."""
@@ -126,7 +137,13 @@ def refused(match: str, **values: Any) -> None:
 
 
 def test_injections_that_cannot_be_are_refused_with_the_reason() -> None:
-    refused("only one of them", leg=None)
+    refused(
+        r"^expected leg \(1 to 6\) or mode \(surge, sway, heave, roll, pitch, yaw\), and only one of them$", leg=None
+    )
+    every = "'surge', 'sway', 'heave', 'roll', 'pitch' or 'yaw'"
+    refused(rf"^mode: is 'lift'; expected {every}$", leg=None, mode="lift")
+    refused("band is 0 to 10 Hz; expected two frequencies > 0, the lower one first", band=(0, 10))
+    refused("band is 10 to 10 Hz", band=(10, 10))
     refused("only one of them", mode="heave")
     refused("leg.*7", leg=7)
     refused("band is 10 to 1 Hz.*the lower one first", band=(10, 1))

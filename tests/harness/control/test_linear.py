@@ -122,6 +122,8 @@ def test_signals_have_the_interfaces_names(paper: Platform) -> None:
     assert plant.input_labels[6] == "external_force[1]"
     assert plant.output_labels[-2:] == ["leg_length[6]", "kinetic_energy"]
     assert linear.output_labels == [f"leg_length[{k}]" for k in range(1, 7)]
+    assert (linear.state_labels, linear.input_labels) == (plant.state_labels, plant.input_labels)
+    assert plant.name == linear.name == "plant"
     with pytest.raises(InterfaceError, match=r"leg_lenght: is not a result.*did you mean 'leg_length'"):
         plant_system(paper, ("leg_lenght",))
     with pytest.raises(InterfaceError, match="outputs: is empty"):
@@ -137,6 +139,7 @@ def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Calla
         ([0.0, 0.0, np.nan], None, "position"),
         (None, [0.0, "much", 0.0], "orientation"),
         (None, [0.0, np.pi / 2 - 1e-3, 0.0], "orientation: has a pitch"),
+        (None, [0.0, -np.pi / 2 + 1e-3, 0.0], "orientation: has a pitch of -1"),
         (None, [0.0, np.pi / 2, 0.0], r"orientation: has a pitch of 1\.5708 rad; expected less than 1\.5698"),
     ):
         with pytest.raises(InterfaceError, match=name):
@@ -145,6 +148,9 @@ def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Calla
         function(paper, np.zeros(3))  # all legs in a plane
     with pytest.raises(InterfaceError, match=r"external_wrench: has shape \(3,\)"):
         trim(paper, external_wrench=np.ones(3))
+    with pytest.raises(InterfaceError, match="external_wrench: has shape"):
+        trim(paper, external_wrench=5.0)
+    assert trim(paper, external_wrench=0.0).inputs.tolist() == trim(paper).inputs.tolist()
 
 
 def test_interconnect_joins_whole_signals_by_name(paper: Platform) -> None:

@@ -60,8 +60,12 @@ def test_names_fit_the_plants() -> None:
     """Expected: the interface's names, so that python-control's interconnect joins them by name."""
     system = pid(PID)
     assert system.output_labels == [f"actuator_force[{k}]" for k in range(1, 7)]
-    assert system.input_labels[6] == "leg_length[1]"
-    assert sampled(system, 1e-2).input_labels == system.input_labels
+    for form, kinds in ((PID, 3), (PD, 2)):
+        names = ("reference_leg_length", "leg_length", "limit_excess")[:kinds]
+        assert pid(form).input_labels == [f"{name}[{k}]" for name in names for k in range(1, 7)]
+    discrete = sampled(system, 1e-2)
+    assert (discrete.input_labels, discrete.output_labels) == (system.input_labels, system.output_labels)
+    assert discrete.name == system.name == "controller"
 
 
 def test_defaults_follow_from_the_gains() -> None:
@@ -108,12 +112,21 @@ def test_backward_differences_take_any_filter() -> None:
         (lambda: Gains(1.0, [1.0, 2.0, float("nan"), 3.0, 4.0, 5.0]), "derivative gain is .*; expected finite numbers"),
         (lambda: Gains([1.0, 2.0], 0.0), r"proportional gain has shape \(2,\)"),
         (lambda: Gains("stiff", 0.0), "proportional gain is 'stiff'"),
-        (lambda: Gains(1.0, 0.0, -2.0), "integral gain is -2.0"),
+        (lambda: Gains(1.0, 0.0, -2.0), "^integral gain is -2.0; expected finite numbers >= 0$"),
+        (lambda: Gains(1.0, -3.0), "^derivative gain is -3.0; expected finite numbers >= 0$"),
+        (lambda: Gains(0.0, 1.0), "^proportional gain is 0.0; expected finite numbers > 0$"),
+        # the first of several, in this order
+        (lambda: Gains(-1.0, -1.0, -1.0, -1.0, -1.0), "^proportional gain is"),
+        (lambda: Gains(1.0, -1.0, -1.0, -1.0, -1.0), "^derivative gain is"),
+        (lambda: Gains(1.0, 1.0, 1.0, -1.0, -1.0), "^derivative_filter is -1.0; expected a time > 0 s$"),
+        (lambda: Gains(1.0, 1.0, 1.0, float("inf")), "^derivative_filter is inf; expected a time > 0 s$"),
+        (lambda: Gains(1.0, 1.0, 1.0, 1.0, float("nan")), "^anti_windup_time is nan; expected a time > 0 s$"),
+        (lambda: sampled(pid(PD), float("inf")), "^sample_time is inf; expected a time > 0 s$"),
         (lambda: Gains(1.0, 1.0, derivative_filter=0.0), "derivative_filter is 0.0; expected a time > 0 s"),
         (lambda: Gains(1.0, 1.0, 1.0, anti_windup_time=-1.0), "anti_windup_time is -1.0"),
         (lambda: pid(PD, "nothing"), "derivative_on is 'nothing'"),  # type: ignore[arg-type]
         (lambda: sampled(pid(PD), 0.0), "sample_time is 0.0"),
-        (lambda: sampled(pid(PD), 0.01, "euler"), "discretisation is 'euler'; expected one of tustin"),  # type: ignore[arg-type]
+        (lambda: sampled(pid(PD), 0.01, "euler"), "'euler'; expected one of tustin, backward_diff, zoh$"),  # type: ignore[arg-type]
     ],
 )
 def test_what_cannot_be_is_refused(build: Any, match: str) -> None:

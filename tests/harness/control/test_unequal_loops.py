@@ -127,6 +127,26 @@ def test_crossings_are_found_wherever_they_lie_on_the_grid() -> None:
     assert margins._crossings(polynomial, grid, polynomial(grid)) == pytest.approx(roots)
 
 
+def test_a_pole_on_the_axis_is_no_crossing_of_it() -> None:
+    """Expected for (10 s + b)/(s² + ω²), hardly damped: s² + 10 k s + ω² + k b is stable for 0 < k < ω²/|b| > 10⁶.
+
+    At ω the imaginary part changes its sign where it is all but infinite.
+    """
+    frequencies = np.array([1.0, 1.3, 2.2, 3.1, 4.7, 0.6])
+    offsets = np.array([-1e-7, 1e-7, -2e-7, 2e-7, -3e-7, 1e-8])
+    pairs = zip(frequencies.tolist(), offsets.tolist(), strict=True)
+    found = loop_margins(control.append(*(control.ss(control.tf([10.0, b], [1, 1e-11, w**2])) for w, b in pairs)))
+    assert of_legs(found, "gain_up") == [np.inf] * 6
+    assert of_legs(found, "gain_down") == [0] * 6
+
+
+def test_a_response_that_ends_at_zero_has_no_limit_there() -> None:
+    """Expected of (3 s + 4)/(s² (τ s + 1)), along −1/ω² in the end: by Routh stable for all k > 0, as 3 > 4 τ."""
+    found = loop_margins(control.append(*(control.ss(control.tf([3, 4], [tau, 1, 0, 0])) for tau in (0.5, 0.1, 0.02))))
+    assert of_legs(found, "gain_up") == [np.inf] * 3
+    assert of_legs(found, "gain_down") == [0] * 3
+
+
 def test_one_way_couplings_do_not_count() -> None:
     """Expected: μ of a triangle is its largest element of the diagonal, however large the others are."""
     upper = np.array([[2, 40, -7], [0, -3j, 90], [0, 0, 1]], dtype=complex)

@@ -56,12 +56,14 @@ def test_no_element_and_no_row_has_the_noise_of_another() -> None:
     assert np.abs(np.corrcoef(both.T) - np.eye(48)).max() < 5 / np.sqrt(n)
 
 
-def test_a_longer_run_begins_with_the_noise_of_a_shorter_one() -> None:
-    def noise(n: int) -> list[FloatArray]:
-        encoders = Encoders(Sensors(DEVIATIONS), None)
-        return [encoders(k, np.zeros(signals.SIZE), k) for k in range(n)]
-
-    np.testing.assert_array_equal(noise(9)[:4], noise(4))
+def test_noise_is_one_stream_of_normal_numbers_for_each_signal() -> None:
+    """Expected: NumPy's generator of (seed, number of the signal), drawn at once for more readings than a block."""
+    encoders, n = Encoders(Sensors(DEVIATIONS, seed=6), None), 150
+    found = np.array([encoders(k, np.zeros(signals.SIZE), k) for k in range(n)])
+    for k, name in enumerate(signals.NAMES):
+        at = COLUMNS[name]
+        expected = DEVIATIONS[name] * np.random.default_rng([6, k]).standard_normal((n, len(at)))
+        np.testing.assert_array_equal(found[:, at], expected)
 
 
 @pytest.mark.parametrize("name", signals.NAMES)

@@ -49,6 +49,9 @@ def test_times_go_to_rows_and_steps() -> None:
         ((1.0, float("nan"), 0.01), "sample_time is nan"),
         ((1.0, 0.01, 0.0), "plant_step is 0.0"),
         ((1.0, float("inf"), 0.01), "sample_time is inf"),
+        ((-1.0, -1.0, -1.0), "duration is -1.0; expected a time > 0 s"),  # the first of several, in this order
+        ((1.0, -1.0, -1.0), "sample_time is -1.0; expected a time > 0 s"),
+        ((1.005, 0.025, 0.01), "plant_step 0.01 s does not divide sample_time 0.025 s"),
         ((1e9, 0.01, 0.01), r"duration 1e\+09 s has 1e\+11 plant steps of 0.01 s; expected at most 1000000"),
     ],
 )
