@@ -228,3 +228,19 @@ def test_members_of_an_ensemble_have_the_numbers_of_runs_of_their_own(controller
         assert len(names) > 25
         for name in names:
             assert found.values(name)[member] == pytest.approx(alone[name], rel=1e-6, abs=1e-9), name
+
+
+@pytest.mark.parametrize("member", [None, 3])
+def test_the_seed_of_the_record_gives_its_noise_again(member: int | None) -> None:
+    """Expected: NumPy's numbers of that seed, the fifth stream for the fifth signal; of a member those of its child."""
+    ensemble = {"members": 4, "seed": 11, "platform_mass": {"normal": "2 kg"}}
+    record = gs.run(experiment_of("pd", **TABLES, ensemble=ensemble), member=member)
+    seed = record.metadata["seed"]
+    if member is None:
+        rng = np.random.default_rng([seed, 4])
+        assert seed == 5
+    else:
+        rng = np.random.default_rng(np.random.SeedSequence(seed["entropy"], spawn_key=(*seed["spawn_key"], 4)))
+        assert seed["spawn_key"][-1] == member
+    noise = at_samples(record, "measured.leg_length") - at_samples(record, "leg_length")
+    assert noise == pytest.approx(1e-4 * rng.standard_normal(noise.shape), abs=1e-14)

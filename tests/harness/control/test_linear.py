@@ -220,5 +220,12 @@ def test_modes_of_an_oscillator() -> None:
     assert (slow.eigenvalue.real, fast.eigenvalue.real) == pytest.approx((-1, -9))
 
 
+def test_an_integrator_is_a_mode_of_frequency_zero() -> None:
+    """Expected: 1/s beside 1/(s − 3) and 1/(s + 2): the slowest first, damping 1, −1 where it grows."""
+    system = control.append(*(control.ss(control.tf([1], [1, -pole])) for pole in (3.0, 0.0, -2.0)))
+    assert [(mode.eigenvalue, mode.damping_ratio) for mode in modes(system)] == [(0, 1.0), (-2, 1.0), (3, -1.0)]
+    assert [mode.frequency for mode in modes(system)] == pytest.approx([0, 1 / np.pi, 1.5 / np.pi])
+
+
 def test_a_delay_is_no_mode() -> None:
     assert len(modes(control.ss(control.tf([1], [1, -0.5, 0, 0], 0.1)))) == 1

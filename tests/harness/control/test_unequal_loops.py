@@ -140,6 +140,17 @@ def test_a_pole_on_the_axis_is_no_crossing_of_it() -> None:
     assert of_legs(found, "gain_down") == [0] * 6
 
 
+def test_a_response_that_is_infinite_at_half_the_sample_rate_has_no_limit_there() -> None:
+    """Expected for k/(z + 1) − d, k < 0: the closed pole −1 − g k/(1 − g d) is 1 at g = 2/(2 d − k)."""
+    k, d = np.array([-1e-4, -4e-4, -2e-3]), np.array([0.25, 0.5, 0.1])
+    pairs = zip(k.tolist(), d.tolist(), strict=True)
+    found = loop_margins(
+        control.append(*(control.ss([[-1]], [[1]], [[one]], [[-other]], 0.01) for one, other in pairs))
+    )
+    assert of_legs(found, "gain_up") == pytest.approx(2 / (2 * d - k), rel=1e-5)
+    assert of_legs(found, "gain_down") == [0] * 3
+
+
 def test_a_response_that_ends_at_zero_has_no_limit_there() -> None:
     """Expected of (3 s + 4)/(s² (τ s + 1)), along −1/ω² in the end: by Routh stable for all k > 0, as 3 > 4 τ."""
     found = loop_margins(control.append(*(control.ss(control.tf([3, 4], [tau, 1, 0, 0])) for tau in (0.5, 0.1, 0.02))))
