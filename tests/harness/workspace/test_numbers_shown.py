@@ -1,0 +1,437 @@
+"""Every number of a workspace that is shown: tables, CSV, page and notices, recomputed pose by pose."""
+
+import base64
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import polars as pl
+import pytest
+from matplotlib.colors import to_hex
+from scipy.spatial.transform import Rotation
+
+from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.harness.workspace.display import clearance, fixed_text, limits_text, swept_text
+from gough_stewart.harness.workspace.explained import notices
+from gough_stewart.harness.workspace.maps import LIMIT_COLOURS
+from gough_stewart.harness.workspace.page import workspace_page
+from gough_stewart.harness.workspace.surface import surface_of
+from gough_stewart.harness.workspace.tables import extent_text, sheets_of, size_text, workspace_csv
+from gough_stewart.model.kinematics import joint_angles
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.workspace import Limit, PoseQualities, evaluate_poses
+from gough_stewart.model.workspace_grid import Workspace, sweep
+from tests.support.uneven import UNEVEN
+
+NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
+LIMITED = replace(UNEVEN, leg_velocity_max=0.6, actuator_power_max=300.0)
+STRONG = replace(UNEVEN, actuator_force_max=5e4, joint_angle_max=None, leg_length_min=None)
+DESKTOP = load_preset("desktop_hexapod")
+# Name, digits of the unit and factor of each result, whether less is better, and whether it ends at the border.
+RESULTS: Mapping[str, tuple[str, bool, bool]] = {
+    "condition_number": ("condition number", True, False),
+    "payload": ("largest payload", False, False),
+    "force_margin": ("force margin", False, False),
+    "largest_speed": ("largest speed", False, False),
+    "leg_length_margin": ("stroke left", False, True),
+    "joint_angle_margin": ("joint angle left", False, True),
+}
+CASES: Mapping[str, tuple[Callable[[], Workspace], str, str]] = {
+    "map": (lambda: sweep(LIMITED, {"z": (1.6, 4.0), "pitch": (-1.5, 1.5)}, {"x": 0.2, "yaw": -0.3}, 9), "m", "N"),
+    "volume": (
+        lambda: sweep(LIMITED, {"y": None, "x": (-1.0, 1.5), "z": (2.2, 3.7)}, {"roll": 0.2, "yaw": -0.3}, 6),
+        "m",
+        "N",
+    ),
+    "small": (lambda: sweep(DESKTOP, {"yaw": None, "x": (-0.07, 0.06)}, {"y": 0.01}, 8), "mm", "N"),
+    "strong": (lambda: sweep(STRONG, {"x": None, "y": (-0.7, 1.9)}, points=6), "m", "kN"),
+    "unlimited": (lambda: sweep(load_preset("liu2000"), {"roll": None, "z": (2.0, 2.8)}, points=5), "m", ""),
+}
+
+
+@pytest.fixture(autouse=True)
+def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Surfaces that look ragged are as right, and take a second instead of ten."""
+    monkeypatch.setattr("gough_stewart.harness.workspace.surface._CELLS", 10)
+
+
+class Seen:
+    """A workspace and, evaluated one by one, its poses."""
+
+    def __init__(self, case: str) -> None:
+        make, self.length, self.force = CASES[case]
+        self.space = make()
+        self.swept = dict(self.space.swept)
+        self.each: dict[tuple[int, ...], PoseQualities] = {}
+        self.poses: dict[tuple[int, ...], FloatArray] = {}
+        for index in product(*(range(len(values)) for values in self.swept.values())):
+            at = {**self.space.fixed, **{name: self.swept[name][k] for name, k in zip(self.swept, index, strict=True)}}
+            self.poses[index] = np.array([at[name] for name in NAMES])
+            self.each[index] = evaluate_poses(self.space.platform, self.poses[index][:3], self.poses[index][3:])
+
+    def shown(self, value: float, name: str, digits: int = 4) -> str:
+        """A coordinate, length or angle as text with its unit."""
+        if name in NAMES[3:]:
+            return f"{np.degrees(value):.{digits}g}°".replace("-0°", "0°")
+        factor = 1e3 if self.length == "mm" else 1.0
+        return f"{factor * value + 0.0:.{digits}g} {self.length}"
+
+    def unit(self, result: str) -> tuple[str, float]:
+        """Of a result, with the factor from SI units."""
+        length = (self.length, 1e3 if self.length == "mm" else 1.0)
+        return {
+            "condition_number": ("", 1.0),
+            "payload": ("kg", 1.0),
+            "force_margin": (self.force, 1e-3 if self.force == "kN" else 1.0),
+            "largest_speed": (f"{length[0]}/s", length[1]),
+            "leg_length_margin": length,
+            "joint_angle_margin": ("°", 180 / np.pi),
+        }[result]
+
+    def results(self) -> dict[str, dict[tuple[int, ...], float]]:
+        """Values by result and pose, of the results that there are."""
+        some = next(iter(self.each.values()))
+        return {
+            name: {index: float(getattr(q, name)) for index, q in self.each.items()}
+            for name in RESULTS
+            if getattr(some, name) is not None
+        }
+
+    def reached(self) -> list[tuple[int, ...]]:
+        return [index for index, q in self.each.items() if q.limit == 0]
+
+
+@pytest.fixture(scope="module", params=CASES)
+def seen(request: pytest.FixtureRequest) -> Seen:
+    return Seen(request.param)
+
+
+def rows_of(sheet: Sheet) -> list[tuple[str, ...]]:
+    return [tuple(f"{c.what} {c.unit}".strip() if isinstance(c, Named) else c for c in row) for row in sheet.rows]
+
+
+def test_lengths_of_legs_decide_between_too_short_and_too_long() -> None:
+    """Expected: |t + R p − b| with SciPy's rotations, where no other limit comes first."""
+    found = Seen("map")
+    platform, counts = found.space.platform, {Limit.LEG_TOO_SHORT: 0, Limit.LEG_TOO_LONG: 0}
+    assert platform.leg_length_min is not None
+    assert platform.leg_length_max is not None
+    for index, q in found.each.items():
+        pose, code = found.poses[index], Limit(int(found.space.qualities.limit[index]))
+        arms = Rotation.from_euler("xyz", pose[3:]).apply(platform.platform_points.copy())
+        length = np.linalg.norm(pose[:3] + arms - platform.base_points, axis=1)
+        assert code == int(q.limit)
+        if code in counts or code == Limit.NONE:
+            assert (code == Limit.LEG_TOO_SHORT) == bool(length.min() < platform.leg_length_min)
+            assert (code == Limit.LEG_TOO_LONG) == bool(
+                length.max() > platform.leg_length_max and length.min() >= platform.leg_length_min
+            )
+            counts[code] = counts.get(code, 0) + 1
+    assert min(counts.values()) > 5
+
+
+def test_swept_ranges(seen: Seen) -> None:
+    """Expected: ends of the grid, and of what can be reached with any other coordinates; where the range comes from."""
+    sheet = sheets_of(seen.space)[0]
+    assert (sheet.title, sheet.heads) == ("Swept", ("", "from", "to", "points", "reached from", "to", "range"))
+    expected = []
+    for axis, (name, values) in enumerate(seen.swept.items()):
+        there = [values[index[axis]] for index in seen.reached()]
+        origin = {"y": "found", "yaw": "found", "roll": "assumed"}.get(name, "given")
+        if seen.force == "kN":
+            origin = {"x": "found", "y": "given"}[name]
+        ends = [seen.shown(each, name) for each in (values[0], values[-1], min(there), max(there))]
+        expected.append((name, *ends[:2], str(len(values)), *ends[2:], origin))
+    assert rows_of(sheet) == expected
+
+
+def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
+    """Expected: shares of poses by their own limit; both kinds of joints count; a limit not stated keeps none."""
+    sheet = sheets_of(seen.space)[1]
+    assert (sheet.title, sheet.heads) == ("Limits of the platform", ("", "value", "keeps from"))
+    codes, platform = [int(q.limit) for q in seen.each.values()], seen.space.platform
+
+    def share(*limits: Limit) -> str:
+        return f"{100 * sum(codes.count(int(limit)) for limit in limits) / len(codes):.3g} % of the grid"
+
+    speed, joints = seen.length + "/s", share(Limit.BASE_JOINT, Limit.PLATFORM_JOINT)
+    factor = 1e3 if seen.length == "mm" else 1.0
+    table = [
+        ("shortest leg", platform.leg_length_min, seen.length, factor, share(Limit.LEG_TOO_SHORT)),
+        ("longest leg", platform.leg_length_max, seen.length, factor, share(Limit.LEG_TOO_LONG)),
+        ("leg velocity", platform.leg_velocity_max, speed, factor, ""),
+        ("actuator force", platform.actuator_force_max, "N", 1.0, ""),
+        ("actuator power", platform.actuator_power_max, "W", 1.0, ""),
+        ("joint angle from home", platform.joint_angle_max, "°", 180 / np.pi, joints),
+        ("leg acceleration", platform.leg_acceleration_max, "m/s2", 1.0, ""),
+    ]  # fmt: skip
+    expected = []
+    for name, value, unit, by, kept in table:
+        if value is None:
+            expected.append((name, "not stated", "nothing" if kept else ""))
+        else:
+            text = f"{value * by:.0f}" if value * by >= 1e4 else f"{value * by:.4g}"
+            expected.append((name, f"{text}°" if unit == "°" else f"{text} {unit}", kept))
+    for limit, text in ((Limit.SINGULAR, "beyond a singular pose"), (Limit.PITCH, "pitch at ±90°")):
+        if int(limit) in codes:
+            expected.append((text, "", share(limit)))
+    assert rows_of(sheet) == expected
+    by_name = {name: value for name, value, _ in expected[:7]}
+    names = ("shortest leg", "longest leg", "joint angle from home", "actuator force")
+    assert limits_text(seen.space) == ", ".join(f"{name} {by_name[name]}" for name in names)
+
+
+def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
+    """Expected: least and largest over the poses that can be reached; margins end at the border and have no worst."""
+    sheet = sheets_of(seen.space)[2]
+    units = ["°" if name in NAMES[3:] else seen.length for name in seen.swept]
+    heads = [f"{name} / {unit}" for name, unit in zip(seen.swept, units, strict=True)]
+    assert sheet.title == "Where it can be reached"
+    assert sheet.heads == ("", "", "value", *heads)
+    rows, ends = rows_of(sheet), set(sheet.group_ends)
+    reached, k = seen.reached(), 0
+    for result, values in seen.results().items():
+        title, is_best_low, ends_at_border = RESULTS[result]
+        unit, factor = seen.unit(result)
+        for word, least in (("best", is_best_low), ("worst", not is_best_low))[: 1 if ends_at_border else 2]:
+            extreme = (min if least else max)(values[index] for index in reached)
+            name, said, value, *place = rows[k]
+            assert name == (f"{title} {unit}".strip() if word == "best" else "")
+            assert said == word
+            assert value == (f"{extreme * factor:.0f}" if extreme * factor >= 1e4 else f"{extreme * factor:.4g}")
+            places = [
+                [
+                    seen.shown(seen.swept[name][i], name, 3).rstrip("°m ")
+                    for name, i in zip(seen.swept, index, strict=True)
+                ]
+                for index in reached
+                if values[index] == pytest.approx(extreme, rel=1e-9)
+            ]
+            assert place in places
+            k += 1
+        assert k - 1 in ends
+    assert k == len(rows)
+    assert len(ends) == len(seen.results())
+
+
+def test_the_size_of_the_region(seen: Seen) -> None:
+    """Expected: by the trapezoidal rule over cells: poses on a face, edge or corner of the grid are parts of cells."""
+    reached = seen.reached()
+    text = size_text(seen.space)
+    share = f"{100 * len(reached) / len(seen.each):.3g} %"
+    assert text.startswith(f"{len(reached)} of {len(seen.each)} poses can be reached ({share})")
+    if any(name in NAMES[3:] for name in seen.swept):
+        assert text.endswith("%)")
+        return
+    size = 0.0
+    for index in reached:
+        cell = 1.0
+        for k, values in zip(index, seen.swept.values(), strict=True):
+            cell *= (values[-1] - values[0]) / (len(values) - 1) * (0.5 if k in (0, len(values) - 1) else 1.0)
+        size += cell
+    power, kind = {2: ("²", "an area"), 3: ("³", "a volume")}[len(seen.swept)]
+    assert text.endswith(f", {kind} of {size:.4g} m{power}")
+
+
+@pytest.mark.parametrize(
+    ("size", "dimensions", "text"),
+    [
+        (0.1, 2, "0.1 m²"),
+        (0.0999, 2, "999 cm²"),
+        (1e-5, 2, "0.1 cm²"),
+        (0.9e-5, 2, "9 mm²"),
+        (0.01, 3, "0.01 m³"),
+        (0.0099, 3, "9900 cm³"),
+        (1.1e-8, 3, "0.011 cm³"),
+        (0.9e-8, 3, "9 mm³"),
+        (0.0, 2, "0 m²"),
+        (0.0, 3, "0 m³"),
+    ],
+)
+def test_units_of_sizes_change_at_a_tenth_squared_and_a_hundredth_cubed(
+    size: float, dimensions: int, text: str
+) -> None:
+    assert extent_text(size, dimensions) == text
+
+
+def test_every_pose_is_a_row_of_the_table(seen: Seen) -> None:
+    """Expected: the poses in the order of the grid, last coordinate fastest, with what each has by itself."""
+    table = pl.read_csv(workspace_csv(seen.space), infer_schema_length=None)
+    columns = [*NAMES, "reachable", "limit", "leg_length_margin", "joint_angle_margin", "singular_margin"]
+    assert table.columns == [*columns, "condition_number", "payload", "force_margin", "largest_speed"]
+    assert table.height == len(seen.each)
+    for row, (index, q) in zip(table.iter_rows(named=True), seen.each.items(), strict=True):
+        assert [row[name] for name in NAMES] == pytest.approx(seen.poses[index])
+        assert row["reachable"] == (q.limit == 0)
+        assert row["limit"] == Limit(int(q.limit)).name.lower()
+        for name in table.columns[8:]:
+            value = getattr(q, name)
+            assert row[name] == (None if value is None else pytest.approx(float(value), rel=1e-9)), name
+
+
+def test_coordinates_in_words(seen: Seen) -> None:
+    parts = [f"{n} from {seen.shown(v[0], n)} to {seen.shown(v[-1], n)}" for n, v in seen.swept.items()]
+    assert swept_text(seen.space) == ", ".join(parts)
+    fixed = [name for name in NAMES if name not in seen.swept]
+    assert fixed_text(seen.space) == ", ".join(f"{name} {seen.shown(seen.space.fixed[name], name)}" for name in fixed)
+
+
+def numbers(packed: dict[str, str]) -> FloatArray:
+    return np.frombuffer(base64.b64decode(packed["bdata"]), f"<{packed['dtype']}").astype(float)
+
+
+def test_the_page_has_every_number(seen: Seen) -> None:
+    """Expected: the grid in display units, and by pose the limit, the limit nearest by, the clearance and all results.
+
+    Scales of colours go from the least to the largest value that can be reached, of condition numbers at most to 1000.
+    Home is marked where it lies in the plane; the slice shown first is the one nearest to it.
+    """
+    page = workspace_page(seen.space).decode()
+    block = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert block
+    data: dict[str, Any] = json.loads(block[1])
+    length = 1e3 if seen.length == "mm" else 1.0
+    factors = {name: 180 / np.pi if name in NAMES[3:] else length for name in seen.swept}
+    assert [part["name"] for part in data["swept"]] == list(seen.swept)
+    for part, (name, values) in zip(data["swept"], seen.swept.items(), strict=True):
+        assert part["unit"] == ("°" if name in NAMES[3:] else seen.length)
+        assert numbers(part["values"]) == pytest.approx(values * factors[name], rel=1e-6, abs=1e-6)
+    assert data["limits"] == [{"text": limit.text, "colour": LIMIT_COLOURS[limit]} for limit in Limit]
+    codes = [int(q.limit) for q in seen.each.values()]
+    assert numbers(data["limit"]).tolist() == codes
+    assert numbers(data["clearance"]) == pytest.approx(clearance(seen.space).ravel(), rel=1e-6, abs=1e-9)
+    _check_behind(seen, numbers(data["behind"]).astype(int).tolist(), codes)
+    reached = seen.reached()
+    assert [each["title"] for each in data["results"]] == [RESULTS[name][0] for name in seen.results()]
+    for each, (name, of_poses) in zip(data["results"], seen.results().items(), strict=True):
+        unit, factor = seen.unit(name)
+        assert (each["unit"], each["logarithmic"]) == (unit, name == "condition_number")
+        assert numbers(each["values"]) == pytest.approx([factor * v for v in of_poses.values()], rel=1e-6)
+        inside = [factor * of_poses[index] for index in reached]
+        assert each["low"] == pytest.approx(min(inside))
+        largest = min(max(inside), 1000.0) if each["logarithmic"] else max(inside)
+        assert each["high"] == pytest.approx(max(largest, 1.01 * each["low"]) if each["logarithmic"] else largest)
+        known = {"condition_number": "magma_r", "force_margin": "cividis"}
+        end = 0.72 if name == "condition_number" else 1.0
+        table = mpl.colormaps[known.get(name, "viridis")](np.linspace(0, end, 64))
+        shares = [share for share, _ in each["colours"]]
+        assert shares == pytest.approx(np.linspace(0, 1, 17))
+        expected = [to_hex(table[min(int(share * 64), 63)]) for share in shares]
+        assert [colour for _, colour in each["colours"]] == expected
+    home = dict(zip(NAMES, [*seen.space.platform.home_position, *seen.space.platform.home_orientation], strict=True))
+    through = all(abs(value - home[name]) < 1e-9 for name, value in seen.space.fixed.items())
+    if through:
+        assert data["home"]["place"] == pytest.approx([home[n] * factors[n] for n in seen.swept])
+    else:
+        assert data["home"] is None
+    if len(seen.swept) == 2:
+        assert (data["surface"], data["level"]) == (None, 0)
+        return
+    assert data["level"] == int(np.abs(seen.swept["z"] - home["z"]).argmin())
+    surface = surface_of(seen.space)
+    assert surface is not None
+    place = np.array(list(factors.values()))
+    assert numbers(data["surface"]["vertices"]) == pytest.approx((surface.vertices * place).ravel(), rel=1e-6, abs=1e-6)
+    assert numbers(data["surface"]["triangles"]).tolist() == surface.triangles.ravel().tolist()
+    assert numbers(data["surface"]["colour"]) == pytest.approx(surface.colour, rel=1e-5)
+
+
+def _check_behind(seen: Seen, behind: list[int], codes: list[int]) -> None:
+    """Beyond the region the limits themselves; within it the limit of a nearest pose beyond, map by map."""
+    known = dict(zip(seen.each, codes, strict=True))
+    for index, found in zip(seen.each, behind, strict=True):
+        same_map = [other for other in known if other[2:] == index[2:] and known[other]]
+        if known[index] or not same_map:
+            assert found == known[index]
+            continue
+        distance = {other: (other[0] - index[0]) ** 2 + (other[1] - index[1]) ** 2 for other in same_map}
+        least = min(distance.values())
+        assert found in {known[other] for other in same_map if distance[other] == least}
+
+
+def test_a_volume_through_home_shows_the_slice_of_home() -> None:
+    """Expected: home marked at its first two coordinates where a slice goes through it, and not where none does."""
+    box = {"yaw": (-0.2, 0.3), "y": (-0.3, 0.2), "x": (-0.12, 0.18)}
+    for over, points, level in ((box, 4, 2), (box, 5, None)):
+        data = _data(sweep(LIMITED, over, points=points))
+        if level is None:
+            assert data["home"] is None
+            continue
+        assert data["home"]["level"] == data["level"] == level
+        assert data["home"]["place"] == pytest.approx([np.degrees(0.11), -0.05])
+
+
+def _data(space: Workspace) -> dict[str, Any]:
+    page = workspace_page(space).decode()
+    block = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert block
+    data: dict[str, Any] = json.loads(block[1])
+    return data
+
+
+def _notice(platform: Platform, over: dict[str, tuple[float, float]], at: dict[str, float]) -> str:
+    *_, text = notices(sweep(platform, over, at, points=3))
+    return text
+
+
+_NEAR = {"x": (-0.1, 0.1), "y": (0.0, 0.1)}
+
+
+def test_the_limit_that_keeps_from_all_poses_is_named_with_its_number() -> None:
+    """Expected: the leg or joint by inverse kinematics at the pose that is named, on the uneven platform."""
+
+    def lengths(x: float, y: float, z: float = 2.9, pitch: float = -0.07) -> FloatArray:
+        arms = Rotation.from_euler("xyz", [0.04, pitch, 0.11]).apply(UNEVEN.platform_points.copy())
+        return np.asarray(np.linalg.norm(np.array([x, y, z]) + arms - UNEVEN.base_points, axis=1))
+
+    for at, z, pitch, pick, word, limit in (
+        ({"z": 1.0}, 1.0, -0.07, np.argmin, "min", 2.3),
+        ({"pitch": -1.2}, 2.9, -1.2, np.argmax, "max", 3.9),
+    ):
+        text = _notice(UNEVEN, _NEAR, at)
+        said = re.search(r"is x (\S+) m, y (\S+) m: leg (\d) is (\S+) m long; leg_length_(\w+) is (\S+) m\.", text)
+        assert said, text
+        found = lengths(float(said[1]), float(said[2]), z, pitch)
+        assert int(said[3]) == int(pick(found)) + 1
+        assert float(said[4]) == pytest.approx(found[pick(found)], rel=2e-4)
+        assert (said[5], float(said[6])) == (word, limit)
+    tight = replace(UNEVEN, joint_angle_max=0.1, leg_length_min=None, leg_length_max=None)
+    for at, word, which in (({"x": 1.1, "z": 2.9}, "base", 0), ({"x": 0.08, "yaw": 0.3}, "platform", 1)):
+        over = {"y": (-0.05, 0.0), "roll": (0.04, 0.05)}
+        text = _notice(tight, over, at)
+        said = re.search(
+            r"is y (\S+) m, roll (\S+)°: the (\w+) joint of leg (\d) is (\S+)° from its direction at home; "
+            r"joint_angle_max is 5\.73°",
+            text,
+        )
+        assert said, text
+        home = {**dict(zip(NAMES, [*UNEVEN.home_position, *UNEVEN.home_orientation], strict=True)), **at}
+        home |= {"y": float(said[1]), "roll": np.radians(float(said[2]))}
+        pose = np.array([home[name] for name in NAMES])
+        angles = joint_angles(tight, pose[:3], pose[3:], tight.home_position, tight.home_orientation)[which]
+        assert (said[3], int(said[4])) == (word, int(angles.argmax()) + 1)
+        assert float(said[5]) == pytest.approx(np.degrees(angles.max()), rel=0.02)
+
+
+def test_what_leads_back_home_is_said_in_the_order_of_its_use() -> None:
+    """Expected: first coordinates that are fixed elsewhere, then ranges that leave home out, then the grid's points."""
+    both = _notice(UNEVEN, {"x": (1.0, 1.1), "y": (0.0, 0.1)}, {"z": 1.0, "yaw": 0.5})
+    assert both.endswith("Home can be reached, with z at 2.9 m, yaw at 6.303°: fix coordinates nearer to it.")
+    aside = _notice(UNEVEN, {"z": (5.0, 7.0), "y": (-3.05, 3.1)}, {})
+    assert aside.endswith("Home can be reached, with z at 2.9 m: sweep a range about it, or omit the range.")
+    below = _notice(UNEVEN, {"z": (0.5, 7.0), "y": (3.0, 3.1)}, {})
+    assert below.endswith("with y at -0.05 m: sweep a range about it, or omit the range.")
+    between = _notice(UNEVEN, {"z": (0.5, 7.0), "y": (-3.05, 3.1)}, {})
+    assert between.endswith("but lies between two poses of this grid: use more points or smaller ranges.")
+    assert _notice(UNEVEN, _NEAR, {"roll": 1.2}).split(": ")[1].startswith("beyond a singular pose. Home")
+    assert notices(sweep(UNEVEN, _NEAR, points=3)) == []
+    for one in ("leg_length_min", "leg_length_max", "joint_angle_max"):
+        without = dict.fromkeys({"leg_length_min", "leg_length_max", "joint_angle_max"} - {one})
+        assert notices(sweep(replace(UNEVEN, **without), _NEAR, points=3)) == []  # type: ignore[arg-type]
