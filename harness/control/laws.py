@@ -7,9 +7,11 @@ from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any, Literal, NamedTuple, Protocol, cast
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.casadi_function import CasadiFunction
 from gough_stewart.harness.control.linear_law import N_LEGS, LegLaw, TaskLaw
 from gough_stewart.harness.control.makers import Copied, Design, Made, Maker, is_maker, name_of
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
@@ -277,7 +279,8 @@ class FunctionLaw:
     used = signals.NAMES
 
     def __init__(self, function: ControlFunction, known: Known | None = None) -> None:
-        self._function, self._known = function, known
+        self._function = CasadiFunction(function) if isinstance(function, casadi.Function) else function
+        self._known = known
         self._command = _NO_FORCE
 
     @property

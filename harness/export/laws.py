@@ -9,6 +9,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.control.laws import LinearController, Space
 from gough_stewart.harness.control.linear_law import N_LEGS, integrating_modes, rest
 from gough_stewart.harness.control.pid import (
@@ -183,7 +184,6 @@ class MatrixLaw:
         return Linear(StateSpace(A, B, C, D, 1.0), start, integrating, casadi.SX.sym("coefficients", 0), None)
 
 
-MEMORY, MEMORY_NEXT, FORCE = "memory", "memory_next", "actuator_force"
 ACCELERATIONS = ("acceleration", "angular_acceleration")
 
 
@@ -288,7 +288,7 @@ def _check_operations(function: casadi.Function, plain: casadi.Function) -> None
 def sizes_of_inputs() -> dict[str, int]:
     """The possible inputs of a CasADi function."""
     sizes = {v.name: v.size for v in signals.VARIABLES}
-    references = {f"reference_{name}": size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
+    references = {OF_REFERENCE + name: size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
     return {"time": 1, **sizes, **references}
 
 

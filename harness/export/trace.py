@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
+from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT
 from gough_stewart.harness.control.linear_law import N_LEGS
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
-from gough_stewart.harness.export.laws import FORCE, MEMORY, MEMORY_NEXT, FunctionLaw, Law, MatrixLaw
+from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw
 from gough_stewart.harness.export.path_source import path_function, path_of
 from gough_stewart.harness.export.relative import Home, change_of_lengths
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of

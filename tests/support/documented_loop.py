@@ -50,11 +50,11 @@ def simulate(
     if start is not None:
         q, rate = start.copy(), np.zeros(6)
     machine_now = machine(0.0)
-    held = _static(machine_now, q)
+    held = static_forces(machine_now, q)
     limit = options["force_limit"]
     drive = _Drive(np.clip(held, -limit, limit), h, options["rate_limit"], options["lag"])
     line = [drive.force.copy()] * options["delay"]
-    law: _TaskLaw | _LegLaw | None = None
+    law: TaskLaw | LegLaw | None = None
     excess, planned = np.zeros(6), drive.force.copy()
     command, reading = np.zeros(6), np.zeros(6)
     rows: list[list[FloatArray]] = []
@@ -70,11 +70,11 @@ def simulate(
         if k % every == 0 and k < steps:
             wanted = motion(np.array([time]))
             wanted_length = legs_along(believed, wanted)[0][0]
-            J = _jacobian(believed, wanted.q[0])
+            J = jacobian(believed, wanted.q[0])
             if law is None:
-                law = (_TaskLaw if options["space"] == "task" else _LegLaw)(options, J, wanted_length, reading)
+                law = (TaskLaw if options["space"] == "task" else LegLaw)(options, J, wanted_length, reading)
             ahead = motion(np.array([time + (options["delay"] + 0.5) * T]))
-            command = law.force(J, wanted_length, reading, excess) + _feedforward(options, believed, ahead)
+            command = law.force(J, wanted_length, reading, excess) + feedforward(options, believed, ahead)
             clipped = np.clip(command, -limit, limit)
             # the anti-windup hears what force and rate limits leave of this command after one sample
             planned = planned + np.clip(clipped - planned, -options["rate_limit"] * T, options["rate_limit"] * T)
@@ -85,7 +85,7 @@ def simulate(
             force = drive.step(target)
         rows.append([q.copy(), length, force.copy(), command.copy()])
         if k < steps:
-            q, rate = _stepped(machine_now, q, rate, force, options["disturbance"](time), h)
+            q, rate = stepped(machine_now, q, rate, force, options["disturbance"](time), h)
     return Documented(*(np.array(each) for each in zip(*rows, strict=True)))
 
 
@@ -121,7 +121,7 @@ def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatAr
 # --- controllers -----------------------------------------------------------------------------------------------------
 
 
-class _Channels:
+class Channels:
     """Six PID channels: kp e + kd s/(Tf s + 1) v + x, ẋ = ki e + excess/Tt; v = e, or −y."""
 
     def __init__(self, options: Mapping[str, Any], first: FloatArray) -> None:
@@ -133,8 +133,12 @@ class _Channels:
         self.Tt = np.full(6, options["anti_windup_time"]) if options["anti_windup_time"] else own
         self.method, self.T = options["discretisation"], options["sample_time"]
         # steady state: the filter has settled on the first input, the integrator is empty
-        self.v, self.d, self.z = first.copy(), np.zeros(6), self.Tf * first
+        self.settle(first)
         self.x, self.w = np.zeros(6), np.zeros(6)
+
+    def settle(self, v: FloatArray) -> None:
+        """Let the filter settle on an input; the integral stays."""
+        self.v, self.d, self.z = v.copy(), np.zeros(6), self.Tf * v
 
     def __call__(self, e: FloatArray, v: FloatArray, excess: FloatArray) -> FloatArray:
         T, Tf, kd = self.T, self.Tf, self.kd
@@ -153,26 +157,35 @@ class _Channels:
         return np.asarray(self.kp * e + self.d + self.x)
 
 
-class _LegLaw:
+class LegLaw:
     """Channels are legs."""
 
     def __init__(self, options: Mapping[str, Any], _J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
         self.on_error = options["derivative_on"] == "error"
-        self.channels = _Channels(options, wanted - measured if self.on_error else -measured)
+        self.channels = Channels(options, wanted - measured if self.on_error else -measured)
+
+    def settle(self, _J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
+        """Let the derivatives rest in a measurement, as after a gap."""
+        self.channels.settle(wanted - measured if self.on_error else -measured)
 
     def force(self, _J: FloatArray, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,)."""
         return self.channels(wanted - measured, wanted - measured if self.on_error else -measured, excess)
 
 
-class _TaskLaw:
+class TaskLaw:
     """Channels are axes: e = J⁻¹ (L_r − L), y = Σ J⁻¹ ΔL, F = J⁻ᵀ w."""
 
     def __init__(self, options: Mapping[str, Any], J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
         self.on_error = options["derivative_on"] == "error"
         error = _solved(J, wanted - measured)
         self.moved, self.last = np.zeros(6), measured.copy()
-        self.channels = _Channels(options, error if self.on_error else np.zeros(6))
+        self.channels = Channels(options, error if self.on_error else np.zeros(6))
+
+    def settle(self, J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
+        """Let the derivatives rest in a measurement, as after a gap."""
+        self.last = measured.copy()
+        self.channels.settle(_solved(J, wanted - measured) if self.on_error else -self.moved)
 
     def force(self, J: FloatArray, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,)."""
@@ -183,12 +196,12 @@ class _TaskLaw:
         return _solved(J.T, w)
 
 
-def _feedforward(options: Mapping[str, Any], believed: Platform, ahead: Pose) -> FloatArray:
+def feedforward(options: Mapping[str, Any], believed: Platform, ahead: Pose) -> FloatArray:
     """Of the nominal model at the middle of the interval over which the force acts."""
     if options["feedforward"] == "none":
         return np.zeros(6)
     if options["feedforward"] == "gravity":
-        return _static(believed, ahead.q[0])
+        return static_forces(believed, ahead.q[0])
     return np.asarray(forces_along(believed, ahead)[0] + _friction(believed, legs_along(believed, ahead)[1][0]))
 
 
@@ -234,19 +247,19 @@ def _friction(machine: Platform, velocity: FloatArray) -> FloatArray:
     return np.asarray(viscous * velocity + coulomb * np.tanh(velocity / machine.leg_friction_velocity))
 
 
-def _static(machine: Platform, q: FloatArray) -> FloatArray:
+def static_forces(machine: Platform, q: FloatArray) -> FloatArray:
     rest = np.zeros((1, 6))
     return np.asarray(forces_along(machine, Pose(q[None], rest, rest))[0])
 
 
-def _jacobian(machine: Platform, q: FloatArray) -> FloatArray:
+def jacobian(machine: Platform, q: FloatArray) -> FloatArray:
     """∂L̇/∂(v, ω): lengths' rates for six unit rates of the pose, with the angles' rates turned into ω."""
     rates = np.eye(6)
     by_angles = legs_along(machine, Pose(np.tile(q, (6, 1)), rates, rates))[1].T
-    return np.asarray(by_angles @ np.linalg.inv(_twist_of_rates(q)))
+    return np.asarray(by_angles @ np.linalg.inv(twist_of_rates(q)))
 
 
-def _twist_of_rates(q: FloatArray) -> FloatArray:
+def twist_of_rates(q: FloatArray) -> FloatArray:
     """(6, 6): velocity and ω from the rates of position, roll, pitch, yaw about the fixed axes X, Y, Z."""
     pitch, yaw = q[4], q[5]
     about_x = [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
@@ -262,7 +275,7 @@ def _accelerations(
     trials = np.vstack([np.zeros(6), np.eye(6)])
     both = np.tile(q, (7, 1)), np.tile(rate, (7, 1))
     needed = forces_along(machine, Pose(*both, trials))
-    E = _twist_of_rates(q)
+    E = twist_of_rates(q)
     by_angles = legs_along(machine, Pose(np.tile(q, (6, 1)), np.eye(6), np.eye(6)))[1].T
     velocity = by_angles @ rate
     # the wrench as forces of the legs that do the same work: Jᵀ F = w
@@ -270,7 +283,7 @@ def _accelerations(
     return _solved((needed[1:] - needed[0]).T, force + equal - _friction(machine, velocity) - needed[0])
 
 
-def _stepped(
+def stepped(
     machine: Platform, q: FloatArray, rate: FloatArray, force: FloatArray, wrench: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray]:
     """Pose and rates after a plant step, forces held."""

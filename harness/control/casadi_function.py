@@ -1,0 +1,34 @@
+"""A CasADi function from named signals to forces as a controller in a run, as it is exported."""
+
+from typing import TYPE_CHECKING
+
+import casadi
+import numpy as np
+
+from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.control.laws import Sample
+
+# Names of its inputs and outputs, besides signals and `time`.
+MEMORY, MEMORY_NEXT, FORCE, OF_REFERENCE = "memory", "memory_next", "actuator_force", "reference_"
+
+
+class CasadiFunction:
+    """A control function that calls a CasADi function; its memory begins at zero."""
+
+    def __init__(self, function: casadi.Function) -> None:
+        self._function, names = function, function.name_in()
+        self._memory = np.zeros(function.numel_in(names.index(MEMORY)) if MEMORY in names else 0)
+
+    def __call__(self, sample: "Sample") -> FloatArray:
+        """Forces (6,) at a sample."""
+        wanted = {OF_REFERENCE + name: value for name, value in sample.reference.items()}
+        known = {"time": sample.time, MEMORY: self._memory, **sample.measured, **wanted}
+        given = {
+            name: np.reshape(np.asarray(known[name], dtype=float), self._function.size_in(k), order="F")
+            for k, name in enumerate(self._function.name_in())
+        }
+        found = {name: np.asarray(value).ravel(order="F") for name, value in self._function.call(given).items()}
+        self._memory = found.get(MEMORY_NEXT, self._memory)
+        return np.asarray(found[FORCE], dtype=float)

@@ -1,0 +1,462 @@
+"""Every pair of options of an export, in C, FMI and SSP, against a controller written from the documentation."""
+
+import zipfile
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations, product
+from pathlib import Path
+from typing import Any
+
+import casadi
+import control
+import fmpy
+import numpy as np
+import pytest
+from allpairspy import AllPairs
+from fmpy.ssp.simulation import simulate_ssp
+
+import gough_stewart as gs
+from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.model.vectors import FloatArray
+from tests.support.documented_controller import (
+    COUNT,
+    DAMPING,
+    DERIVATIVE,
+    FROZEN,
+    INTEGRAL,
+    OUT_OF_RANGE,
+    RAMP,
+    SMOOTHING,
+    STIFFNESS,
+    TILT,
+    TRACKING,
+    DocumentedController,
+    Sample,
+    closed,
+    range_of_lengths,
+    reference_rows,
+    start_of,
+)
+from tests.support.documented_loop import motion_of
+from tests.support.lagrangian import Pose, legs_along
+from tests.support.sampled_unit import Outputs, run_source, run_unit
+from tests.support.uneven import UNEVEN
+
+SAMPLE_TIME, N = 0.005, 24
+DURATION = N * SAMPLE_TIME
+TIMES: FloatArray = np.asarray(SAMPLE_TIME * np.arange(N), dtype=float)
+LEG_GAINS: dict[str, Any] = {
+    "kp": [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0],
+    "kd": [110.0, 140.0, 95.0, 125.0, 150.0, 105.0],
+    "ki": [900.0, 1500.0, 700.0, 1100.0, 2000.0, 800.0],
+}
+TASK_GAINS: dict[str, Any] = {
+    "kp": [6000.0, 7500.0, 9000.0, 5200.0, 4100.0, 3300.0],
+    "kd": [520.0, 610.0, 700.0, 430.0, 390.0, 310.0],
+    "ki": [5000.0, 8000.0, 9000.0, 4500.0, 3000.0, 2500.0],
+}
+ALONG = np.array([0.021, -0.017, 0.026, 0.031, -0.024, 0.035])
+HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
+START = HOME + 0.3 * ALONG[::-1]
+CONSTANT = np.array([3.0, -7.0, 11.0, -2.0, 5.0, -9.0])
+MACHINE: dict[str, Any] = {"platform_mass": 13.9, "platform_com": [0.02, -0.07, 0.11], "leg_viscous_friction": 9.5}
+FORMS = ("c", "c of floats", "c in single precision", "fmu", "ssp")
+OPTIONS: dict[str, list[Any]] = {
+    "form": list(FORMS),
+    "type": ["pid", "pd", "system", "function", "open_loop"],
+    "waiting": [False, True],
+    "faults": [False, True],
+    "reference": ["sine", "point_to_point", "step"],
+    "reference_from": ["inside", "inputs"],
+    "space": ["leg", "task"],
+    "derivative_on": ["error", "measurement"],
+    "derivative_filter": [None, 0.009],
+    "discretisation": ["tustin", "backward_diff", "zoh"],
+    "anti_windup_time": [None, 0.06],
+    "feedforward": ["gravity", "none", "computed_torque"],
+    "delay": [0, 1, 3],
+    "force_limit": [np.inf, 76.0],
+    "rate_limit": [np.inf, 900.0],
+    "safe_force": ["feedforward", "zero"],
+    "frozen": [None, (5, 0.002)],
+    "machine": ["as believed", "differs"],
+    "start": [False, True],
+    "around": [False, True],
+    "fmi": ["2.0", "3.0"],
+}
+OTHERS = ("system", "function", "open_loop")
+# Without a meaning for those, which have the first of their values.
+_OF_PID = ("derivative_on", "derivative_filter", "discretisation")
+
+
+def _can_be(row: dict[str, Any]) -> bool:
+    """Whether a row has a meaning, or so far as it goes may have one."""
+    kind, form = row.get("type"), row.get("form")
+
+    def differs(*names: str) -> bool:
+        return any(row.get(name, OPTIONS[name][0]) != OPTIONS[name][0] for name in names)
+
+    return not (
+        (form == "ssp" and differs("reference_from", "waiting", "faults"))
+        or (kind in OTHERS and differs(*_OF_PID))
+        or (kind in (*OTHERS, "pd") and differs("anti_windup_time"))
+        or (kind in ("function", "open_loop") and differs("space"))
+        or (kind == "open_loop" and (differs("frozen") or row.get("feedforward") == "none"))
+    )
+
+
+def _rows_of(options: dict[str, list[Any]]) -> Iterator[dict[str, Any]]:
+    rows = AllPairs(list(options.values()), filter_func=lambda row: _can_be(dict(zip(options, row, strict=False))))
+    return (dict(zip(options, row, strict=True)) for row in rows)
+
+
+def _rows() -> list[dict[str, Any]]:
+    """Rows with every pair of values that can be; where the library leaves a pair out, one more row for it."""
+    rows = list(_rows_of(OPTIONS))
+    for a, b in combinations(OPTIONS, 2):
+        for x, y in product(OPTIONS[a], OPTIONS[b]):
+            if _can_be({a: x, b: y}) and not any((row[a], row[b]) == (x, y) for row in rows):
+                turn = len(rows)
+                rest = {name: [*v[turn % len(v) :], *v[: turn % len(v)]] for name, v in OPTIONS.items()}
+                rows.append(next(_rows_of(rest | {a: [x], b: [y]})))
+    return rows
+
+
+ROWS = _rows()
+
+
+# --- the experiment --------------------------------------------------------------------------------------------------
+
+
+def _controller(row: dict[str, Any]) -> tuple[dict[str, Any], Any]:
+    """Its table, and what replaces it."""
+    kind, known = row["type"], {"feedforward": row["feedforward"]}
+    if kind == "open_loop":
+        return {"type": kind, "force": CONSTANT.tolist(), **known}, None
+    if kind == "system":
+        return {"type": "open_loop", **known}, _system(row["space"])
+    if kind == "function":
+        return {"type": "open_loop", **known}, _function()
+    gains = TASK_GAINS if row["space"] == "task" else LEG_GAINS
+    table = known | {name: row[name] for name in ("type", "space", "derivative_on", "discretisation")}
+    table |= {"proportional_gain": gains["kp"], "derivative_gain": gains["kd"]}
+    if row["derivative_filter"]:
+        table["derivative_filter"] = row["derivative_filter"]
+    if kind == "pid":
+        table["integral_gain"] = gains["ki"]
+        if row["anti_windup_time"]:
+            table["anti_windup_time"] = row["anti_windup_time"]
+    return table, None
+
+
+def _system(space: Any) -> gs.LinearController:
+    """The law of `SystemLaw` as matrices: of references, measurements and excess of legs; of errors in task space."""
+    one, none = np.eye(6), np.zeros((6, 6))
+    A = np.block([[np.diag(SMOOTHING), none], [none, one]])
+    filtered, summed = one - np.diag(SMOOTHING), SAMPLE_TIME * np.diag(INTEGRAL)
+    C, D = np.hstack([-np.diag(DERIVATIVE), one]), STIFFNESS + np.diag(DERIVATIVE)
+    if space == "task":
+        return gs.LinearController(control.ss(A, np.vstack([filtered, summed]), C, D, SAMPLE_TIME), space="task")
+    B = np.block([[filtered, -filtered, none], [summed, -summed, one * SAMPLE_TIME / TRACKING]])
+    return gs.LinearController(control.ss(A, B, C, np.hstack([D, -D, none]), SAMPLE_TIME))
+
+
+def _function() -> casadi.Function:
+    """The law of `FunctionLaw`."""
+    sizes = {"leg_length": 6, "orientation": 3, "reference_leg_length": 6, "reference_leg_velocity": 6}
+    s = {name: casadi.SX.sym(name, size) for name, size in {**sizes, "time": 1, "memory": 1}.items()}
+    force = casadi.DM(STIFFNESS) @ (s["reference_leg_length"] - s["leg_length"]) + casadi.DM(TILT) @ s["orientation"]
+    force += casadi.DM(DAMPING) @ s["reference_leg_velocity"] + casadi.DM(RAMP) * s["time"]
+    force += casadi.DM(COUNT) * s["memory"]
+    return casadi.Function(
+        "law", list(s.values()), [force, s["memory"] + 1], list(s), ["actuator_force", "memory_next"]
+    )
+
+
+def _experiment(row: dict[str, Any], folder: Path) -> tuple[Experiment, Any]:
+    gs.save_platform(UNEVEN, folder / "uneven.toml")
+    change = {"position_change": ALONG[:3].tolist(), "orientation_change": ALONG[3:].tolist()}
+    swing = {"position_amplitude": ALONG[:3].tolist(), "orientation_amplitude": ALONG[3:].tolist()}
+    references = {
+        "sine": {"type": "sine", **swing, "frequency": 2.3, "phase": 0.6},
+        "point_to_point": {"type": "point_to_point", **change, "at": 0.03, "duration": 0.08},
+        "step": {"type": "step", **change, "at": 0.03},
+    }
+    table, instead = _controller(row)
+    values: dict[str, Any] = {
+        "title": "options together",
+        "platform": {"file": "uneven.toml"},
+        "plant": {"tolerance": 1e-11},
+        "reference": references[row["reference"]],
+        "controller": table,
+        "loop": {"duration": DURATION, "sample_time": SAMPLE_TIME, "delay": row["delay"]},
+        "actuators": {"force_limit": row["force_limit"] if np.isfinite(row["force_limit"]) else "none"},
+        "limits": {"reference": "warn"},
+    }
+    if np.isfinite(row["rate_limit"]):
+        values["actuators"]["rate_limit"] = row["rate_limit"]
+    if row["machine"] == "differs":
+        values["plant"]["parameters"] = MACHINE
+    if row["start"]:
+        rest = {name: [0.0, 0.0, 0.0] for name in ("velocity", "angular_velocity")}
+        values["start"] = {"position": START[:3].tolist(), "orientation": START[3:].tolist(), **rest}
+    if row["around"]:  # the machine's, of which an export has nothing
+        values["sensors"] = {"quantisation": {"leg_length": 4e-4}, "noise": {"leg_velocity": 1e-3}}
+        values["actuators"]["lag"] = 0.012
+        values["disturbance"] = [{"at": 0.035, "duration": 0.06, "force": [9.0, -14.0, 21.0]}]
+    return experiment_from(values, "options").from_file("options", folder), instead
+
+
+def _written(row: dict[str, Any], folder: Path) -> tuple[list[Path], list[str]]:
+    """The files of a row's export, and the warnings."""
+    experiment, instead = _experiment(row, folder)
+    said: list[str] = []
+    files = gs.export(
+        experiment,
+        forms=row["form"].split()[0],
+        out=folder,
+        fmi=[row["fmi"]],
+        reference=row["reference_from"],
+        controller=instead,
+        safe_force=row["safe_force"],
+        frozen=row["frozen"],
+        real="float" if row["form"] == "c in single precision" else "double",
+        anyway=True,
+        warn=said.append,
+    )
+    return files, said
+
+
+# --- what is expected ------------------------------------------------------------------------------------------------
+
+
+def _options(row: dict[str, Any]) -> dict[str, Any]:
+    gains = TASK_GAINS if row["space"] == "task" else LEG_GAINS
+    shape = {"along": ALONG, "frequency": 2.3, "phase": 0.6, "at": 0.03, "move_duration": 0.08}
+    times = {"sample_time": SAMPLE_TIME, "duration": DURATION, "constant_force": CONSTANT}
+    # a unit cannot do without a sample
+    delay = row["delay"] if row["form"].startswith("c") else max(1, row["delay"])
+    ki = gains["ki"] if row["type"] == "pid" else [0.0] * 6
+    return {**row, **gains, "ki": ki, **shape, **times, "own_delay": row["delay"], "delay": delay}
+
+
+def _machine(row: dict[str, Any]) -> gs.Platform:
+    return UNEVEN if row["machine"] == "as believed" else replace(UNEVEN, **MACHINE)
+
+
+def _measured(row: dict[str, Any], pose: FloatArray, lengths: FloatArray) -> dict[str, FloatArray]:
+    """What the row's controller measures, in the order of the interface."""
+    if row["type"] == "open_loop":
+        return {}
+    return {"leg_length": lengths} if row["type"] != "function" else {"orientation": pose[3:], "leg_length": lengths}
+
+
+def _seen(row: dict[str, Any], motion: Pose) -> tuple[list[dict[str, FloatArray]], FloatArray | None]:
+    """Measurements and references of each sample: beside the motion, up to limits, and what happens to them."""
+    k = np.arange(N)[:, None]
+    lengths = legs_along(UNEVEN, motion)[0] + 0.05 * np.sin(0.4 * k + np.arange(6)) * [0.9, 1, 0.3, 0.7, 0.5, 1.1]
+    angles = 0.1 * np.cos(0.3 * k + np.array([0.0, 0.9, 2.0]))
+    reference = reference_rows(motion) if row["reference_from"] == "inputs" else None
+    low, high = range_of_lengths(UNEVEN)
+    lengths[16:23, 2] = lengths[16, 2]  # frozen, if that is watched
+    if row["faults"]:
+        lengths[3, 3], lengths[5, 1], lengths[6, 4] = low - 1e-3, high - 1e-3, low + 1e-3
+        lengths[8, 5], lengths[9, 0], lengths[10] = high + 1e-3, high + 1e-3, 0.0
+        if reference is not None:
+            reference[12, 2], reference[14:16] = 9.0, 0.0
+    if row["waiting"]:
+        lengths[:2] = angles[:2] = 0.0
+        if reference is not None:
+            reference[:2] = 0.0
+    poses = np.concatenate([np.zeros((N, 3)), angles], axis=1)
+    return [_measured(row, *each) for each in zip(poses, lengths, strict=True)], reference
+
+
+def _expected(row: dict[str, Any], seen: list[dict[str, FloatArray]], reference: FloatArray | None) -> list[Sample]:
+    options = _options(row)
+    q = START if row["start"] else motion_of(options, HOME)(np.zeros(1)).q[0]
+    controller = DocumentedController(options, UNEVEN, start_of(options, UNEVEN, _machine(row), q))
+    return [controller.sample(each, None if reference is None else reference[k]) for k, each in enumerate(seen)]
+
+
+def _tolerance(row: dict[str, Any], largest: float) -> float:
+    """What rounding makes of forces; of lengths relative to home, 0.2 µm times the gain at high frequencies."""
+    if row["form"] == "c of floats":
+        return 2e-6 * largest
+    if row["form"] != "c in single precision":
+        return 1e-6
+    options = _options(row)
+    fastest = options["derivative_filter"] or float((np.array(options["kd"]) / options["kp"]).min() / 20)
+    gain = {
+        "open_loop": 0.0,
+        "function": 1e4,  # of whole lengths
+        "system": 1e4,
+    }.get(row["type"], float(np.max(options["kp"] + np.array(options["kd"]) / fastest)))
+    return 2e-7 * gain + 3e-6 * largest
+
+
+def _assert_samples(row: dict[str, Any], found: Outputs, expected: list[Sample]) -> None:
+    force, limited, status, bad = (
+        np.array([getattr(each, name) for each in expected]) for name in ("force", "limited", "status", "bad_time")
+    )
+    np.testing.assert_allclose(found.force, force, rtol=0, atol=_tolerance(row, float(np.abs(force).max())))
+    np.testing.assert_array_equal(found.limited, limited)
+    np.testing.assert_array_equal(found.status, status)
+    np.testing.assert_allclose(found.bad_time, bad, rtol=1e-6, atol=1e-12)
+
+
+# --- the tests -------------------------------------------------------------------------------------------------------
+
+
+def _name(row: dict[str, Any]) -> str:
+    return "-".join(str(value).replace(" ", "_") for value in row.values())
+
+
+def _of(*forms: str, often: int = 100) -> pytest.MarkDecorator:
+    """The rows of some forms; all but the first ones with the evidence, since a unit takes 2 s to build and run."""
+    rows = [row for row in ROWS if row["form"] in forms]
+    marked = [
+        pytest.param(row, id=_name(row), marks=() if k < often else pytest.mark.evidence) for k, row in enumerate(rows)
+    ]
+    return pytest.mark.parametrize("row", marked)
+
+
+@_of("c", "c of floats", "c in single precision")
+def test_a_client_in_c_gets_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
+    """Expected: the controller written from the docs; compiled by another compiler than the harness uses."""
+    motion = motion_of(_options(row), HOME)(TIMES)
+    seen, reference = _seen(row, motion)
+    files, said = _written(row, tmp_path)
+    assert [file.name for file in files] == ["options_controller.c", "options_controller.h", "example_main.c"]
+    measured = np.array([np.concatenate([np.zeros(0), *each.values()]) for each in seen])
+    real = "float" if row["form"] == "c of floats" else "double"
+    found = run_source(files[0], measured, reference, real=real, single=row["form"] == "c in single precision")
+    _assert_samples(row, found, _expected(row, seen, reference))
+    _assert_warnings(row, said)
+
+
+@_of("fmu", often=4)
+def test_an_importer_gets_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
+    """Expected: forces of a sample at the next one, from a start time of 7.3 s; FMPy, both versions."""
+    motion = motion_of(_options(row), HOME)(TIMES)
+    seen, reference = _seen(row, motion)
+    (file,), said = _written(row, tmp_path)
+    inputs: list[dict[str, FloatArray]] = [dict(each) for each in seen]
+    if reference is not None:
+        names = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
+        for each, values in zip(inputs, reference, strict=True):
+            each |= {f"reference_{name}": part for name, part in zip(names, np.split(values, 6), strict=True)}
+    found, begun = run_unit(file, inputs, SAMPLE_TIME, 7.3, 3 if row["start"] else 1)
+    _assert_samples(row, found, _expected(row, seen, reference))
+    _assert_warnings(row, said)
+    _assert_values(row, begun)
+
+
+@_of("ssp", often=3)
+def test_an_importer_of_the_loop_gets_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
+    """Expected: the loop of the written controller around a Lagrangian's plant; FMPy, whose first inputs are zeros."""
+    (file,), said = _written(row, tmp_path)
+    result = simulate_ssp(str(file), stop_time=DURATION - SAMPLE_TIME / 2, step_size=SAMPLE_TIME)
+    start = START if row["start"] else None
+    lengths, forces = closed(_options(row), UNEVEN, _machine(row), start, lambda q, legs: _measured(row, q, legs))
+    for name, expected, tolerance in (
+        ("controller.actuator_force", forces, 2e-4),
+        ("plant.leg_length", lengths, 2e-8),
+    ):
+        if name == "plant.leg_length" and row["type"] == "open_loop":
+            continue  # nothing is measured, so nothing is connected
+        found = np.transpose([result[f"{name}[{k}]"] for k in range(1, 7)])
+        np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
+    _assert_warnings(row, said)
+    with zipfile.ZipFile(file) as archive:
+        for unit in ("plant", "controller"):
+            archive.extract(f"resources/{unit}.fmu", tmp_path)
+    starts = {}
+    for unit in ("plant", "controller"):
+        description = fmpy.read_model_description(str(tmp_path / f"resources/{unit}.fmu"))
+        starts[unit] = {v.name: v.start for v in description.modelVariables}
+    assert float(starts["controller"]["output_delay"]) == max(1, row["delay"])
+    assert float(starts["plant"]["platform_mass"]) == _machine(row).platform_mass
+
+
+def _assert_warnings(row: dict[str, Any], said: list[str]) -> None:
+    """Expected: by hand, from the page of exports: what is around the controller, and a delay that a unit adds."""
+    name = row["form"].split()[0].upper()
+    missing = [
+        *(["sensors.noise", "sensors.quantisation"] if row["around"] else []),
+        *(["actuators.rate_limit"] if np.isfinite(row["rate_limit"]) else []),
+        *(["actuators.lag", "disturbance"] if row["around"] else []),
+    ]
+    (without, *_) = [*(text for text in said if text.startswith(f"the {name} is without ")), ""]
+    listed = without.removeprefix(f"the {name} is without ").partition(": it ")[0]
+    assert sorted(filter(None, listed.split(", "))) == sorted(missing)
+    late = [text for text in said if "one sample late, where the experiment has no delay" in text]
+    assert len(late) == (name != "C" and row["delay"] == 0)
+
+
+def _assert_values(row: dict[str, Any], begun: Any) -> None:
+    """Expected: the options; no limit is 0; the feedforward is for the loop's delay, the unit's own is one sample."""
+    options = _options(row)
+    values: dict[str, Any] = {
+        "sample_time": SAMPLE_TIME,
+        "delay": options["delay"],
+        "output_delay": 1,
+        "force_limit": row["force_limit"] if np.isfinite(row["force_limit"]) else 0.0,
+        "force_rate_limit": row["rate_limit"] if np.isfinite(row["rate_limit"]) else 0.0,
+    }
+    if row["type"] in ("pd", "pid"):
+        values |= {"proportional_gain": options["kp"], "derivative_gain": options["kd"]}
+        if row["derivative_filter"]:
+            values["derivative_filter"] = row["derivative_filter"]
+    if row["type"] == "pid":
+        values["integral_gain"] = options["ki"]
+        if row["anti_windup_time"]:
+            values["anti_windup_time"] = [row["anti_windup_time"]] * 6
+    if row["feedforward"] != "none":
+        names = ("platform_mass", "platform_com", "base_points", "leg_viscous_friction_factor", "gravity")
+        values |= {name: getattr(UNEVEN, name) for name in names}
+    for name, value in values.items():
+        np.testing.assert_allclose(begun[name], np.ravel(value), rtol=1e-14, err_msg=name)
+    start = start_of(
+        options, UNEVEN, _machine(row), START if row["start"] else motion_of(options, HOME)(np.zeros(1))[0][0]
+    )
+    np.testing.assert_allclose(begun["start_force"], start, rtol=1e-9)
+    np.testing.assert_allclose(begun["actuator_force"], start, rtol=1e-9)
+
+
+def test_every_pair_of_values_is_in_a_row() -> None:
+    """Expected: counted, but for pairs that cannot be: an SSP without its reference, options that a kind lacks."""
+    missing = set()
+    for a, b in combinations(OPTIONS, 2):
+        met = [(row[a], row[b]) for row in ROWS]
+        missing |= {(a, b, *pair) for pair in product(OPTIONS[a], OPTIONS[b]) if pair not in met}
+    impossible = {
+        *(("form", name, "ssp", OPTIONS[name][1]) for name in ("reference_from", "waiting", "faults")),
+        *(("type", name, kind, v) for kind in OTHERS for name in _OF_PID for v in OPTIONS[name][1:]),
+        *(("type", "anti_windup_time", kind, 0.06) for kind in (*OTHERS, "pd")),
+        *(("type", "space", kind, "task") for kind in ("function", "open_loop")),
+        ("type", "feedforward", "open_loop", "none"),
+        ("type", "frozen", "open_loop", (5, 0.002)),
+    }
+    assert missing == impossible
+
+
+def test_the_rows_reach_their_limits_and_faults() -> None:
+    """A row whose limit or fault never comes says nothing of it."""
+    limited, frozen = [], []
+    for row in ROWS:
+        if row["form"] == "ssp":
+            continue
+        seen, reference = _seen(row, motion_of(_options(row), HOME)(TIMES))
+        samples = _expected(row, seen, reference)
+        statuses = [each.status for each in samples]
+        out = {3, 8, 9, 10} if row["faults"] and row["type"] != "open_loop" else set()
+        out |= {12, 14, 15} if row["faults"] and reference is not None else set()
+        assert {k for k, status in enumerate(statuses) if status == OUT_OF_RANGE} == out
+        if np.isfinite(row["force_limit"]):
+            limited.append(any(each.limited.any() for each in samples))
+        if row["frozen"]:
+            frozen.append(FROZEN in statuses)
+    assert np.mean(limited) >= 0.7
+    assert np.mean(frozen) >= 0.5  # a step is over when the measurement freezes
