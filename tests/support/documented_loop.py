@@ -369,7 +369,7 @@ def linear(options: Mapping[str, Any], believed: Platform, q: FloatArray) -> Doc
     Without Coulomb friction; sampled exactly for held commands, together with the lags of the drives.
     """
     machine = replace(believed, leg_coulomb_friction=0.0)
-    held, h = _static(machine, q), 1e-5
+    held, h = static_forces(machine, q), 1e-5
 
     def slope(of: Callable[[FloatArray], FloatArray], size: float, n: int) -> FloatArray:
         return np.stack([(of(size * e) - of(-size * e)) / (2 * size) for e in np.eye(n)], axis=1)
@@ -399,4 +399,4 @@ def linear(options: Mapping[str, Any], believed: Platform, q: FloatArray) -> Doc
         "zoh": (kd / Tf, np.exp(-T / Tf), 0.0),
     }[options["discretisation"]]
     channel = (b, np.full(6, p), share * ki * T, ki * T)
-    return DocumentedLoop(options, _jacobian(machine, q), (held_over[:n, :n], held_over[:n, n:], C), channel)
+    return DocumentedLoop(options, jacobian(machine, q), (held_over[:n, :n], held_over[:n, n:], C), channel)
