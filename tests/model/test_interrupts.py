@@ -14,7 +14,7 @@ from gough_stewart.model.interrupts import interrupts_held_back
 @pytest.fixture(autouse=True)
 def _handlers() -> Iterator[None]:
     """As they were before the test."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
     before = [signal.getsignal(number) for number in numbers]
     yield
     signal.setitimer(signal.ITIMER_REAL, 0)
@@ -48,7 +48,7 @@ def test_ctrl_c_while_the_equations_are_traced_is_not_swallowed(name: str, times
     assert all(interrupting(traced, 0.006 * (k + 1)) for k in range(times))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_of_a_block_are_handled_at_its_end_once(number: signal.Signals) -> None:
     handled, inside = list[int](), list[int]()
     signal.signal(number, lambda number, _frame: handled.append(number))
@@ -83,3 +83,20 @@ def test_other_threads_do_without() -> None:
     thread.start()
     thread.join()
     assert not failed
+
+
+def test_of_several_signals_of_a_block_the_first_is_handled_and_handlers_are_back_after_an_error() -> None:
+    """Expected: SIGTERM, which came first; an error of the block comes out, with the handlers as they were."""
+    handled = list[int]()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, _frame: handled.append(number))
+    handler = signal.getsignal(signal.SIGHUP)
+    with interrupts_held_back():
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.raise_signal(number)
+    assert handled == [signal.SIGTERM]
+    with pytest.raises(ZeroDivisionError), interrupts_held_back():
+        raise ZeroDivisionError
+    assert signal.getsignal(signal.SIGHUP) is handler
+    signal.raise_signal(signal.SIGINT)
+    assert handled == [signal.SIGTERM, signal.SIGINT]

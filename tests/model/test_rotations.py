@@ -135,3 +135,61 @@ def test_steady_turns_about_two_axes_accelerate_about_the_third() -> None:
     """Expected: γ̇ e_z × α̇ e_x = γ̇ α̇ e_y, from a platform at level."""
     found = rotations.angular_acceleration_from_orientation_rates(np.zeros(3), np.array([2.0, 0, 3.0]), np.zeros(3))
     assert np.allclose(found, [0, 6, 0], atol=1e-15)
+
+
+def test_a_pitch_is_read_up_to_a_microradian_from_90_degrees() -> None:
+    """Expected: the limit of `orientation_from_matrix` from both sides, of both signs, also for one of many."""
+    for sign in (1, -1):
+        near, nearer = (np.array([0.3, sign * (np.pi / 2 - off), 0.1]) for off in (1.1e-6, 0.9e-6))
+        back = rotations.orientation_from_matrix(rotations.matrix_from_orientation(near))
+        assert back[1] == pytest.approx(near[1], abs=1e-9)
+        several = rotations.matrix_from_orientation(np.stack([np.zeros(3), nearer, near]))
+        with pytest.raises(OrientationError, match=r"^pitch within 1e-06 rad of ±90°: roll and yaw are not defined"):
+            rotations.orientation_from_matrix(several)
+
+
+@pytest.mark.parametrize("row", range(3))
+def test_a_matrix_is_a_rotation_up_to_1e_8(row: int) -> None:
+    """Expected: stretched by a little in one row; the defect |R Rᵀ − 1| is twice as much, and is told."""
+    exact = rotations.matrix_from_orientation(np.array([0.3, -0.4, 2.0]))
+    for stretch, refused in ((0.49e-8, False), (0.51e-8, True)):
+        bent = exact.copy()
+        bent[row] *= 1 + stretch
+        if refused:
+            with pytest.raises(OrientationError) as caught:
+                rotations.orientation_from_matrix(bent)
+            assert str(caught.value) == (
+                "not a rotation matrix: |R Rᵀ − 1| = 1.02e-08; expected orthonormal columns and determinant +1"
+            )
+        else:
+            assert rotations.orientation_from_matrix(bent) == pytest.approx([0.3, -0.4, 2.0], abs=1e-7)
+
+
+def test_orientations_of_many_are_converted_each_by_itself() -> None:
+    """Expected: SciPy, one rotation after the other, over two leading axes; no rotations give no orientations."""
+    rng = np.random.default_rng(3)
+    several = rng.uniform(-1.4, 1.4, (4, 5, 3))
+    matrices = rotations.matrix_from_orientation(several)
+    quaternions = 1.7 * Rotation.from_euler("xyz", several.reshape(-1, 3)).as_quat().reshape(4, 5, 4)
+    expected = Rotation.from_euler("xyz", several.reshape(-1, 3)).as_matrix().reshape(4, 5, 3, 3)
+    assert matrices == pytest.approx(expected, abs=1e-14)
+    assert rotations.matrix_from_quaternion(quaternions) == pytest.approx(expected, abs=1e-14)
+    assert rotations.orientation_from_matrix(matrices) == pytest.approx(several, abs=1e-12)
+    assert rotations.angles_of(matrices) == pytest.approx(several, abs=1e-12)
+    assert rotations.orientation_from_matrix(np.zeros((0, 3, 3))).shape == (0, 3)
+    rate = rng.normal(size=(4, 5, 3))
+    omega = rotations.angular_velocity_from_orientation_rate(several, rate)
+    back = rotations.orientation_rate_from_angular_velocity(several, omega)
+    assert back == pytest.approx(rate, abs=1e-11)
+    turning = rotations.quaternion_rate(quaternions, omega)
+    for at in np.ndindex(4, 5):
+        one = rotations.angular_velocity_from_orientation_rate(several[at], rate[at])
+        assert omega[at] == pytest.approx(one, abs=1e-14)
+        assert turning[at] == pytest.approx(rotations.quaternion_rate(quaternions[at], omega[at]), abs=1e-14)
+
+
+def test_a_quaternion_s_rate_is_half_its_product_with_the_angular_velocity() -> None:
+    """Expected: Hamilton's product by hand of ω = (1, 2, 3) and q = (i + 2 j − k, 2), scalar last."""
+    q, omega = np.array([1.0, 2.0, -1.0, 2.0]), np.array([1.0, 2.0, 3.0])
+    # (ω, 0)(v, w) = (w ω + ω × v, −ω·v), ω × v = (−8, 4, 0)
+    assert rotations.quaternion_rate(q, omega).tolist() == [-3.0, 4.0, 3.0, -1.0]

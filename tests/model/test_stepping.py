@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
+from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.stepping import Snapshot, SteppingModel
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
@@ -347,3 +349,149 @@ def test_linearisation_predicts_a_small_step() -> None:
     f = model._kernel.derivatives(x, model._u, model._p).copy()
     model.do_step(0.0, h)
     assert np.allclose(model.state, x + h * f + 0.5 * h * h * A @ f, atol=1e-10)
+
+
+def test_rule_6_tolerances_from_1e_13_to_1e_2_are_taken() -> None:
+    """Expected: both ends, and just beyond them an error with the range."""
+    for tolerance in (1e-13, 1e-2):
+        SteppingModel(UNEVEN, tolerance)
+    for beyond in (0.9e-13, 1.1e-2):
+        with pytest.raises(
+            InterfaceError, match=rf"^tolerance: is {beyond!r}; expected 1e-13 to 0.01, for example 1e-08$"
+        ):
+            SteppingModel(UNEVEN, beyond)
+
+
+def test_rule_3_a_pitch_is_refused_where_a_step_would_be() -> None:
+    """Expected: 1e-3 rad below 90°, either sign, from both sides; as a whole and by element."""
+    far = np.pi / 2 - 1e-3
+    model = started()
+    for sign in (1, -1):
+        for name, inside, outside in (
+            ("orientation", [0.3, sign * (far - 1e-9), 0.2], [0.3, sign * (far + 1e-9), 0.2]),
+            ("orientation[2]", sign * (far - 1e-9), sign * (far + 1e-9)),
+        ):
+            model.set(name, inside)
+            refused(
+                model, lambda n=name, o=outside: model.set(n, o), InterfaceError, r"orientation\[2\]: is .*±1.5698 rad"
+            )
+
+
+def test_rule_3_what_is_set_is_what_is_had_and_nothing_else_changes() -> None:
+    """Expected: every input, state and parameter one after the other, whole and its last element."""
+    for variable in interface.VARIABLES:
+        is_set = variable.causality == "input" or variable.is_state or variable in interface.PLATFORM_PARAMETERS
+        if not is_set or variable.name == "platform_inertia":
+            continue
+        model = started()
+        before = {v.name: np.array(model.get(v.name)) for v in interface.VARIABLES if v.name != "fixed_step_size"}
+        value = np.array(before[variable.name] * 1.01 + (0.01 if variable.lower_bound is None else 0.0))
+        model.set(variable.name, value)
+        assert np.array_equal(model.get(variable.name), value), variable.name
+        last = variable.scalar_names[-1]
+        number = float(value.reshape(-1)[-1]) * 1.01
+        model.set(last, number)
+        value = value.copy()
+        value.reshape(-1)[-1] = number
+        for other in (*interface.INPUTS, *interface.STATES, *interface.PLATFORM_PARAMETERS):
+            expected = value if other is variable else before[other.name]
+            assert np.array_equal(model.get(other.name), expected), (variable.name, other.name)
+        model.reset()
+        assert model.save_state() == SteppingModel(UNEVEN).save_state()
+
+
+def test_rule_3_each_refusal_says_why_and_what_to_do() -> None:
+    """Expected: whole sentences, of computed, of fixed and of state variables."""
+    model = started()
+    model.do_step(0.0, 1e-3)
+    for name, text in (
+        ("leg_length", "leg_length: is computed (output); set inputs, parameters or states instead"),
+        ("joint_force[2,3]", "joint_force: is computed (local); set inputs, parameters or states instead"),
+        ("velocity[3]", "velocity: is a state, which can only be set before the first step; call reset() first"),
+        (
+            "base_points[1,1]",
+            "base_points: is a fixed parameter, which can only be set before the first step; call reset() first",
+        ),
+        ("fixed_step_size", "fixed_step_size: is a parameter of the FMU; the stepping model is error-controlled"),
+        ("external_force", "external_force: is 1.0; expected numbers of shape (3,) [N], external force at Op, world"),
+        ("external_force[3]", "external_force[3]: is 'a'; expected one number [N], external force at Op, world compo"),
+    ):
+        value: Any = "a" if name == "external_force[3]" else 1.0
+        found = refused(model, lambda n=name, v=value: model.set(n, v), InterfaceError, "^")
+        assert str(found).startswith(text.replace("is 1.0;", "has shape ();"))
+    with pytest.raises(InterfaceError) as caught:
+        model.get("fixed_step_size")
+    assert str(caught.value).startswith("fixed_step_size: ")
+    assert str(caught.value).endswith("; the stepping model has none")
+
+
+def test_linearisation_has_the_rows_of_the_results_and_the_columns_of_states_and_inputs() -> None:
+    """Expected: derivatives of ẋ and of the results by differences, of an uneven platform in motion; copies."""
+    model = started()
+    blocks = model.linearise()
+    A, B, C, D = blocks
+    assert (A.shape, B.shape, C.shape, D.shape) == ((12, 12), (12, 12), (50, 12), (50, 12))
+    x, u = STATE.to_vector(), INPUTS.to_vector()
+
+    def found(x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        other = SteppingModel(UNEVEN)
+        other.set_many({**interface.unpack(interface.STATES, x), **interface.unpack(interface.INPUTS, u)})
+        return other.result_vector()
+
+    h = 1e-5
+    for k in (0, 2, 3, 5, 6, 9, 11):
+        e = h * np.eye(12)[k]
+        by_state, by_input = (
+            (found(x + e, u) - found(x - e, u)) / (2 * h),
+            (found(x, u + e) - found(x, u - e)) / (2 * h),
+        )
+        assert C[:, k] == pytest.approx(by_state, abs=1e-6 * np.abs(C).max())
+        assert D[:, k] == pytest.approx(by_input, abs=1e-6 * np.abs(D).max())
+        # accelerations are the last rows of ẋ, and rows 24 to 29 of the results
+        assert A[6:, k] == pytest.approx(by_state[24:30], abs=1e-6 * np.abs(C).max())
+        assert B[6:, k] == pytest.approx(by_input[24:30], abs=1e-6 * np.abs(D).max())
+    kept = [block.copy() for block in blocks]
+    model.do_step(0.0, 0.1)
+    model.linearise()
+    assert all(np.array_equal(a, b) for a, b in zip(blocks, kept, strict=True))
+
+
+def test_rule_4_results_are_those_of_independent_equations() -> None:
+    """Expected: Newton and Euler's accelerations and joint forces; NumPy's lengths; the vector in the same order."""
+    model = started()
+    found, vector = model.results(), model.result_vector()
+    R = matrix_from_orientation(STATE.orientation)
+    expected = newton_euler.solve(UNEVEN, STATE.position, R, STATE.velocity, STATE.angular_velocity, *INPUTS)
+    assert found["acceleration"] == pytest.approx(expected.linear, rel=1e-9)
+    assert found["angular_acceleration"] == pytest.approx(expected.angular, rel=1e-9)
+    assert found["joint_force"] == pytest.approx(expected.joint_force, rel=1e-8, abs=1e-8)
+    lengths = np.linalg.norm(STATE.position + UNEVEN.platform_points @ R.T - UNEVEN.base_points, axis=1)
+    assert found["leg_length"] == pytest.approx(lengths, rel=1e-12)
+    assert list(found) == [v.name for v in interface.RESULTS]
+    assert np.array_equal(interface.pack(interface.RESULTS, found), vector)
+    for name in interface.RESULT_COLUMNS:
+        assert model.get(name) == vector[interface.RESULT_COLUMNS.index(name)]
+
+
+def test_rule_9_a_snapshot_holds_all_there_is() -> None:
+    """Expected: each number where it belongs, from 7.3 s on; the next internal step goes on where it was."""
+    model = started()
+    model.do_step(0.0, 0.3)
+    model.set_many({"platform_mass": 12.5, "external_torque": [1.0, 2.0, 3.0]})
+    snapshot = model.save_state()
+    assert snapshot.time == 0.3
+    assert snapshot.started
+    assert snapshot.x == tuple(model.state.tolist())
+    assert snapshot.u == (*FORCES, *INPUTS.external_force.tolist(), 1.0, 2.0, 3.0)
+    assert snapshot.platform == replace(UNEVEN, platform_mass=12.5)
+    assert snapshot.internal_step is not None
+    assert 1e-4 < snapshot.internal_step < 10
+    other = SteppingModel(UNEVEN)
+    other.restore_state(replace(snapshot, time=7.3))
+    other.do_step(7.3, 0.01)
+    model.do_step(0.3, 0.01)
+    assert other.time == 7.3 + 0.01
+    assert other.state == pytest.approx(model.state, abs=1e-12)
+    assert other.platform == model.platform
+    before = SteppingModel(UNEVEN).save_state()
+    assert (before.time, before.internal_step, before.started) == (0.0, None, False)

@@ -1,5 +1,6 @@
 """Reach, conditioning and static strength at poses, and the grid over them, against closed forms and other methods."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -18,8 +19,9 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at
-from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, default_ranges, sweep
+from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, POINTS, default_ranges, sweep
 from tests.support.random_platforms import random_platform
+from tests.support.uneven import UNEVEN
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
 LEVEL = np.zeros(3)
@@ -322,3 +324,282 @@ def test_what_makes_no_grid_is_refused(asked: dict[str, Any], text: str) -> None
         sweep(DESKTOP, **asked)
     assert isinstance(caught.value, GoughStewartError)
     assert 500**2 <= LARGEST_GRID < 501**2
+
+
+# Six different poses about and beyond the limits of the uneven platform.
+POSES = np.array(
+    [
+        [0.10, -0.05, 2.92, 0.07, -0.09, 0.14],
+        [0.31, -0.22, 3.05, -0.10, 0.08, 0.25],
+        [-0.60, 0.45, 2.60, 0.15, 0.12, -0.20],
+        [0.90, 0.10, 3.40, 0.02, -0.30, 0.05],
+        [0.05, 0.02, 1.60, 0.00, 0.05, 0.10],
+        [0.10, -0.10, 2.95, 0.30, -0.20, 0.90],
+    ]
+)
+
+
+def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None:
+    """Expected: NumPy and SciPy's rotations, pose by pose; static forces by balances of bodies; a batch of a batch."""
+    platform = replace(UNEVEN, leg_velocity_max=0.8, actuator_force_max=75.0)
+    found = evaluate_poses(platform, POSES[:, :3].reshape(2, 3, 3), POSES[:, 3:].reshape(2, 3, 3))
+    home = Rotation.from_euler("xyz", UNEVEN.home_orientation)
+    rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
+
+    def legs(t: FloatArray, R: Rotation) -> tuple[FloatArray, FloatArray, FloatArray]:
+        arm = R.apply(UNEVEN.platform_points.copy())
+        l = t + arm - UNEVEN.base_points
+        return arm, np.linalg.norm(l, axis=1), l / np.linalg.norm(l, axis=1)[:, None]
+
+    def angle(a: FloatArray, b: FloatArray) -> float:
+        return float(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)).max())
+
+    u0 = legs(UNEVEN.home_position, home)[2]
+    for k, pose in enumerate(POSES):
+        R = Rotation.from_euler("xyz", pose[3:])
+        arm, L, u = legs(pose[:3], R)
+        scaled = np.hstack([u, np.cross(arm, u) / rho])
+        sigma = np.linalg.svd(scaled, compute_uv=False)
+        of_base = 0.7 - angle(u, u0)
+        of_platform = 0.7 - angle(R.inv().apply(u), home.inv().apply(u0))
+        f0 = _static_forces(pose[:3], R)
+        # a mass of 1 kg, and a force of 1 N in any direction, at Op
+        J = np.hstack([u, np.cross(arm, u)])
+        f1 = np.linalg.solve(J.T, np.concatenate([-UNEVEN.gravity, np.zeros(3)]))
+        A = np.linalg.inv(J.T)[:, :3]
+        holds = bool((np.abs(f0) <= 75.0).all())
+        expected = {
+            "leg_length_margin": min(L.min() - 2.3, 3.9 - L.max()),
+            "joint_angle_margin": min(of_base, of_platform),
+            "singular_margin": sigma[5],
+            "condition_number": sigma[0] / sigma[5],
+            "payload": ((75.0 - np.sign(f1) * f0) / np.abs(f1)).min() if holds else 0.0,
+            "force_margin": ((75.0 - np.abs(f0)) / np.linalg.norm(A, axis=1)).min() if holds else 0.0,
+            "largest_speed": 0.8 / np.linalg.norm(scaled, axis=1).max(),
+        }
+        for name, value in expected.items():
+            own = getattr(found, name)
+            assert own.shape == (2, 3)
+            assert own.reshape(6)[k] == pytest.approx(value, rel=1e-8, abs=1e-8), (name, k)
+        first = [L.min() < 2.3, L.max() > 3.9, of_base < 0, of_platform < 0]
+        kinds = [Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG, Limit.BASE_JOINT, Limit.PLATFORM_JOINT]
+        limit = next((kind for is_beyond, kind in zip(first, kinds, strict=True) if is_beyond), Limit.NONE)
+        assert found.limit.reshape(6)[k] == limit
+        assert found.reachable.reshape(6)[k] == (limit == Limit.NONE)
+        assert limits_at(platform, pose[:3], pose[3:]) == limit
+    assert len(set(found.limit.ravel().tolist())) >= 3
+    assert found.payload is not None
+    assert 0 < np.count_nonzero(found.payload) < 6
+
+
+def _static_forces(position: FloatArray, R: Rotation) -> FloatArray:
+    """Leg forces at rest: weight of platform, of upper parts along the legs, of all leg parts by moments about B."""
+    g = UNEVEN.gravity
+    arm = R.apply(UNEVEN.platform_points.copy())
+    l = position + arm - UNEVEN.base_points
+    L = np.linalg.norm(l, axis=1)
+    u = l / L[:, None]
+    # what each leg takes at its platform joint: along u the upper part, across it the moment of both about B
+    first = 2.3 * 0.47 + 1.2 * (L - 0.58)
+    across = (first / L)[:, None] * (g - (u @ g)[:, None] * u)
+    onto = 1.2 * (u @ g)[:, None] * u + across
+    force = 11.5 * g + onto.sum(axis=0)
+    torque = np.cross(R.apply(UNEVEN.platform_com.copy()), 11.5 * g) + np.cross(arm, onto).sum(axis=0)
+    J = np.hstack([u, np.cross(arm, u)])
+    return np.asarray(np.linalg.solve(J.T, -np.concatenate([force, torque])))
+
+
+def test_limits_have_their_order_and_their_words() -> None:
+    """Expected: the documentation's order; each pose beyond several limits is out of reach by the first."""
+    words = ["reachable", "pitch at ±90°", "beyond a singular pose", "a leg too short", "a leg too long"]
+    words += ["angle of a base joint", "angle of a platform joint"]
+    assert [limit.text for limit in Limit] == words
+    assert [int(limit) for limit in Limit] == list(range(7))
+    narrow = replace(UNEVEN, joint_angle_max=1e-6, leg_length_min=2.9, leg_length_max=3.3)
+    home, level = UNEVEN.home_position, UNEVEN.home_orientation
+    poses = [
+        (home, np.array([0.0, np.pi / 2 - 0.9e-3, 2.5]), Limit.PITCH),
+        (home, np.array([0.0, -np.pi / 2 + 0.9e-3, 2.5]), Limit.PITCH),
+        (home, np.array([0.0, 0.0, 2.5]), Limit.SINGULAR),
+        (home + np.array([1.5, 0.0, -0.3]), level, Limit.LEG_TOO_SHORT),
+        (home + np.array([0.0, 0.0, 0.4]), level, Limit.LEG_TOO_LONG),
+        (home + np.array([0.01, 0.0, 0.0]), level, Limit.BASE_JOINT),
+    ]
+    lengths = leg_geometry(narrow, poses[3][0], level).length
+    assert lengths.min() < 2.9
+    assert lengths.max() > 3.3
+    narrow = replace(narrow, joint_angle_max=1e-6)
+    position, orientation = (np.array([pose[k] for pose in poses]) for k in (0, 1))
+    assert evaluate_poses(narrow, position, orientation).limit.tolist() == [pose[2] for pose in poses]
+    assert limits_at(narrow, position, orientation).tolist() == [pose[2] for pose in poses]
+    turned = replace(narrow, joint_angle_max=0.02)
+    tilted = evaluate_poses(turned, home, level + np.array([0.05, 0.0, 0.0]))
+    assert tilted.limit == Limit.PLATFORM_JOINT
+
+
+def test_poses_at_a_limit_can_be_reached() -> None:
+    """Expected: a margin of nothing is within, the least of all beyond is not; for strokes and for forces."""
+    pose = UNEVEN.home_position + np.array([0.5, 0.3, 0.02]), UNEVEN.home_orientation
+    free = replace(UNEVEN, joint_angle_max=None)
+    length = leg_geometry(free, *pose).length
+    exact = replace(free, leg_length_min=float(length.min()), leg_length_max=float(length.max()))
+    exact_limits = [(exact, Limit.NONE)]
+    for name, end, limit in (("leg_length_min", 9.0, Limit.LEG_TOO_SHORT), ("leg_length_max", 0.0, Limit.LEG_TOO_LONG)):
+        beyond: dict[str, Any] = {name: float(np.nextafter(getattr(exact, name), end))}
+        exact_limits.append((replace(exact, **beyond), limit))
+    for platform, limit in exact_limits:
+        assert evaluate_poses(platform, *pose).limit == limit
+    force = np.abs(static_leg_forces(UNEVEN, *pose)).max()
+    for share, is_held in ((1 + 1e-9, True), (1 - 1e-9, False)):
+        q = evaluate_poses(replace(UNEVEN, actuator_force_max=float(share * force)), *pose)
+        assert q.force_margin is not None
+        assert (q.force_margin > 0) == is_held
+
+
+def test_a_sweep_over_an_uneven_platform_says_what_it_did() -> None:
+    """Expected: the grid's poses by hand, what was found and assumed, defaults of what is fixed; progress."""
+    done: list[int] = []
+    w = sweep(UNEVEN, {"roll": (-0.1, 0.3), "y": (0.2, 0.4)}, {"z": 3}, points=3, progress=done.append)
+    assert done == [9]
+    assert list(w.swept) == ["roll", "y"]
+    assert w.swept["roll"] == pytest.approx([-0.1, 0.1, 0.3])
+    assert w.swept["y"] == pytest.approx([0.2, 0.3, 0.4])
+    assert w.fixed == {"x": 0.08, "z": 3.0, "pitch": -0.07, "yaw": 0.11}
+    assert (w.found, w.assumed) == ((), ())
+    assert w.coordinates()[2, 0] == pytest.approx([0.08, 0.2, 3.0, 0.3, -0.07, 0.11])
+    assert w.coordinates()[0, 2] == pytest.approx([0.08, 0.4, 3.0, -0.1, -0.07, 0.11])
+    for (i, j), number in np.ndenumerate(w.qualities.condition_number):
+        pose = w.coordinates()[i, j]
+        assert number == pytest.approx(float(conditioning(UNEVEN, pose[:3], pose[3:]).condition_number), rel=1e-12)
+    half = replace(UNEVEN, leg_length_max=None)
+    w = sweep(half, {"x": None, "yaw": None, "pitch": (-0.1, 0.1)}, points=2)
+    assert (w.found, w.assumed, w.shape) == (("yaw",), ("x",), (2, 2, 2))
+    rho = UNEVEN.characteristic_length
+    assert w.swept["x"] == pytest.approx([0.08 - rho, 0.08 + rho])
+    assert tuple(sweep(UNEVEN, points=2).swept) == ("x", "y")
+    free = sweep(replace(half, joint_angle_max=None), points=2)
+    assert tuple(free.swept) == free.assumed == ("roll", "pitch")
+    assert free.swept["roll"] == pytest.approx([0.04 - np.pi / 2, 0.04 + np.pi / 2])
+    assert free.swept["pitch"] == pytest.approx([-np.pi / 2, -0.07 + np.pi / 2])
+    assert POINTS == {2: 101, 3: 31}
+
+
+# Platform, coordinates whose ranges are looked for, given ranges, fixed values.
+RANGES: list[tuple[Platform, tuple[str, ...], dict[str, Any], dict[str, float]]] = [
+    (UNEVEN, ("x", "y"), {}, {}),
+    (UNEVEN, ("z", "pitch"), {}, {"x": 0.4, "yaw": -0.2}),
+    (UNEVEN, ("yaw",), {"x": (-0.2, 0.5)}, {"z": 3.1}),
+    (UNEVEN, ("y", "roll"), {"z": (2.7, 3.2)}, {}),
+    (replace(UNEVEN, joint_angle_max=0.05), ("x", "roll"), {}, {}),
+    (replace(UNEVEN, joint_angle_max=None, leg_length_max=8.0), ("y", "z"), {}, {}),
+    (replace(UNEVEN, joint_angle_max=None, leg_length_min=None), ("x", "yaw"), {}, {"z": 3.4}),
+    (replace(DESKTOP, joint_angle_max=0.02), ("z", "x", "pitch"), {}, {}),
+]
+
+
+@pytest.mark.parametrize(("platform", "looked_for", "given", "fixed"), RANGES)
+def test_a_range_is_that_of_what_can_be_reached_rounded_outward(
+    platform: Platform, looked_for: tuple[str, ...], given: dict[str, Any], fixed: dict[str, float]
+) -> None:
+    """Expected: the extent by bisection along random rays and by a random search; a margin of a tenth on either side.
+
+    Ends are multiples of 1, 2 or 5 times a power of ten, of degrees for angles; a range that is nearly symmetric about
+    home is made so.
+    """
+    over = {**dict.fromkeys(looked_for), **given}
+    w = sweep(platform, over, fixed, points=2)
+    names = list(COORDINATES)
+    home = dict(zip(names, [*platform.home_position, *platform.home_orientation], strict=True)) | fixed
+    assert w.found == looked_for
+    rng = np.random.default_rng(5)
+    # poses that can be reached, found by spreading from home along all that is swept
+    poses = np.array([[home[name] for name in names]])
+    axes = [names.index(name) for name in over]
+    low, high = (np.array([w.swept[name][k] for name in over]) for k in (0, -1))
+    wide_low, wide_high = 1.6 * low - 0.6 * high, 1.6 * high - 0.6 * low
+    for name, (a, b) in given.items():
+        k = list(over).index(name)
+        wide_low[k], wide_high[k] = a, b
+        assert (low[k], high[k]) == (a, b)
+    if given:
+        poses = np.repeat(poses, 2000, axis=0)
+        for name, (a, b) in given.items():
+            poses[:, names.index(name)] = rng.uniform(a, b, 2000)
+        poses = poses[limits_at(platform, poses[:, :3], poses[:, 3:]) == Limit.NONE]
+    for size in (0.5, 0.3, 0.1, 0.05, 0.05, 0.03, 0.02, 0.02, 0.01, 0.01):
+        # the outermost so far, and some others, are moved on
+        outer = [f(poses[:, axis]) for axis in axes for f in (np.argmin, np.argmax)]
+        some = poses[np.concatenate([np.tile(outer, 60), rng.integers(0, len(poses), 1200)])]
+        some[:, axes] += size * (wide_high - wide_low) * rng.normal(size=(len(some), len(axes)))
+        some[:, axes] = np.clip(some[:, axes], wide_low, wide_high)
+        poses = np.concatenate([poses, some[limits_at(platform, some[:, :3], some[:, 3:]) == Limit.NONE]])
+    for name, a, b in zip(over, low, high, strict=True):
+        if name in given:
+            continue
+        values = poses[:, names.index(name)]
+        first, last = float(values.min()), float(values.max())
+        size, unit = last - first, np.pi / 180 if COORDINATES[name] == "rad" else 1.0
+        is_whole_turn = np.isclose([a, b], [-np.pi, np.pi]).any() and name == "yaw"
+        assert a <= first, name
+        assert last <= b, name
+        below, above = home[name] - first, last - home[name]
+        if min(below, above) > 0.8 * max(below, above) and not is_whole_turn:
+            assert home[name] - a == pytest.approx(b - home[name], abs=0.06 * size), name
+            first, last = home[name] - max(below, above), home[name] + max(below, above)
+        assert first - a < 0.16 * size, (name, first, a)
+        assert b - last < 0.16 * size, (name, last, b)
+        steps = [k * 10.0**e * unit for e in range(-7, 3) for k in (1, 2, 5)]
+        step = max(each for each in steps if each <= (b - a) / 25)
+        finer = [each for each in steps if each <= step * 1.001][-3:]
+        box = _box(platform, name, looked_for, fixed)
+        ends = [end for end, of_box in zip((a, b), box, strict=True) if end != pytest.approx(of_box, abs=1e-9)]
+        is_rounded = [all(end / each == pytest.approx(round(end / each), abs=1e-6) for end in ends) for each in finer]
+        assert any(is_rounded), (name, a, b, step)
+
+
+def _box(platform: Platform, name: str, looked_for: tuple[str, ...], fixed: dict[str, float]) -> tuple[float, float]:
+    """Where no leg is longer than allowed from its base joint, whatever the other coordinates; half turns."""
+    if COORDINATES[name] == "rad":
+        return (-np.pi / 2, np.pi / 2) if name == "pitch" else (-np.pi, np.pi)
+    assert platform.leg_length_max is not None
+    angles = [
+        fixed.get(angle, home) for angle, home in zip(("roll", "pitch", "yaw"), platform.home_orientation, strict=True)
+    ]
+    arm = Rotation.from_euler("xyz", angles).apply(platform.platform_points.copy())
+    reach = np.full(6, platform.leg_length_max)
+    if {"roll", "pitch", "yaw"} & set(looked_for):
+        arm, reach = np.zeros((6, 3)), reach + np.linalg.norm(platform.platform_points, axis=1)
+    centre = (platform.base_points - arm)[:, "xyz".index(name)]
+    return float((centre - reach).max()), float((centre + reach).min())
+
+
+def test_errors_of_a_grid_are_whole_sentences() -> None:
+    """Expected: name, value in its unit and in degrees, range; bounds of angles from both sides."""
+    x_and = {"x": (0.0, 0.1)}
+    for asked, text in (
+        ({"over": {"x": None, "q": None}}, "unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw"),
+        (
+            {"over": {**x_and, "yaw": (-1.0, 3.2)}},
+            "yaw is 3.2 rad, 183.346°; expected from −180° to 180°; numbers w",
+        ),
+        ({"over": {**x_and, "roll": (0.5, 0.5)}}, "roll goes from 0.5 rad to 0.5 rad; expected a range from low to hi"),
+        ({"over": {**x_and, "pitch": (-1.6, 0.0)}}, "pitch is -1.6 rad, -91.6732°; expected from −90° to 90°; numbers"),
+        ({"over": x_and}, "1 swept coordinates; expected two for maps, or three for a volume"),
+        ({"over": {**x_and, "y": None}, "at": {"y": 0.1}}, "y is both swept and fixed; expected one of them: leave it"),
+        ({"over": {**x_and, "y": (np.nan, 1.0)}}, "y is nan; expected a finite number of m"),
+        (
+            {"points": 501},
+            "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates; expected",
+        ),
+        (
+            {"over": dict.fromkeys("xyz"), "points": 1},
+            "1 points per coordinate for 3 swept coordinates; expected",
+        ),
+    ):
+        with pytest.raises(WorkspaceError, match=f"^{re.escape(text)}"):
+            sweep(UNEVEN, **asked)
+    for name, largest in (("roll", np.pi), ("pitch", np.pi / 2), ("yaw", np.pi)):
+        for sign in (1, -1):
+            sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, {name: sign * largest}, points=2)
+            with pytest.raises(WorkspaceError, match=f"^{name} is "):
+                sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, {name: sign * (largest + 1e-9)}, points=2)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from gough_stewart.model import interface
 from gough_stewart.model.formulations import kane, kane_simulation
@@ -158,3 +159,46 @@ def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
     assert reached[0] == 0.0
     assert reached[-1] == pytest.approx(0.25)
     assert len(reached) == run.evaluations
+
+
+def test_both_terms_of_baumgarte_have_their_own_number() -> None:
+    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α ≠ β from a gap and from a slip, by the exponential of its matrix.
+
+    Legs too long by six different gaps, with speeds that satisfy no constraint of the closures.
+    """
+    alpha, beta, times = 9.0, 3.5, np.array([0.0, 0.05, 0.2])
+    configuration, y = start_of(UNEVEN, STATE)
+    stretched = configuration._replace(slide=configuration.slide + 1e-5 * np.arange(1, 7))
+    faster = y + 1e-5 * np.append(np.tile([0.0, 0.0, 0.0, 3.0], 6), np.zeros(6))
+    run = kane_simulation.integrate(UNEVEN, stretched, faster, INPUTS, times, (alpha, beta))
+    gap = kane.constraint_residual(UNEVEN, run.configuration)[:, :18]
+    slip = np.einsum("nab,nb->na", kane.constraint_jacobian(UNEVEN, run.configuration), run.speeds)
+    assert np.abs(gap[0]).max() > 3e-5
+    assert np.abs(slip[0, :18]).max() > 1e-5
+    for k, t in enumerate(times):
+        decay = expm(np.array([[0.0, 1.0], [-(beta**2), -2 * alpha]]) * t)
+        assert gap[k] == pytest.approx(decay[0, 0] * gap[0] + decay[0, 1] * slip[0, :18], abs=1e-9)
+        # the gaps turn with the legs: their rate is the slip up to the product of two small numbers
+        assert slip[k, :18] == pytest.approx(decay[1, 0] * gap[0] + decay[1, 1] * slip[0, :18], abs=1e-8)
+    assert run.position_violation == pytest.approx(np.abs(gap).max(axis=1), rel=1e-9)
+    assert run.velocity_violation == pytest.approx(np.abs(slip).max(axis=1), rel=1e-9)
+
+
+def test_a_simulation_has_the_asked_times_or_its_own_steps() -> None:
+    """Expected: the paper's default of α = β = 10; between asked times no longer steps than these."""
+    times = np.array([0.0, 0.004, 0.01])
+    asked = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6)
+    own = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6, own_steps=True)
+    assert asked.time.tolist() == times.tolist()
+    assert (own.time[0], own.time[-1]) == (0.0, 0.01)
+    assert own.time.tolist() != times.tolist()
+    assert asked.evaluations >= 2 + 6 * 2
+    same = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, (10.0, 10.0), 1e-6)
+    assert np.array_equal(same.speeds, asked.speeds)
+    first, last = asked.platform, own.platform
+    assert first.to_vector()[0] == pytest.approx(STATE.to_vector(), abs=1e-12)
+    assert first.to_vector()[-1] == pytest.approx(last.to_vector()[-1], abs=1e-6)
+    assert asked.joint_force.shape == (3, 6, 3)
+    # to first order in 4 ms, and what is half of the second
+    moved = STATE.position + 0.004 * STATE.velocity
+    assert first.position[1] == pytest.approx(moved, abs=2e-4)
