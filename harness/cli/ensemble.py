@@ -64,7 +64,8 @@ def ensemble_command(
     of signals over time), **ensemble.json**, figures, **report.html**, and the records of the worst members in
     **worst**. `gough-stewart run FILE --member 17` repeats a member exactly.
 
-    Exit code 3 if no member completes its run.
+    Exit code 3 if no member completes its run with a loop that does not grow by itself. Members whose loops grow or
+    oscillate are counted in a warning.
 
     Ctrl-C keeps the finished chunks; the same command with `--resume` continues, and gives the same bytes.
 
@@ -110,14 +111,14 @@ def ensemble_command(
             progress.update(task, total=None, description="figures and page")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
             from gough_stewart.harness.ensemble.files import write_report
-            from gough_stewart.harness.ensemble.statistics import integration_warning
+            from gough_stewart.harness.ensemble.statistics import integration_warning, oscillation_warning
 
             files, sheets = write_report(found, folder)
         show(*sheets)
-        if warning := integration_warning(found):
+        for warning in filter(None, (oscillation_warning(found), integration_warning(found))):
             warn(warning)
         command.close([MEMBERS, BANDS, METADATA, *files], folder, open_it=open_it)
-        _check_some_completed(found)
+        _check_some_work(found)
 
 
 def _compare(
@@ -145,11 +146,16 @@ def _compare(
     show(*compare_sheets(found))
     command.close([*names, DIFFERENCES, PAGE], folder, open_it=open_it)
     for each in (found.a, found.b):
-        _check_some_completed(each)
+        _check_some_work(each)
 
 
-def _check_some_completed(found: "Ensemble") -> None:
-    """Raise `MissedError` if none has."""
+def _check_some_work(found: "Ensemble") -> None:
+    """Raise `MissedError` if no member has completed its run, or the loops of all that have grow by themselves."""
+    from gough_stewart.harness.ensemble.statistics import oscillation_warning, works
+
     members = found.members
-    if not (members["outcome"] == "completed").any():
-        raise MissedError(f"none of {members.height} members completed its run; the first: {members['cause'][0]}")
+    if works(members).any():
+        return
+    if (members["outcome"] == "completed").any():
+        raise MissedError(f"no member completed its run with a loop that does not grow: {oscillation_warning(found)}")
+    raise MissedError(f"none of {members.height} members completed its run; the first: {members['cause'][0]}")

@@ -12,7 +12,7 @@ import polars
 from gough_stewart.harness.ensemble.chunk_files import ChunkFiles
 from gough_stewart.harness.ensemble.local import Range
 from gough_stewart.harness.ensemble.made_with import made_with
-from gough_stewart.harness.ensemble.result import CAUSE, INTEGRATION_ERROR, OUTCOME, Ensemble
+from gough_stewart.harness.ensemble.result import CAUSE, INTEGRATION_ERROR, OSCILLATION, OUTCOME, Ensemble
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions
@@ -64,6 +64,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
     """Metadata that depend only on the results: no times, and no names of workers."""
     prepared = plan.prepared
     counts = members.group_by(OUTCOME).len().sort(OUTCOME).collect()
+    own = members.group_by(OSCILLATION).len().drop_nulls().sort(OSCILLATION).collect()
     causes = members.group_by(CAUSE).len().drop_nulls().sort(["len", CAUSE], descending=[True, False])
     largest = members.select(polars.col(INTEGRATION_ERROR).max()).collect().item()
     first = causes.head(_MOST_CAUSES).collect()
@@ -75,6 +76,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
         "sampling": prepared.choice.sampling,
         "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
         "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
+        "oscillations": dict(zip(own[OSCILLATION], own["len"], strict=True)),
         "causes": dict(zip(first[CAUSE], first["len"], strict=True)),
         "substeps": plan.substeps,
         "tolerance": prepared.choice.tolerance,

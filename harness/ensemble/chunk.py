@@ -7,6 +7,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.control.laws import linear_of
+from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillation_columns, oscillations
 from gough_stewart.harness.ensemble.result import (
     CAUSE,
     ENDED,
@@ -28,6 +29,7 @@ from gough_stewart.harness.loop.loop import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
+from gough_stewart.harness.results.oscillation import Oscillation
 from gough_stewart.harness.results.streamed import Merit
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import nearest
@@ -60,32 +62,37 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     prepared = [part.prepared[k] for k in numbers]
     if not prepared:
         merits, nothing = _none(members, first)
-        return Chunk(_rows(first, part.draws.columns, part.impossible, [], (), merits), nothing, "")
+        return Chunk(_rows(first, part.draws.columns, part.impossible, [], (), (), merits), nothing, "")
     batch = batch_of(prepared, plan.substeps)
     timing = prepared[0].loop.timing
     merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
     bands = Bands(_signals(members), timing, len(prepared), first)
+    errors = LegErrors(timing, len(prepared))
     with batch.plant:
-        outcomes = observe_all(batch.plant, batch.law_from, batch.loop, _Both(merit, bands, len(prepared)))
-        errors = batch.plant.integration_error[: len(prepared)]
+        outcomes = observe_all(batch.plant, batch.law_from, batch.loop, _All(merit, (bands, errors), len(prepared)))
+        integration_error = batch.plant.integration_error[: len(prepared)]
         features = batch.plant.features
     columns = {name: values[: len(prepared)] for name, values in merit.columns().items()}
-    columns[INTEGRATION_ERROR] = errors
+    columns[INTEGRATION_ERROR] = integration_error
     if members.choice.margins:
         columns |= margins_of(prepared)
-    rows = _rows(first, part.draws.columns, part.impossible, numbers, outcomes[: len(prepared)], columns)
+    ended = outcomes[: len(prepared)]
+    own = oscillations(prepared, ended, errors)
+    rows = _rows(first, part.draws.columns, part.impossible, numbers, ended, own, columns)
     return Chunk(rows, bands.samples(), features)
 
 
-class _Both(Observer):
-    """Metrics of all members, including copies; bands without copies."""
+class _All(Observer):
+    """Metrics of all members, including copies; other observers without copies."""
 
-    def __init__(self, merit: Merit, bands: Bands, members: int) -> None:
-        self._merit, self._bands, self._members = merit, bands, members
+    def __init__(self, merit: Merit, others: Sequence[Observer], members: int) -> None:
+        self._merit, self._others, self._members = merit, others, members
 
     def row(self, row: Row) -> None:
         self._merit.row(row)
-        self._bands.row(_head(row, self._members))
+        some = _head(row, self._members)
+        for each in self._others:
+            each.row(some)
 
 
 def _head(row: Row, n: int) -> Row:
@@ -193,6 +200,7 @@ def _rows(
     impossible: dict[int, str],
     numbers: Sequence[int],
     outcomes: Sequence[Outcome],
+    own: Sequence[Oscillation | None],
     metrics: dict[str, FloatArray],
 ) -> polars.DataFrame:
     """One row per member, in order of their numbers."""
@@ -200,8 +208,9 @@ def _rows(
     at = np.array(numbers, dtype=np.intp) - first
     status, cause = [IMPOSSIBLE] * n, [impossible.get(first + k) for k in range(n)]
     ended: list[float | None] = [None] * n
-    for k, outcome in zip(at.tolist(), outcomes, strict=True):
-        status[k], ended[k], cause[k] = outcome.status, outcome.time, outcome.cause
+    motions: list[Oscillation | None] = [None] * n
+    for k, outcome, motion in zip(at.tolist(), outcomes, own, strict=True):
+        status[k], ended[k], cause[k], motions[k] = outcome.status, outcome.time, outcome.cause, motion
     columns: dict[str, Any] = {MEMBER: polars.Series(range(first, first + n), dtype=polars.Int64)}
     for name, values in varied.items():
         columns[f"{VARIED}{name}"] = polars.Series(values)
@@ -209,6 +218,7 @@ def _rows(
         OUTCOME: status,
         ENDED: polars.Series(ended, dtype=polars.Float64),
         CAUSE: polars.Series(cause, dtype=polars.String),
+        **oscillation_columns(motions),
     }
     for name, values in metrics.items():
         whole = np.full(n, np.nan)

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from gough_stewart.harness.ensemble.names import shown_input, shown_signal
 from gough_stewart.harness.ensemble.result import OUTCOME, Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import finite
+from gough_stewart.harness.ensemble.statistics import counted, left_out
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, png
@@ -107,12 +107,14 @@ def _bands(ensemble: Ensemble, columns: list[str], figure: Figure) -> None:
 
 
 def _histograms(ensemble: Ensemble, names: list[str], figure: Figure) -> None:
-    title = f"{ensemble.title}: metrics of {ensemble.members.height} members; 5, 50, 95 % dashed"
+    without = left_out(ensemble.members)
+    which = f"the members that completed ({without} did not)" if without else f"{ensemble.members.height} members"
+    title = f"{ensemble.title}: metrics of {which}; 5, 50, 95 % dashed"
     title += _some(_MOST_PANELS, len(names), "metrics")
     names = names[:_MOST_PANELS]
     for axes, name in zip(_panels(figure, title, len(names)), names, strict=True):
         shown = shown_metric(name)
-        values = shown.factor * finite(ensemble.values(name))
+        values = shown.factor * counted(ensemble.members, name)
         inside = _within(values)
         counts, edges = np.histogram(inside, bins=min(40, max(8, int(np.sqrt(len(values))))))
         axes.stairs(counts, edges, fill=True, color=COLOURS[4])

@@ -11,7 +11,7 @@ import polars
 from gough_stewart.harness.ensemble.names import shown_input, shown_signal
 from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import failures, finite
+from gough_stewart.harness.ensemble.statistics import counted, failures, finite, left_out
 from gough_stewart.harness.ensemble.tables import failure_sheet, quantile_sheet, worst_sheet
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
@@ -54,7 +54,7 @@ def ensemble_page(
     body = Template(asset("ensemble", "ensemble.html")).substitute(
         title=html.escape(ensemble.title),
         lead=html.escape(lead),
-        hint=html.escape(_hint(n)),
+        hint=html.escape(_hint(n, left_out(ensemble.members))),
         tables="".join(_in_box(to_html(sheet)) for sheet in more) + _tables(ensemble, by, worst),
         footer="Made by gough-stewart; includes plotly.js.",
     )
@@ -64,8 +64,12 @@ def ensemble_page(
     return document(f"{ensemble.title}: ensemble", body, style, data, scripts)
 
 
-def _hint(n: int) -> str:
+def _hint(n: int, without: int) -> str:
     parts = ["Bands: median, 25 to 75 %, 5 to 95 %, and extremes of the members still running."]
+    if without:
+        parts.append(
+            f"Quantiles of metrics leave out the {without} members that did not complete; margins count for all."
+        )
     if n > MOST_MEMBERS:
         error = 100 * np.sqrt(0.05 * 0.95 / MOST_MEMBERS)
         parts.append(
@@ -78,7 +82,8 @@ def _hint(n: int) -> str:
 
 
 def _tables(ensemble: Ensemble, by: str, worst: Mapping[int, str]) -> str:
-    sheets = [to_html(quantile_sheet(ensemble, [name for name in ensemble.metrics if _is_known(ensemble, name)]))]
+    names = [name for name in ensemble.metrics if len(counted(ensemble.members, name))]
+    sheets = [to_html(quantile_sheet(ensemble, names))]
     if failures(ensemble.members):
         sheets.append(to_html(failure_sheet(ensemble, most=50)))
     if worst:
@@ -127,13 +132,14 @@ def _named(shown: Shown, name: str, values: FloatArray) -> dict[str, Any]:
 
 def _metric(ensemble: Ensemble, some: Ensemble, name: str) -> dict[str, Any]:
     shown = shown_metric(name)
-    levels = np.quantile(finite(ensemble.values(name)), [level for level, _ in _MARKS])
+    values = counted(ensemble.members, name)
+    levels = np.quantile(values, [level for level, _ in _MARKS]) if len(values) else ()
     return {
         **_named(shown, name, shown.factor * some.values(name)),
         "values": packed(shown.factor * some.values(name), "f4"),
         "marks": [
             {"value": float(shown.factor * value), "text": text}
-            for value, (_, text) in zip(levels, _MARKS, strict=True)
+            for value, (_, text) in zip(levels, _MARKS, strict=False)
         ],
     }
 

@@ -6,6 +6,9 @@
 - `varied.KEY`, every number that varies, KEY as in the experiment, elements as in `varied.base_points[1,2]`;
 - `outcome`: `completed`, `diverged`, `stopped`, or `impossible` if it could not run; `ended`, its time [s]; `cause`, a
   text, null if there is none;
+- `oscillation`, how the loop of a member that completed moves by itself at the end: `oscillating`, `growing`, null if
+  it comes to rest or follows its reference; `oscillation.amplitude` [m] of the leg with the largest,
+  `oscillation.frequency` [Hz], null if it has none, or if only some of its rows were kept;
 - `integration_error`, the largest estimated error of a plant step;
 - the metrics by path (`tracking.position.norm_rms`), and `margins.stable`, `margins.disk` if requested; null if
   undefined.
@@ -25,6 +28,8 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.vectors import FloatArray
 
 MEMBER, OUTCOME, ENDED, CAUSE = "member", "outcome", "ended", "cause"
+OSCILLATION, AMPLITUDE, FREQUENCY = "oscillation", "oscillation.amplitude", "oscillation.frequency"
+OSCILLATING, GROWING = "oscillating", "growing"
 VARIED, MARGINS = "varied.", "margins."
 IMPOSSIBLE = "impossible"
 INTEGRATION_ERROR = "integration_error"
@@ -75,7 +80,7 @@ class Ensemble:
 
 def metric_names(members: polars.DataFrame) -> tuple[str, ...]:
     """The columns that are metrics or margins."""
-    other = (MEMBER, OUTCOME, ENDED, CAUSE, *_CIRCUMSTANCES)
+    other = (MEMBER, OUTCOME, ENDED, CAUSE, OSCILLATION, AMPLITUDE, FREQUENCY, *_CIRCUMSTANCES)
     return tuple(name for name in members.columns if name not in other and not name.startswith(VARIED))
 
 

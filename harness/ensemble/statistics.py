@@ -5,13 +5,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import polars
+from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.result import (
+    AMPLITUDE,
     CAUSE,
     ENDED,
+    FREQUENCY,
+    GROWING,
     IMPOSSIBLE,
     INTEGRATION_ERROR,
+    MARGINS,
     MEMBER,
+    OSCILLATING,
+    OSCILLATION,
     OUTCOME,
     Ensemble,
     metric_names,
@@ -41,14 +48,30 @@ def finite(values: FloatArray) -> FloatArray:
     return np.asarray(values[np.isfinite(values)])
 
 
-def quantiles(members: polars.DataFrame) -> polars.DataFrame:
-    """A row for each metric: how many members have it, mean, deviation, extremes and quantiles.
+def counted(members: polars.DataFrame, name: str) -> FloatArray:
+    """The defined values (n,) of a metric that statistics are of: those of the members that completed their runs.
 
-    A run that ended early counts with its values up to then; see `failures` for these members.
+    Numbers of a run that ended early are of a shorter time, often without the step or the peak. A margin is not a
+    number of the run, and counts for all.
     """
+    values = numbers(members, name)
+    return finite(values if name.startswith(MARGINS) else values[_are_completed(members)])
+
+
+def left_out(members: polars.DataFrame) -> int:
+    """How many members statistics of metrics leave out: those that did not complete."""
+    return int(np.count_nonzero(~_are_completed(members)))
+
+
+def _are_completed(members: polars.DataFrame) -> NDArray[np.bool_]:
+    return np.asarray((members[OUTCOME] == "completed").to_numpy())
+
+
+def quantiles(members: polars.DataFrame) -> polars.DataFrame:
+    """A row for each metric: how many members are `counted`, mean, deviation, extremes and quantiles of these."""
     rows: list[dict[str, Any]] = []
     for name in metric_names(members):
-        values = finite(numbers(members, name))
+        values = counted(members, name)
         row: dict[str, Any] = {"metric": name, "defined": len(values)}
         if len(values):
             deviation = float(values.std(ddof=1)) if len(values) > 1 else None
@@ -79,6 +102,35 @@ def failures(members: polars.DataFrame) -> tuple[Failure, ...]:
         first.setdefault(key, text)
     made = [Failure(key[0], first[key], tuple(each)) for key, each in found.items()]
     return tuple(sorted(made, key=lambda failure: -len(failure.members)))
+
+
+def kinds_of_oscillation(members: polars.DataFrame) -> dict[str, list[int]]:
+    """Members that completed while their loops oscillated or grew by themselves; the largest amplitude first."""
+    if OSCILLATION not in members.columns:  # a result of an older version
+        return {OSCILLATING: [], GROWING: []}
+    ordered = members.sort(AMPLITUDE, descending=True, nulls_last=True)
+    return {kind: ordered.filter(polars.col(OSCILLATION) == kind)[MEMBER].to_list() for kind in (OSCILLATING, GROWING)}
+
+
+def oscillation_warning(ensemble: Ensemble) -> str:
+    """A warning if loops of some members oscillate or grow by themselves; "" if not."""
+    members, parts = ensemble.members, []
+    for kind, which in kinds_of_oscillation(members).items():
+        if which:
+            worst = members.row(by_predicate=polars.col(MEMBER) == which[0], named=True)
+            rate = "" if worst[FREQUENCY] is None else f" at {worst[FREQUENCY]:.3g} Hz"
+            what = "oscillate" if kind == OSCILLATING else "grow"
+            parts.append(
+                f"the loops of {len(which)} of {members.height} members {what} by themselves; member {which[0]} has "
+                f"the largest amplitude, {1e3 * worst[AMPLITUDE]:.3g} mm{rate}"
+            )
+    return f"{'; '.join(parts)}. `run --member K` shows one" if parts else ""
+
+
+def works(members: polars.DataFrame) -> NDArray[np.bool_]:
+    """Which members (N,) completed their runs without a loop that grows."""
+    growing = np.isin(members[MEMBER].to_numpy(), kinds_of_oscillation(members)[GROWING])
+    return np.asarray(_are_completed(members) & ~growing)
 
 
 def integration_warning(ensemble: Ensemble) -> str:

@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 
-import polars
-
 from gough_stewart.harness.ensemble.names import shown_input
 from gough_stewart.harness.ensemble.result import MEMBER, OUTCOME, Ensemble, numbers
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import failures, quantiles
+from gough_stewart.harness.ensemble.statistics import counted, failures, kinds_of_oscillation, left_out, quantiles
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 from gough_stewart.harness.results.metric_names import shown_metric
@@ -45,7 +43,7 @@ def ensemble_html(ensemble: Ensemble) -> str:
 
 
 def usual_metrics(ensemble: Ensemble) -> list[str]:
-    """The metrics of most interest that some member has and that are not always 0."""
+    """The metrics of most interest that some counted member has and that are not always 0."""
     names = [
         name
         for name in ensemble.metrics
@@ -55,8 +53,8 @@ def usual_metrics(ensemble: Ensemble) -> list[str]:
     order = {name: k for k, name in enumerate(_USUAL)}
 
     def is_worth_it(name: str) -> bool:
-        values = ensemble.members[name].drop_nulls()
-        return len(values) > 0 and not (name.startswith(shares) and float(values.cast(polars.Float64).max() or 0) == 0)  # type: ignore[arg-type]
+        values = counted(ensemble.members, name)
+        return len(values) > 0 and not (name.startswith(shares) and values.max() == 0)
 
     return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, 4.5))
 
@@ -65,8 +63,12 @@ def quantile_sheet(ensemble: Ensemble, names: Sequence[str]) -> Sheet:
     """A row for each metric: its quantiles."""
     counts = ensemble.members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
     ended = ", ".join(f"{count} {outcome}" for outcome, count in counts)
+    own = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(ensemble.members).items() if which]
+    ended += f" ({' and '.join(own)} by themselves)" if own else ""
+    without = left_out(ensemble.members)
+    of = f"; quantiles without the {without} not completed" if without else ""
     sheet = Sheet(
-        f"{ensemble.members.height} members: {ended}", ("", *(f"{100 * level:g} %" for level in LEVELS), "of")
+        f"{ensemble.members.height} members: {ended}{of}", ("", *(f"{100 * level:g} %" for level in LEVELS), "of")
     )
     table = {row["metric"]: row for row in quantiles(ensemble.members).iter_rows(named=True)}
     for name in names:

@@ -28,10 +28,15 @@ class Metrics(dict[str, Any]):
         return text_of(metrics_table(self))
 
     def _repr_html_(self) -> str:
+        from html import escape
+
         from gough_stewart.harness.output.tables import to_html
+        from gough_stewart.harness.results.outcome import is_sound, outcome_text
         from gough_stewart.harness.results.tables import metrics_sheets
 
-        return "".join(map(to_html, metrics_sheets(self)))
+        outcome = self["outcome"]
+        remark = "" if is_sound(outcome) else f"<p><strong>{escape(outcome_text(outcome))}</strong></p>"
+        return "".join([remark, *map(to_html, metrics_sheets(self))])
 
 
 def metrics(record: Record) -> Metrics:

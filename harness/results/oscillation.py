@@ -6,7 +6,9 @@ moves to the end, only frequencies far above its own are judged, where it can ha
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +31,7 @@ _CYCLES, _CYCLES_MOVING = 3, 8
 _ABOVE, _POWER = 10.0, 0.999
 # Least amplitude: in standard deviations of the noise, in steps of the quantisation, and of the mean leg length.
 _NOISES, _STEPS, _RELATIVE = 6.0, 3.0, 1e-6
+
 # Larger lengths are no platform's, and their spectra and accelerations may overflow [m].
 _LARGEST = 1e9
 
@@ -55,36 +58,93 @@ class Oscillation(NamedTuple):
         return f"leg {self.leg} oscillates at {self.frequency:.3g} Hz by itself, with an amplitude of {size}. {_REMEDY}"
 
 
+@dataclass(frozen=True)
+class LegRows:
+    """What is judged of a run: the legs over time, and what acts on them."""
+
+    time: FloatArray  # (n,) [s]
+    error: FloatArray  # of the leg lengths (n, 6) [m]
+    reference: FloatArray  # leg lengths (n, 6) [m]
+    rest_begins: int  # the row after the last at which reference, wrench, injection or parameters change
+    least: Callable[[float], float]  # the amplitude [m] that sensors do not explain, by frequency [Hz]
+
+
 def oscillation(record: Record) -> Oscillation | None:
-    """The oscillation or growth that a completed run of a closed loop ends with; None for a sound one.
+    """The oscillation or growth that a completed run of a closed loop ends with; None for a sound one."""
+    if not all(name in record for name in _USED) or record.metadata["outcome"]["status"] != "completed":
+        return None
+    choice = record.metadata.get("experiment", {})
+    if record.table.height < _ROWS or choice.get("controller", {}).get("type") == "open_loop":
+        return None
+    sensors = choice.get("sensors") or {}
+    # a record from elsewhere may have no platform
+    points = record.metadata["platform"].get("platform_points", [[0.0, 0.0, 1.0]])
+    least = least_amplitude(
+        float(record["leg_length"].mean()), points, sensors.get("noise") or {}, sensors.get("quantisation") or {}
+    )
+    error, reference = record["error.leg_length"], record["reference.leg_length"]
+    return own_motion(LegRows(record["time"], error, reference, _rest_begins(record), least))
+
+
+def own_motion(rows: LegRows) -> Oscillation | None:
+    """The oscillation or growth of a closed loop, by the rows of a whole run; None for a sound one.
 
     The error is growing if, after the last change of what acts on the loop, it comes to twice the step of the reference
     or twice the largest value of its first half cycle, or rises ever faster. It oscillates if one line of its spectrum
     has most of the power and lasts, with an amplitude above what quantisation and noise of the sensors explain.
     """
-    if not all(name in record for name in _USED) or record.metadata["outcome"]["status"] != "completed":
+    n = len(rows.time)
+    # NaN is not below it either
+    if n < _ROWS or not all((np.abs(each) < _LARGEST).all() for each in (rows.error, rows.reference)):
         return None
-    choice = record.metadata.get("experiment", {})
-    error, time = record["error.leg_length"], record["time"]
-    if len(time) < _ROWS or choice.get("controller", {}).get("type") == "open_loop":
-        return None
-    if not all((np.abs(record[name]) < _LARGEST).all() for name in _USED):  # NaN is not below it either
-        return None
-    begin = _rest_begins(record)
-    if len(time) - begin >= max(_ROWS, _REST * len(time)):
-        return _at_rest(error[begin:], time[begin:], _step(record["reference.leg_length"], begin), record)
-    return _in_motion(record)
+    if n - rows.rest_begins >= max(_ROWS, _REST * n):
+        return _at_rest(rows)
+    return _in_motion(rows)
+
+
+def least_amplitude(
+    length: float, platform_points: Any, noise: Mapping[str, float], quantisation: Mapping[str, float]
+) -> Callable[[float], float]:
+    """The amplitude of a leg's error [m] at a frequency [Hz] that noise and quantisation of the sensors do not explain.
+
+    Parameters
+    ----------
+    length
+        Mean leg length [m].
+    platform_points
+        Joints (6, 3) [m], whose largest distance from Op turns angles into lengths.
+    noise, quantisation
+        Of the sensors, by signal, in SI units.
+    """
+    radius = float(np.linalg.norm(np.asarray(platform_points), axis=1).max())
+
+    def least(frequency: float) -> float:
+        turns = 2 * math.pi * frequency
+        lengths = {"leg_length": 1.0, "position": 1.0, "orientation": radius}
+        lengths |= {"leg_velocity": 1 / turns, "velocity": 1 / turns, "angular_velocity": radius / turns}
+        explained = [
+            factor * value * lengths[name]
+            for factor, kind in ((_NOISES, noise), (_STEPS, quantisation))
+            for name, value in kind.items()
+            if name in lengths
+        ]
+        return float(max(_RELATIVE * length, *explained, 0.0))
+
+    return least
+
+
+def last_change(values: FloatArray) -> int:
+    """The row after the last at which a column of (n, k) changes; 0 if none does."""
+    scale = np.maximum(1.0, np.abs(values).max(axis=0))
+    with np.errstate(over="ignore"):
+        changes = np.flatnonzero((np.abs(np.diff(values, axis=0)) > 1e-9 * scale).any(axis=1))
+    return int(changes[-1]) + 1 if changes.size else 0
 
 
 def _rest_begins(record: Record) -> int:
     """The row after the last at which something that acts on the loop changes."""
-    begin = 0
-    acting = [name for name in record.table.columns if _acts(name, record)]
-    for name in acting:
-        values = np.asarray(record[name], dtype=float)
-        changes = np.flatnonzero(np.abs(np.diff(values)) > 1e-9 * max(1.0, np.abs(values).max()))
-        begin = max(begin, int(changes[-1]) + 1 if changes.size else 0)
-    return begin
+    acting = record.table.select([name for name in record.table.columns if _acts(name, record)])
+    return last_change(np.asarray(acting.to_numpy(), dtype=float))
 
 
 def _step(legs: FloatArray, row: int) -> float:
@@ -101,9 +161,11 @@ def _acts(name: str, record: Record) -> bool:
     return name.startswith(inputs) or name.partition("[")[0] in parameters
 
 
-def _at_rest(error: FloatArray, time: FloatArray, step: float, record: Record) -> Oscillation | None:
+def _at_rest(rows: LegRows) -> Oscillation | None:
+    begin, least = rows.rest_begins, rows.least
+    error, time, step = rows.error[begin:], rows.time[begin:], _step(rows.reference, begin)
     since, n = float(time[0]), len(error)
-    line = _line(_detrended(error[n // 3 :]), time[n // 3 :], record, 0, _CYCLES)
+    line = _line(_detrended(error[n // 3 :]), time[n // 3 :], least, 0, _CYCLES)
     steady = None if line is None else Oscillation(False, line.leg, line.amplitude, line.frequency, None, since)
     if line is not None and line.ratio < _STEADY:
         return steady
@@ -118,12 +180,12 @@ def _at_rest(error: FloatArray, time: FloatArray, step: float, record: Record) -
         return Oscillation(True, leg + 1, late, rate, step, since)
     if rate is not None and len(crossings) >= 3:
         early = float(np.abs(one[: max(int(crossings[0]), n // 4)]).max())
-        if late >= _GROWS * early and late >= _least(record, rate):
+        if late >= _GROWS * early and late >= least(rate):
             return Oscillation(True, leg + 1, late, rate, early, since)
-    return steady or _rising(error, since, record)
+    return steady or _rising(error, since, least(1.0))
 
 
-def _rising(error: FloatArray, since: float, record: Record) -> Oscillation | None:
+def _rising(error: FloatArray, since: float, least: float) -> Oscillation | None:
     """An error that leaves its value ever faster: its mean changes more from each block to the next than before.
 
     Five changes of one sign, each 1.15 times the one before, come from six independent values in less than 1 of 1,000
@@ -134,23 +196,22 @@ def _rising(error: FloatArray, since: float, record: Record) -> Oscillation | No
     changes = np.diff(means[:, leg])
     is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
     early, late = (float(abs(error[k, leg])) for k in (0, -1))
-    if is_faster.all() and late > early and abs(changes.sum()) >= _least(record, 1.0):
+    if is_faster.all() and late > early and abs(changes.sum()) >= least:
         return Oscillation(True, leg + 1, late, None, early, since)
     return None
 
 
-def _in_motion(record: Record) -> Oscillation | None:
-    n = record.table.height
-    part, time = slice(n // 3, n), record["time"][n // 3 :]
-    legs = record["reference.leg_length"][part]
+def _in_motion(rows: LegRows) -> Oscillation | None:
+    part = slice(len(rows.time) // 3, None)
+    time, legs = rows.time[part], rows.reference[part]
     motion = [legs, np.gradient(legs, time, axis=0)]
     acceleration = np.gradient(motion[1], time, axis=0)
-    error = _detrended(record["error.leg_length"][part], [*motion, acceleration])
+    error = _detrended(rows.error[part], [*motion, acceleration])
     own = np.cumsum(_spectrum(_detrended(acceleration)).sum(axis=1))
     if own[-1] <= 0:
         return None
     highest = int(np.searchsorted(own, _POWER * own[-1]))
-    found = _line(error, time, record, math.ceil(_ABOVE * max(highest, 1)), _CYCLES_MOVING)
+    found = _line(error, time, rows.least, math.ceil(_ABOVE * max(highest, 1)), _CYCLES_MOVING)
     if found is None:
         return None
     earlier = found.amplitude / found.ratio if found.ratio >= _STEADY else None
@@ -164,9 +225,19 @@ class _Line(NamedTuple):
     ratio: float  # RMS of the second half over that of the first
 
 
-def _line(error: FloatArray, time: FloatArray, record: Record, lowest: int, cycles: int) -> _Line | None:
+def _line(
+    error: FloatArray, time: FloatArray, least: Callable[[float], float], lowest: int, cycles: int
+) -> _Line | None:
     """The line that dominates an error (n, 6) from a bin on, if it lasts and is large enough."""
     n, step = len(error), float(time[1] - time[0])
+    line = _above(error, lowest)
+    size = np.sqrt(2 * np.mean(line[n // 2 :] ** 2, axis=0))
+    leg = int(size.argmax())
+    before = math.sqrt(2 * float(np.mean(line[: n // 2, leg] ** 2)))
+    ratio = float(size[leg]) / before if before > 0 else math.inf
+    # most loops are sound, and end here
+    if ratio < _LASTS:
+        return None
     power = _spectrum(error).sum(axis=1)
     if len(power) <= lowest + 8:
         return None
@@ -178,16 +249,19 @@ def _line(error: FloatArray, time: FloatArray, record: Record, lowest: int, cycl
     if peak < cycles or (lowest and peak < lowest + 3) or band[near].sum() < _LINE * band.sum():
         return None
     frequency = _between(power, peak) / (n * step)
-    kept = np.fft.rfft(error, axis=0)
-    kept[: max(lowest, 1)] = 0
-    line: FloatArray = np.fft.irfft(kept, n, axis=0)
-    size = np.sqrt(2 * np.mean(line[n // 2 :] ** 2, axis=0))
-    leg = int(size.argmax())
-    before = math.sqrt(2 * float(np.mean(line[: n // 2, leg] ** 2)))
-    ratio = float(size[leg]) / before if before > 0 else math.inf
-    if ratio < _LASTS or size[leg] < _least(record, frequency):
+    if size[leg] < least(frequency):
         return None
     return _Line(leg + 1, frequency, float(size[leg]), ratio)
+
+
+def _above(values: FloatArray, lowest: int) -> FloatArray:
+    """Values (n, k) without what is below a bin of their spectrum, and without their mean."""
+    if lowest < 2:
+        return np.asarray(values - values.mean(axis=0))
+    kept = np.fft.rfft(values, axis=0)
+    kept[:lowest] = 0
+    line: FloatArray = np.fft.irfft(kept, len(values), axis=0)
+    return line
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
@@ -210,27 +284,12 @@ def _detrended(values: FloatArray, explained_by: "list[FloatArray] | None" = Non
     """Values (n, 6) without a straight line, and without what signals (n, 6) of the same leg explain."""
     n = len(values)
     line = np.stack([np.ones(n), np.linspace(-1, 1, n)], axis=1)
+    if not explained_by:
+        return np.asarray(values - line @ np.linalg.lstsq(line, values, rcond=None)[0])
     rest = np.empty_like(values)
     for k in range(values.shape[1]):
-        basis = np.column_stack([line, *(each[:, k] for each in explained_by or ())])
+        basis = np.column_stack([line, *(each[:, k] for each in explained_by)])
         scale = np.abs(basis).max(axis=0)
         basis = basis[:, scale > 0] / scale[scale > 0]
         rest[:, k] = values[:, k] - basis @ np.linalg.lstsq(basis, values[:, k], rcond=None)[0]
     return rest
-
-
-def _least(record: Record, frequency: float) -> float:
-    """The amplitude of a leg's error that noise and quantisation of the sensors do not explain [m]."""
-    sensors = record.metadata.get("experiment", {}).get("sensors") or {}
-    # a record from elsewhere may have no platform
-    points = np.asarray(record.metadata["platform"].get("platform_points", [[0.0, 0.0, 1.0]]))
-    radius, turns = float(np.linalg.norm(points, axis=1).max()), 2 * math.pi * frequency
-    lengths = {"leg_length": 1.0, "position": 1.0, "orientation": radius}
-    lengths |= {"leg_velocity": 1 / turns, "velocity": 1 / turns, "angular_velocity": radius / turns}
-    explained = [
-        factor * value * lengths[name]
-        for factor, kind in ((_NOISES, "noise"), (_STEPS, "quantisation"))
-        for name, value in (sensors.get(kind) or {}).items()
-        if name in lengths
-    ]
-    return float(max(_RELATIVE * record["leg_length"].mean(), *explained, 0.0))

@@ -1,6 +1,7 @@
 """Quantiles over time of many runs, against those of the trajectories themselves."""
 
 import numpy as np
+import polars
 import pytest
 
 from gough_stewart.harness.errors import RecordError
@@ -36,32 +37,84 @@ def run(bands: Bands, members: slice = slice(None)) -> Bands:
     return bands
 
 
-def wanted_of(name: str) -> FloatArray:
-    """The trajectories (rows, N) that a column is of."""
-    if name == "error.position.norm":
-        gap = WANTED[..., :3] - SIGNALS[..., :3]
-        return np.asarray(np.linalg.norm(gap, axis=-1))
-    if name == "error.leg_length[2]":
-        return np.asarray(WANTED[..., 13] - SIGNALS[..., 13])
-    return np.asarray({"orientation[3]": SIGNALS[..., 5], "actuator_force[4]": FORCES[..., 3]}[name])
+# Where a row of all signals and references has its variables, and how many numbers they are.
+PLACES = {
+    "position": (0, 3),
+    "orientation": (3, 3),
+    "velocity": (6, 3),
+    "angular_velocity": (9, 3),
+    "leg_length": (12, 6),
+    "leg_velocity": (18, 6),
+}
+NAMES = (
+    *PLACES,
+    "actuator_force",
+    "error.position",
+    "error.orientation",
+    "error.leg_length",
+    "error.position.norm",
+    "error.orientation.norm",
+)
+
+
+def wanted_of(name: str) -> dict[str, FloatArray]:
+    """The trajectories (rows, N) of a name's columns."""
+    if name == "actuator_force":
+        return {f"{name}[{k + 1}]": FORCES[..., k] for k in range(6)}
+    start, size = PLACES[name.removeprefix("error.").removesuffix(".norm")]
+    part = slice(start, start + size)
+    values = WANTED[..., part] - SIGNALS[..., part] if name.startswith("error.") else SIGNALS[..., part]
+    if name.endswith(".norm"):
+        return {name: np.sqrt((values**2).sum(axis=-1))}
+    return {f"{name}[{k + 1}]": values[..., k] for k in range(size)}
 
 
 def test_quantiles_and_extremes_are_those_of_the_members_that_still_run() -> None:
-    """Expected: the quantiles of the trajectories, time by time, by the median and by sorting."""
-    names = ("orientation", "actuator_force", "error.position.norm", "error.leg_length")
-    samples = run(Bands(names, TIMING, N, times=11)).samples()
+    """Expected: the quantiles of the trajectories, time by time, by sorting; all columns of all names in order."""
+    samples = run(Bands(NAMES, TIMING, N, times=11)).samples()
     frame = bands_frame(samples)
     assert samples.time.tolist() == pytest.approx([k * 0.01 for k in range(11)])
-    for name in ("orientation[3]", "actuator_force[4]", "error.position.norm", "error.leg_length[2]"):
-        found = frame.filter(frame["signal"] == name).sort("time")
+    expected = {column: values for name in NAMES for column, values in wanted_of(name).items()}
+    assert frame["signal"].to_list() == [*expected] * 11
+    assert frame["time"].to_list() == pytest.approx(np.repeat(samples.time, len(expected)).tolist())
+    levels = {"q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95}
+    assert frame.columns == ["time", "signal", "running", "lowest", *levels, "highest"]
+    for name, trajectories in expected.items():
+        found = frame.filter(frame["signal"] == name)
         for k, row in enumerate(range(0, STEPS + 1, 5)):
-            values = np.sort(wanted_of(name)[row, row < ENDS])
+            values = np.sort(trajectories[row, row < ENDS])
             assert found["running"][k] == len(values)
-            assert (found["lowest"][k], found["highest"][k]) == (values[0], values[-1])
-            assert found["q50"][k] == pytest.approx(np.median(values), rel=1e-14)
-            place = 0.05 * (len(values) - 1)
-            low = values[int(place)] + (place % 1) * (values[int(place) + 1] - values[int(place)])
-            assert found["q05"][k] == pytest.approx(low, rel=1e-13)
+            assert (found["lowest"][k], found["highest"][k]) == pytest.approx((values[0], values[-1]), rel=1e-14)
+            for quantile, level in levels.items():
+                place = level * (len(values) - 1)
+                low, share = int(place), place % 1
+                value = values[low] + (share * (values[low + 1] - values[low]) if share else 0.0)
+                assert found[quantile][k] == pytest.approx(value, rel=1e-12), (name, quantile)
+
+
+def test_values_that_are_not_finite_count_as_none() -> None:
+    """Expected: the other members' numbers; none where nobody has one; no error without a reference."""
+    bands, row = Bands(("velocity", "error.leg_length"), TIMING, 3, times=51), np.zeros(3, dtype=bool)
+    signals = np.arange(72.0).reshape(3, 24)
+    signals[1, 6], signals[:, 7] = np.inf, np.nan
+    bands.row(Row(7, 0.0, signals, FORCES[0, :3], None, FORCES[0, :3, :6], row, row, ~row))
+    frame = bands_frame(bands.samples()).filter(polars.col("time") == 7 * 2e-3)
+    first, second, third, *errors = frame.iter_rows(named=True)
+    assert (first["lowest"], first["q25"], first["q50"], first["highest"]) == (6.0, 18.0, 30.0, 54.0)
+    assert {second[name] for name in ("lowest", "q05", "q50", "highest")} == {None}
+    assert (third["lowest"], third["q50"], third["highest"], third["running"]) == (8.0, 32.0, 56.0, 3)
+    assert [each["signal"] for each in errors] == [f"error.leg_length[{k}]" for k in range(1, 7)]
+    assert {each["q50"] for each in errors} == {None}
+
+
+@pytest.mark.parametrize(("steps", "most"), [(7, 200), (199, 200), (200, 200), (1237, 200), (50, 11)])
+def test_times_are_spread_from_the_first_row_to_the_last(steps: int, most: int) -> None:
+    """Expected: all rows if they are few enough; else so many, with gaps that differ by one row at most."""
+    samples = Bands(("position",), Timing(steps * 2e-3, 2e-3, 2e-3), times=most).samples()
+    rows = np.round(samples.time / 2e-3).astype(int)
+    assert (rows[0], rows[-1]) == (0, steps)
+    assert len(rows) == min(most, steps + 1)
+    assert np.ptp(np.diff(rows)) <= 1
 
 
 def test_chunks_of_members_make_the_same_bands_as_all_at_once() -> None:

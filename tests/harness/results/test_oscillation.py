@@ -1,5 +1,6 @@
 """Loops that grow or oscillate by themselves: closed forms of errors, and loops whose stability is known otherwise."""
 
+import html
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ import polars
 import pytest
 from scipy import signal
 
+import gough_stewart as gs
 from gough_stewart.harness.results.oscillation import Oscillation, oscillation
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.model.vectors import FloatArray
@@ -173,6 +175,136 @@ def test_a_cycle_beside_a_slow_sine_is_told() -> None:
     growing = found_in(1e-3 * slow + cycle * np.exp(2 * TIME), 0.05 * slow)
     assert growing is not None
     assert growing.is_growing
+
+
+def test_leg_amplitude_and_times_are_those_of_the_leg_that_moves_most() -> None:
+    """Expected: of six legs that cycle alike, in other sizes, the fourth; from the row after the last change on."""
+    shares = np.array([0.3, -0.5, 0.2, 1.0, -0.6, 0.1])
+    cycle = 4e-4 * np.sin(2 * np.pi * 38 * TIME)[:, None] * shares
+    moves = np.where(TIME >= 0.4, 0.003, 0.0)
+    record = record_of(cycle, moves)
+    later = Record(record.table.with_columns(polars.col("time") + 7.3), record.metadata)
+    found = oscillation(later)
+    assert found is not None
+    assert (found.leg, found.is_growing, found.earlier) == (4, False, None)
+    assert found.amplitude == pytest.approx(4e-4, rel=0.02)
+    assert found.frequency == pytest.approx(38, rel=0.01)
+    assert found.since == pytest.approx(7.7)
+    assert found.text() == (
+        f"leg 4 oscillates at 38 Hz by itself, with an amplitude of {1e3 * found.amplitude:.3g} mm. Lower the "
+        "bandwidth or the delay; `gough-stewart margins` shows what the loop allows"
+    )
+    slow = np.sin(2 * np.pi * 0.4 * TIME)
+    moving = oscillation(record_of(cycle + 1e-3 * slow[:, None], 0.05 * slow))
+    assert moving is not None
+    assert moving.leg == 4
+    assert moving.amplitude == pytest.approx(4e-4, rel=0.02)
+    assert moving.since == pytest.approx(TIME[N // 3])
+
+
+def test_growth_is_told_with_both_sizes() -> None:
+    """Expected: of 1 mm · e^(0.8 t) in the second leg at 12 Hz: the peaks of the first quarter and of the end."""
+    shares = np.array([0.3, 1.0, -0.2, 0.5, -0.6, 0.1])
+    error = (1e-3 * np.exp(0.8 * TIME) * np.sin(2 * np.pi * 12 * TIME))[:, None] * shares
+    found = oscillation(record_of(error))
+    assert found is not None
+    assert (found.leg, found.is_growing, found.since) == (2, True, 0.0)
+    assert found.earlier == pytest.approx(1e-3 * np.exp(0.8 * 0.44), rel=0.08)
+    assert found.amplitude == pytest.approx(1e-3 * np.exp(0.8 * 1.98), rel=0.08)
+    assert found.frequency == pytest.approx(12, rel=0.03)
+    sizes = f"from {1e3 * (found.earlier or 0):.3g} to {1e3 * found.amplitude:.3g} mm after 0 s"
+    assert found.text().startswith(f"leg 2: by itself, the error grows at {found.frequency:.3g} Hz {sizes}. Lower the")
+    leaving = oscillation(record_of((1e-3 * np.exp(3 * TIME))[:, None] * shares))
+    assert leaving is not None
+    assert (leaving.leg, leaving.frequency) == (2, None)
+    assert leaving.earlier == pytest.approx(1e-3)
+    assert leaving.amplitude == pytest.approx(1e-3 * np.exp(3 * TIME[-1]))
+    assert "by itself, the error grows from 1 to 402 mm after 0 s" in leaving.text()
+
+
+@pytest.mark.parametrize(
+    "name", ["external_force[2]", "external_torque[3]", "controller.injection[4]", "platform_mass", "gravity[1]"]
+)
+def test_what_acts_on_the_loop_begins_the_judged_part_anew(name: str) -> None:
+    """Expected: from its last change on; a cycle that ends there is none, whatever column acts, of six the fourth."""
+    cycle = np.where(TIME < 1.2, 4e-4 * np.sin(2 * np.pi * 38 * TIME), 0.0)
+    after = np.where(TIME < 1.2, 0.0, 4e-4 * np.sin(2 * np.pi * 38 * TIME))
+    acts = polars.Series(name, np.where(TIME < 1.2, 5.0, 7.0))
+    for error, is_found in ((cycle, False), (after, True)):
+        record = record_of(error[:, None] * SHARES)
+        record.metadata["machine"] = {"platform_mass": 5.0, "gravity": [0.0, 0.0, -9.81]}
+        found = oscillation(Record(record.table.with_columns(acts), record.metadata))
+        assert (found is not None) == is_found
+        if found is not None:
+            assert found.since == pytest.approx(1.2)
+    # a column of results does not act
+    ended = Record(
+        record_of(after[:, None] * SHARES).table.with_columns(polars.Series("kinetic_energy", TIME)), record.metadata
+    )
+    found = oscillation(ended)
+    assert found is None or found.since == 0.0
+
+
+def test_short_runs_open_loops_and_runs_that_ended_early_are_not_judged() -> None:
+    """Expected: none for 31 rows, but for 32 of the same growth; none without control, or without completion."""
+    error = (1e-3 * np.exp(200 * TIME))[:, None] * SHARES
+    whole = record_of(error[:32])
+    assert oscillation(whole) is not None
+    assert oscillation(record_of(error[:31])) is None
+    status = {**whole.metadata, "outcome": {"status": "diverged", "time": 0.03, "cause": "far"}}
+    assert oscillation(Record(whole.table, status)) is None
+    assert (
+        oscillation(Record(whole.table, {**whole.metadata, "experiment": {"controller": {"type": "open_loop"}}}))
+        is None
+    )
+    assert (
+        oscillation(Record(whole.table.drop("error.leg_length[6]").drop(columns("leg_length", 6)), whole.metadata))
+        is None
+    )
+    lost = whole.table.with_columns(polars.Series("error.leg_length[6]", np.r_[error[:31, 5], np.nan]))
+    assert oscillation(Record(lost, whole.metadata)) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "signal", "value", "factor"),
+    [
+        ("noise", "leg_length", 2e-4, 1.0),
+        ("noise", "position", 2e-4, 1.0),
+        ("noise", "orientation", 1e-3, np.hypot(0.3, 0.1)),
+        ("noise", "leg_velocity", 0.05, 1 / (2 * np.pi * 38)),
+        ("noise", "velocity", 0.05, 1 / (2 * np.pi * 38)),
+        ("noise", "angular_velocity", 0.1, np.hypot(0.3, 0.1) / (2 * np.pi * 38)),
+        ("quantisation", "position", 2e-4, 1.0),
+        ("quantisation", "angular_velocity", 0.1, np.hypot(0.3, 0.1) / (2 * np.pi * 38)),
+    ],
+)
+def test_each_sensor_explains_amplitudes_of_its_own(kind: str, signal: str, value: float, factor: float) -> None:
+    """Expected: six deviations or three steps, as lengths at 38 Hz: silence 10 % below, an alarm 10 % above."""
+    least = (6 if kind == "noise" else 3) * value * factor
+    cycle = np.sin(2 * np.pi * 38 * TIME)
+    sensors: dict[str, Any] = {kind: {"leg_length": 1e-9, signal: value}}
+    assert found_in(0.9 * least * cycle, **sensors) is None
+    assert found_in(1.1 * least * cycle, **sensors) is not None
+
+
+def test_metrics_show_what_the_loop_does_by_itself() -> None:
+    """Expected: the sentence of `run` before the tables, in a terminal and in a notebook; nothing for a sound loop."""
+    cycle = 4e-4 * np.sin(2 * np.pi * 38 * TIME)
+    record = gs.run("heave_step", {"loop.duration": 0.3})
+    sound, cycling = gs.metrics(record), gs.metrics(record)
+    found = found_in(cycle)
+    assert found is not None
+    cycling["outcome"] = {**cycling["outcome"], "oscillation": found._asdict()}
+    assert sound["outcome"]["oscillation"] is None
+    text = " ".join(str(cycling).split())
+    assert text.startswith(f"completed at 0.3 s; {found.text()}")
+    assert found.text() in html.unescape(cycling._repr_html_())
+    assert str(sound).startswith("Tracking error")
+    assert "by itself" not in sound._repr_html_()
+    ended = {"status": "stopped", "time": 0.1, "cause": "leg <3> & more", "oscillation": None}
+    sound["outcome"] = ended
+    assert str(sound).startswith("stopped at 0.1 s: leg <3> & more\n")
+    assert "stopped at 0.1 s: leg &lt;3&gt; &amp; more" in sound._repr_html_()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,92 @@
+"""Members whose loops oscillate or grow by themselves, judged by their rows as `run` judges a record."""
+
+from collections.abc import Sequence
+from math import ceil
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.ensemble.result import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
+from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.observing import Row
+from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.results.oscillation import LegRows, Oscillation, last_change, least_amplitude, own_motion
+from gough_stewart.model.vectors import FloatArray
+
+# Rows that are kept of each member: 100 kB, 50 MB in a chunk.
+MOST_ROWS = 2048
+_LENGTHS = slice(12, 18)
+
+
+class LegErrors:
+    """A loop observer that keeps the errors of the leg lengths (rows, N, 6), of every row or of each so-many-th."""
+
+    def __init__(self, timing: Timing, members: int) -> None:
+        self.every = ceil((timing.steps + 1) / MOST_ROWS)
+        self.time = timing.times[:: self.every]
+        self.errors: FloatArray = np.zeros((len(self.time), members, 6))
+
+    def row(self, row: Row) -> None:
+        """Keep this row if it is its turn."""
+        if row.k % self.every == 0 and row.reference is not None:
+            signals = np.atleast_2d(row.signals)[:, _LENGTHS]
+            np.subtract(row.reference[..., _LENGTHS], signals, out=self.errors[row.k // self.every])
+
+
+def oscillations(
+    prepared: Sequence[Prepared], outcomes: Sequence[Outcome], kept: LegErrors
+) -> list[Oscillation | None]:
+    """The motion by itself of each member that completed; None for a sound loop.
+
+    Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
+    """
+    found = [
+        _own_motion(each, kept.time, kept.errors[:, k], kept.every) if outcome.status == "completed" else None
+        for k, (each, outcome) in enumerate(zip(prepared, outcomes, strict=True))
+    ]
+    return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
+
+
+def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars.Series]:
+    """Kind, amplitude [m] and frequency [Hz] (N,); null for a sound loop."""
+    kinds = [each and (GROWING if each.is_growing else OSCILLATING) for each in found]
+    numbers = {
+        AMPLITUDE: [each and each.amplitude for each in found],
+        FREQUENCY: [each and each.frequency for each in found],
+    }
+    return {
+        OSCILLATION: polars.Series(kinds, dtype=polars.String),
+        **{name: polars.Series(values, dtype=polars.Float64) for name, values in numbers.items()},
+    }
+
+
+def _own_motion(prepared: Prepared, time: FloatArray, error: FloatArray, every: int) -> Oscillation | None:
+    loop = prepared.loop
+    if loop.reference is None or prepared.controller is None:
+        return None
+    reference = loop.reference[::every, _LENGTHS]
+    length = float(np.mean(reference - error))
+    sensors = loop.sensors
+    least = least_amplitude(length, prepared.platform.platform_points, _one(sensors.noise), _one(sensors.quantisation))
+    return own_motion(LegRows(time, error, reference, _rest_begins(loop, reference, every), least))
+
+
+def _one(values: Any) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items()}
+
+
+def _rest_begins(loop: Loop, reference: FloatArray, every: int) -> int:
+    """The kept row after the last at which something that acts on the loop changes."""
+    rows = [_row_of(change.time, loop) for change in loop.changes]
+    if loop.injection is not None:
+        rows.append(last_change(loop.injection) * loop.timing.steps_a_sample)
+    known = [ceil(row / every) for row in rows if row <= loop.timing.steps]
+    return max([last_change(reference), *known])
+
+
+def _row_of(time: float, loop: Loop) -> int:
+    """The first row at or after a time, up to rounding."""
+    return int(np.searchsorted(loop.timing.times, time - loop.timing.plant_step / 2))

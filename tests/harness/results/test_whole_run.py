@@ -1,0 +1,451 @@
+"""All that is said of one run, number by number: metrics, files, tables and pictures of an uneven machine in trouble.
+
+Legs reach their force, rate, stroke, velocity and power limits, other ones at other times; all six axes step, no two
+alike; the machine is not the nominal one.
+"""
+
+import csv
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import degrees
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from lxml import html
+from typer.testing import Result
+
+import gough_stewart as gs
+from gough_stewart.model.vectors import FloatArray
+from tests.support.commands import invoke
+from tests.support.metric_definitions import LEGS, defined_metrics
+from tests.support.svg_figures import Panel, panels_of
+from tests.support.uneven import UNEVEN
+
+MACHINE = replace(
+    UNEVEN,
+    leg_length_min=2.6,
+    leg_length_max=3.45,
+    leg_velocity_max=0.25,
+    actuator_force_max=90.0,
+    actuator_power_max=20.0,
+)
+TOML = """
+title = "in trouble"
+[platform]
+file = "uneven.toml"
+[plant]
+parameters = { platform_mass = 13.9, platform_com = [0.02, -0.07, 0.11] }
+[reference]
+type = "point_to_point"
+position_change = [0.061, -0.047, 0.083]
+orientation_change = [0.071, -0.064, 0.095]
+at = 0.12
+duration = 0.2
+[controller]
+type = "pid"
+proportional_gain = [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0]
+derivative_gain = [110.0, 140.0, 95.0, 125.0, 150.0, 105.0]
+integral_gain = [900.0, 1500.0, 700.0, 1100.0, 2000.0, 800.0]
+feedforward = "gravity"
+[loop]
+duration = 0.8
+sample_time = 0.005
+plant_step = 0.0025
+delay = 1
+[sensors.noise]
+leg_length = "0.3 mm"
+[actuators]
+force_limit = 88.0
+rate_limit = 900.0
+[limits]
+reference = "warn"
+position_error = 10.0
+[[disturbance]]
+at = 0.06
+duration = 0.05
+force = [40.0, -30.0, 55.0]
+torque = [9.0, -7.0, 5.0]
+"""
+POSE = ("position", "orientation")
+# A quarter of a point of a panel 100 points high.
+SEEN = 2.5e-3
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    """The command, and its files."""
+    folder = tmp_path_factory.mktemp("whole")
+    gs.save_platform(MACHINE, folder / "uneven.toml")
+    (folder / "trouble.toml").write_text(TOML)
+    out = folder / "out"
+    return invoke("run", str(folder / "trouble.toml"), "--out", str(out)), out
+
+
+@pytest.fixture(scope="module")
+def record(done: tuple[Result, Path]) -> gs.Record:
+    """The record that the command has written."""
+    return gs.read_record(done[1])
+
+
+@pytest.fixture(scope="module")
+def expected(record: gs.Record) -> dict[str, Any]:
+    """Its metrics by definition."""
+    return defined_metrics(record.table, MACHINE.as_dict())
+
+
+def check(found: Any, wanted: Any, at: str = "") -> None:
+    """Compare two trees of numbers to rounding, with their keys and lengths."""
+    if isinstance(wanted, Mapping):
+        assert set(found) == set(wanted), at
+        for key in wanted:
+            check(found[key], wanted[key], f"{at}.{key}")
+    elif isinstance(wanted, Sequence) and not isinstance(wanted, str):
+        assert len(found) == len(wanted), at
+        for k, each in enumerate(wanted):
+            check(found[k], each, f"{at}[{k}]")
+    elif isinstance(wanted, float):
+        assert found == pytest.approx(wanted, rel=1e-11, abs=1e-13), at
+    else:
+        assert found == wanted, at
+
+
+# --- metrics ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_run_is_one_in_which_much_happens(expected: dict[str, Any]) -> None:
+    """A number that is the same for all legs, or 0, would hide what is wrong with it: here it is seldom so."""
+    assert [step["axis"] for step in expected["step_response"]] == ["x", "y", "z", "roll", "pitch", "yaw"]
+    assert {step["rise_time"] is None for step in expected["step_response"]} == {True, False}
+    assert len({step["overshoot_percent"] for step in expected["step_response"]}) >= 5
+    for name in ("force_limited", "rate_limited"):
+        share = expected["saturation"][name]
+        assert len(set(share["legs"])) >= 5
+        assert max(share["legs"]) < share["any"] < 1
+    assert 0 < expected["stroke"]["exceeded"]["any"] < 1
+    assert expected["stroke"]["margin"] < 0
+    beyond = [expected["limits"][name]["first_exceeded"] for name in ("leg_velocity_max", "actuator_power_max")]
+    assert beyond[0] != beyond[1]
+    assert None in expected["limits"]["actuator_force_max"]["first_exceeded"]
+
+
+def test_all_metrics_are_their_definitions(
+    done: tuple[Result, Path], record: gs.Record, expected: dict[str, Any]
+) -> None:
+    """Expected: plain loops over the rows, by the words of `gs.metrics`, of the record and of the file of metrics."""
+    written = json.loads((done[1] / "metrics.json").read_text())
+    for found in (dict(gs.metrics(record)), written):
+        outcome = found.pop("outcome")
+        assert {key: outcome[key] for key in ("status", "time", "cause")} == {
+            "status": "completed",
+            "time": 0.8,
+            "cause": None,
+        }
+        check(found, expected)
+
+
+@pytest.mark.parametrize("rows", [slice(0, 1), slice(0, 2), slice(37, 120), slice(150, None)])
+def test_metrics_of_a_record_that_starts_at_another_time_and_place(record: gs.Record, rows: slice) -> None:
+    """Expected: the definitions, on parts of the rows from 7.3 s on: one row, two, the middle, the end."""
+    later = record.table[rows].with_columns(polars.col("time") + 7.3)
+    found = dict(gs.metrics(gs.Record(later, record.metadata)))
+    found.pop("outcome")
+    check(found, defined_metrics(later, MACHINE.as_dict()))
+
+
+def test_limits_and_stroke_are_those_that_the_platform_states(record: gs.Record) -> None:
+    """Expected: the definitions, with one limit at a time, other values, and only one end of the stroke."""
+    for stated in (
+        {"leg_length_min": 3.0},
+        {"leg_length_max": 3.3, "leg_velocity_max": 0.4},
+        {"actuator_force_max": 70.0},
+        {"actuator_power_max": 33.0, "leg_length_min": 2.0, "leg_length_max": 3.45},
+    ):
+        found = dict(gs.metrics(gs.Record(record.table, {**record.metadata, "platform": stated})))
+        found.pop("outcome")
+        check(found, defined_metrics(record.table, stated))
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def test_both_files_hold_all_columns_and_the_same_bits(done: tuple[Result, Path], record: gs.Record) -> None:
+    """Expected: the table of the CSV, which stands for itself, with units and names of the interface."""
+    rows = list(csv.reader((done[1] / "record.csv").read_text().splitlines()))
+    names, first, last = (rows[k] for k in (0, 1, -1))
+    assert names == record.table.columns
+    assert len(rows) - 1 == record.table.height == 321
+    for row, k in ((first, 0), (last, -1)):
+        for name, cell in zip(names, row, strict=True):
+            value = record[name][k]
+            assert (cell == str(bool(value)).lower()) if name.startswith("flag.") else (float(cell) == value), name
+    assert gs.read_record(done[1] / "record.csv").table.equals(record.table)
+    assert gs.read_record(done[1] / "record.parquet").metadata == json.loads((done[1] / "metadata.json").read_text())
+
+
+def test_a_record_says_what_it_is(record: gs.Record, expected: dict[str, Any]) -> None:
+    """Expected: the peaks by definition, in mm and mrad; times of the first and last row."""
+    later = gs.Record(record.table.with_columns(polars.col("time") + 7.3), record.metadata)
+    lines = dict(re.split(r"\s{2,}", line.strip()) for line in repr(later).splitlines()[1:])
+    assert repr(later).splitlines()[0] == "Record: in trouble"
+    peaks = {name: 1e3 * max(expected["tracking"][name]["peak"]) for name in (*POSE, "leg_length")}
+    assert lines == {
+        "platform": "uneven",
+        "plant": "model",
+        "outcome": "completed at 0.8 s",
+        "table": f"321 rows, {len(record.table.columns)} columns",
+        "time [s]": "7.3 to 8.1",
+        "peak error of position [mm]": f"{peaks['position']:.4g}",
+        "peak error of orientation [mrad]": f"{peaks['orientation']:.4g}",
+        "peak error of leg length [mm]": f"{peaks['leg_length']:.4g}",
+    }
+    captions = [str(each.text) for each in html.fragment_fromstring(later._repr_html_()).iter("caption")]
+    assert captions == ["Record: in trouble", "Tracking error", "Step response", "Legs"]
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+def tables_in(text: str) -> dict[str, dict[str, list[str]]]:
+    """Rows by their first cell, by title; the heads are the row ""."""
+    found: dict[str, dict[str, list[str]]] = {}
+    title = ""
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in re.split("[│┃]", line)[1:-1]]
+        if cells:
+            found.setdefault(title, {})[cells[0]] = cells[1:]
+        elif line and line[0] not in "┏┡└├":
+            title = line.strip()
+    return found
+
+
+def values_in(cells: Sequence[str]) -> list[float | None]:
+    return [None if cell == "–" else float(cell) for cell in cells]
+
+
+def by_unit(scale: float, values: Sequence[float | None]) -> list[Any]:
+    """As shown: four digits, None where there is none."""
+    return [None if value is None else pytest.approx(scale * value, rel=6e-4, abs=1e-9) for value in values]
+
+
+def test_the_command_prints_every_number_at_its_place_in_its_unit(
+    done: tuple[Result, Path], record: gs.Record, expected: dict[str, Any]
+) -> None:
+    """Expected: the definitions, in mm, mrad, % and SI units, to four digits."""
+    assert done[0].exit_code == 0, done[0].output
+    tables = tables_in(done[0].stdout)
+    assert list(tables)[:3] == ["Tracking error", "Step response", "Legs"]
+    tracking, steps, legs = (dict(tables[name]) for name in list(tables)[:3])
+    assert tracking.pop("") == ["RMS", "peak", ""]
+    for name, unit, rows in (
+        ("position", "mm", ("x", "y", "z", "|position|")),
+        ("orientation", "mrad", ("roll", "pitch", "yaw", "|orientation|")),
+    ):
+        part = expected["tracking"][name]
+        pairs = [
+            *zip(part["rms"], part["peak"], strict=True),
+            (part["norm_rms"], part["norm_peak"]),
+        ]
+        for row, pair in zip(rows, pairs, strict=True):
+            cells = tracking.pop(row)
+            assert cells[2] == unit
+            assert values_in(cells[:2]) == by_unit(1e3, pair)
+    assert not tracking
+    assert steps.pop("") == ["from", "to", "at s", "overshoot %", "rise s", "settling s", "final error"]
+    for step in expected["step_response"]:
+        unit = "m" if step["axis"] in "xyz" else "rad"
+        *cells, error = steps.pop(f"{step['axis']} {unit}")
+        keys = ("from", "to", "at", "overshoot_percent", "rise_time", "settling_time")
+        assert values_in(cells) == by_unit(1.0, [step[key] for key in keys])
+        assert error.split()[1] == f"m{unit}"
+        assert float(error.split()[0]) == pytest.approx(1e3 * step["final_error"], rel=6e-4)
+    assert not steps
+    check_legs(legs, expected)
+    printed = tables_in(str(gs.metrics(record)))
+    assert values_in(printed["Legs"]["peak force N"][:6]) == by_unit(1.0, expected["force"]["peak"])[:6]
+
+
+def check_legs(legs: dict[str, list[str]], expected: dict[str, Any]) -> None:
+    """Every row of the legs' table, and no other."""
+    assert legs.pop("") == ["1", "2", "3", "4", "5", "6", "all"]
+    tracking, stroke, limits = expected["tracking"]["leg_length"], expected["stroke"], expected["limits"]
+    rows: dict[str, tuple[float, Sequence[float | None], float | None]] = {
+        "RMS error mm": (1e3, tracking["rms"], None),
+        "peak error mm": (1e3, tracking["peak"], None),
+        "shortest m": (1.0, stroke["shortest"], None),
+        "longest m": (1.0, stroke["longest"], None),
+        "peak force N": (1.0, expected["force"]["peak"], None),
+        "RMS force N": (1.0, expected["force"]["rms"], None),
+        "peak power W": (1.0, expected["power"]["peak"], None),
+        "mean power W": (1.0, expected["power"]["mean"], None),
+        "net work J": (1.0, expected["energy"]["net"], expected["energy"]["net_total"]),
+        "work, absolute J": (1.0, expected["energy"]["absolute"], expected["energy"]["absolute_total"]),
+        "leg velocity, of its limit %": (100.0, limits["leg_velocity_max"]["used"], None),
+        "leg velocity, first beyond s": (1.0, limits["leg_velocity_max"]["first_exceeded"], None),
+        "actuator force, of its limit %": (100.0, limits["actuator_force_max"]["used"], None),
+        "actuator power, of its limit %": (100.0, limits["actuator_power_max"]["used"], None),
+        "actuator power, first beyond s": (1.0, limits["actuator_power_max"]["first_exceeded"], None),
+        "force limited %": (
+            100.0,
+            expected["saturation"]["force_limited"]["legs"],
+            100 * expected["saturation"]["force_limited"]["any"],
+        ),
+        "rate limited %": (
+            100.0,
+            expected["saturation"]["rate_limited"]["legs"],
+            100 * expected["saturation"]["rate_limited"]["any"],
+        ),
+        "stroke exceeded %": (100.0, stroke["exceeded"]["legs"], 100 * stroke["exceeded"]["any"]),
+    }
+    assert list(legs) == list(rows)
+    for name, (scale, values, total) in rows.items():
+        assert values_in(legs[name][:6]) == by_unit(scale, values), name
+        assert legs[name][6] == "" if total is None else float(legs[name][6]) == pytest.approx(total, rel=6e-4), name
+
+
+def test_a_notebook_shows_the_same_cells(done: tuple[Result, Path], record: gs.Record) -> None:
+    """Expected: the tables of the command, row by row."""
+    shown = {}
+    for table in html.fragment_fromstring(gs.metrics(record)._repr_html_(), create_parent="div").iter("table"):
+        rows = [[str(cell.text_content()) for cell in row.iterchildren()] for row in table.iter("tr")]
+        caption = table.find("caption")
+        assert caption is not None
+        shown[str(caption.text)] = {row[0]: row[1:] for row in rows}
+    printed = tables_in(done[0].stdout)
+    assert shown == {name: printed[name] for name in shown}
+    assert len(shown) == 3
+
+
+def test_tables_leave_out_what_a_record_lacks(record: gs.Record) -> None:
+    """Expected: no rows of errors, flags and limits without their columns and limits, and all others."""
+    plain = [name for name in record.table.columns if not name.startswith(("error.", "reference.", "flag."))]
+    bare = gs.Record(record.table.select(plain), {**record.metadata, "platform": {}})
+    tables = tables_in(str(gs.metrics(bare)))
+    assert list(tables) == ["Legs"]
+    names = ["shortest m", "longest m", "peak force N", "RMS force N", "peak power W", "mean power W", "net work J"]
+    assert list(tables["Legs"]) == ["", *names, "work, absolute J"]
+    found = gs.metrics(bare)
+    assert found["tracking"] is found["step_response"] is found["saturation"] is found["limits"] is None
+    assert found["stroke"]["margin"] is found["stroke"]["exceeded"] is None
+
+
+# --- pictures --------------------------------------------------------------------------------------------------------
+
+
+def panels(done: tuple[Result, Path], name: str) -> tuple[list[Panel], list[str], dict[str, str]]:
+    return panels_of((done[1] / f"{name}.svg").read_bytes(), (0.0, 0.8))
+
+
+def is_drawn(line: FloatArray, time: FloatArray, values: FloatArray, panel: Panel) -> None:
+    """A line is that of these values, to a quarter of a point, between the ticks that it is read by."""
+    height = panel.y_view[1] - panel.y_view[0]
+    found = np.interp(time, line[:, 0], line[:, 1])
+    # where it is steep, a quarter of a point in time counts, too
+    slack = SEEN * height + 1e-3 * 0.8 * np.abs(np.gradient(values, time))
+    assert (np.abs(found - values) <= slack).all(), panel.title
+    assert (line[0, 0], line[-1, 0]) == pytest.approx((time[0], time[-1]), abs=1e-6)
+    assert (np.nanmin(line[:, 1]), np.nanmax(line[:, 1])) == pytest.approx(
+        (values.min(), values.max()), abs=SEEN * height
+    )
+
+
+def test_the_pose_is_drawn_with_its_reference(done: tuple[Result, Path], record: gs.Record) -> None:
+    """Expected: columns of the record in m and deg, read off by the ticks; six panels, each as high as its values."""
+    found, texts, legend = panels(done, "pose")
+    assert [panel.title for panel in found] == ["x [m]", "y [m]", "z [m]", "roll [deg]", "pitch [deg]", "yaw [deg]"]
+    assert texts == ["in trouble — pose", "time [s]"]
+    assert list(legend) == ["actual", "reference"]
+    for k, panel in enumerate(found):
+        name, scale = (POSE[0], 1.0) if k < 3 else (POSE[1], degrees(1))
+        values = [scale * record[column][:, k % 3] for column in (name, f"reference.{name}")]
+        assert panel.styles == [legend["actual"], legend["reference"]]
+        for line, each in zip(panel.lines, values, strict=True):
+            is_drawn(line, record["time"], each, panel)
+        low, high = min(map(np.min, values)), max(map(np.max, values))
+        margin = 0.06 * (high - low)
+        assert panel.y_view == pytest.approx((low - margin, high + margin), abs=SEEN * (high - low))
+        # labels are round numbers at their values, of times in the lower row alone
+        assert len(panel.y_ticks) >= 2
+        for value, text in panel.y_ticks.items():
+            assert float(text.replace("−", "-")) == pytest.approx(value, abs=1e-6 * (high - low))
+        assert list(panel.x_ticks.values()) == ([] if k < 3 else ["0.0", "0.2", "0.4", "0.6", "0.8"])
+
+
+def test_errors_are_drawn_by_axis_and_leg(done: tuple[Result, Path], record: gs.Record) -> None:
+    """Expected: columns of the record in mm and mrad; lines differ in colour and dashes, as the legend says."""
+    found, texts, _ = panels(done, "errors")
+    assert texts == ["in trouble — errors, reference − actual", "time [s]"]
+    kinds = {
+        "position [mm]": ("position", ["x", "y", "z"]),
+        "orientation [mrad]": ("orientation", ["roll", "pitch", "yaw"]),
+        "leg length [mm]": ("leg_length", [f"leg {k}" for k in LEGS]),
+    }
+    assert [panel.title for panel in found] == list(kinds)
+    for panel in found:
+        name, lines = kinds[panel.title]
+        assert list(panel.legend) == lines
+        assert panel.styles == list(panel.legend.values())
+        assert len(set(panel.styles)) == len(lines)
+        for k, line in enumerate(panel.lines):
+            is_drawn(line, record["time"], 1e3 * record[f"error.{name}"][:, k], panel)
+
+
+def test_forces_are_drawn_with_their_limits_and_flags(done: tuple[Result, Path], record: gs.Record) -> None:
+    """Expected: forces held from row to row, lines at ±88 N, and marks where the columns of flags are set."""
+    found, texts, legend = panels(done, "forces")
+    assert texts[0] == "in trouble — actuator forces"
+    assert list(legend) == ["force", "limit", "force limited", "rate limited"]
+    time, force = record["time"], record["actuator_force"]
+    middle = (time[1:] + time[:-1]) / 2
+    bucket = 1.5 * 0.8 / 200
+    for k, panel in enumerate(found):
+        assert panel.title == f"leg {k + 1} [N]"
+        assert panel.styles == [legend["force"], legend["limit"], legend["limit"]]
+        line = panel.lines[0]
+        shown = np.interp(middle, line[:, 0], line[:, 1])
+        assert np.abs(shown - force[:-1, k]).max() <= SEEN * 220
+        assert sorted(float(each[0, 1]) for each in panel.lines[1:]) == pytest.approx([-88, 88], abs=0.3)
+        # the same limits for all legs, above them room for the marks
+        assert panel.y_view == pytest.approx((-88 - 0.06 * 176, 88 + 0.16 * 176), abs=1.0)
+        for name, (low, high) in (("force limited", (0.955, 1.0)), ("rate limited", (0.9, 0.945))):
+            flag = record[f"flag.{name.replace(' ', '_')}"][:-1, k]
+            strips = [strip for strip in panel.strips if strip.colour == legend[name]]
+            for strip in strips:
+                assert (strip.low, strip.high) == pytest.approx((low, high), abs=1e-3)
+            marked = np.array([any(s.start <= t <= s.end for s in strips) for t in middle])
+            assert marked[flag].all()
+            near = np.array([flag[np.abs(middle - t) <= bucket].any() for t in middle])
+            assert not marked[~near].any()
+
+
+def test_leg_lengths_are_drawn_with_their_stroke(done: tuple[Result, Path], record: gs.Record) -> None:
+    """Expected: columns of the record; lines at 2.6 and 3.45 m; the same limits in all six panels."""
+    found, texts, legend = panels(done, "legs")
+    assert texts[0] == "in trouble — leg lengths"
+    assert list(legend) == ["actual", "reference", "stroke limit"]
+    for k, panel in enumerate(found):
+        assert panel.title == f"leg {k + 1} [m]"
+        assert panel.styles == [legend[name] for name in ("actual", "reference", "stroke limit", "stroke limit")]
+        for line, name in zip(panel.lines[:2], ("leg_length", "reference.leg_length"), strict=True):
+            is_drawn(line, record["time"], record[name][:, k], panel)
+        assert [float(each[0, 1]) for each in panel.lines[2:]] == pytest.approx([2.6, 3.45], abs=5e-3)
+        # labels of values once in a row, of times once in a column
+        assert bool(panel.y_ticks) == (k % 3 == 0)
+        assert bool(panel.x_ticks) == (k >= 3)
+
+
+def test_panels_stand_in_rows_without_touching(done: tuple[Result, Path]) -> None:
+    """Expected: three in a row, or one; equal sizes, all within the picture."""
+    for name, columns in (("pose", 3), ("errors", 1), ("forces", 3), ("legs", 3)):
+        boxes = np.array([panel.box for panel in panels(done, name)[0]]).reshape(-1, columns, 4)
+        widths, heights = boxes[..., 2] - boxes[..., 0], boxes[..., 3] - boxes[..., 1]
+        assert np.ptp(widths) < 1e-3
+        assert np.ptp(heights) < 1e-3
+        assert (boxes[:, 1:, 0] - boxes[:, :-1, 2] > 5).all()
+        assert (boxes[1:, :, 1] - boxes[:-1, :, 3] > 15).all()
+        assert boxes[..., 0].min() > 10
+        assert 400 < boxes[..., 2].max() < 576
