@@ -29,7 +29,8 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any]) -> dic
     time = [row["time"] for row in rows]
     duration = time[-1] - time[0]
     work = {leg: [_work(a, b, leg) for a, b in pairwise(rows)] for leg in LEGS}
-    net, absolute = ([sum(map(kind, work[leg])) for leg in LEGS] for kind in (float, abs))
+    net = [sum(work[leg]) for leg in LEGS]
+    absolute = [sum(map(abs, work[leg])) for leg in LEGS]
     lengths = {leg: _column(rows, f"leg_length[{leg}]") for leg in LEGS}
     forces = {leg: _column(rows, f"actuator_force[{leg}]") for leg in LEGS}
     return {

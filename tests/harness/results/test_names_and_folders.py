@@ -1,0 +1,122 @@
+"""Names and units of metrics in an ensemble's table, and what is said of folders without a record."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import RecordError
+from tests.support.ensembles import ensemble_of
+
+# As the table names them, with unit and the number that stands for 0.0123 in SI units.
+SHOWN = {
+    "tracking.position.norm_rms": ("position error, RMS mm", 12.3),
+    "tracking.position.norm_peak": ("position error, peak mm", 12.3),
+    "tracking.orientation.norm_rms": ("orientation error, RMS mrad", 12.3),
+    "tracking.orientation.norm_peak": ("orientation error, peak mrad", 12.3),
+    "tracking.leg_length.peak": ("leg error, peak mm", 12.3),
+    **{
+        f"step_response.{axis}.{name}": (f"{axis}: {words}", 0.0123)
+        for axis in ("x", "y", "z", "roll", "pitch", "yaw")
+        for name, words in (
+            ("overshoot_percent", "overshoot %"),
+            ("rise_time", "rise time s"),
+            ("settling_time", "settling time s"),
+        )
+    },
+    "force.peak": ("peak force N", 0.0123),
+    "power.peak": ("peak power W", 0.0123),
+    "energy.absolute_total": ("work, absolute J", 0.0123),
+    "stroke.margin": ("stroke margin mm", 12.3),
+    "saturation.force_limited.any": ("force limited %", 1.23),
+    "saturation.rate_limited.any": ("rate limited %", 1.23),
+    "stroke.exceeded.any": ("beyond stroke %", 1.23),
+    "margins.stable": ("stable", 0.0123),
+    "margins.disk": ("disk margin", 0.0123),
+}
+
+
+def test_a_table_names_metrics_with_their_units() -> None:
+    """Expected: words and units of docs/ensembles.md, and numbers in them: of each metric another multiple of 0.0123.
+
+    Metrics that are not for the terminal are left out: the mean power, the time of a step, the use of a limit.
+    """
+    made = ensemble_of(np.zeros((4, 4)))
+    kept = made.members.select("member", "outcome", "ended", "cause")
+    columns = [polars.lit(0.0123 * (k + 1)).alias(name) for k, name in enumerate(SHOWN)]
+    others = ("power.mean", "step_response.z.at", "limits.leg_velocity_max.used", "force.rms", "energy.net_total")
+    table = kept.with_columns(*columns, *(polars.lit(5.0).alias(name) for name in others))
+    text = str(type(made)(table, made.bands, made.metadata))
+    rows = {cells[1].strip(): cells[2:8] for line in text.splitlines() if len(cells := re.split("[│┃]", line)) == 9}
+    assert set(rows) - {""} == {name for name, _ in SHOWN.values()}
+    assert [cell.strip() for cell in rows[""]] == ["5 %", "25 %", "50 %", "75 %", "95 %", "of"]
+    for k, (name, value) in enumerate(SHOWN.values()):
+        *quantiles, defined = (cell.strip() for cell in rows[name])
+        assert [float(cell) for cell in quantiles] == [pytest.approx(value * (k + 1), rel=6e-3)] * 5, name
+        assert defined == "4"
+
+
+FOLDERS = {
+    "compare.html": "it has two ensembles compared by `ensemble --compare`; open compare.html in a browser",
+    "plan.json": "it has an unfinished ensemble; continue it with `gough-stewart ensemble … --resume`",
+    "ensemble.json": "it has an ensemble; open report.html in a browser, or view worst/member-…",
+    "tuning.json": "it has a tuning; run tuned.toml, then view that run",
+    "workspace.csv": "it has a workspace; open workspace.html in a browser",
+    "estimate.json": "it has an identification; open identify.html in a browser",
+    "excitation.toml": "it has an excitation; run excitation.toml, then view that run",
+    "check.json": "it has a motion check; look at shares.png",
+    "margins.json": "it has margins; look at bode.png",
+    "frf.csv": "it has a frequency response; look at frf.png",
+    "open_loop.csv": "it has the paper's case; open report.html, which `reproduce --report` writes, in a browser",
+    "report.html": "it has a page; open report.html in a browser",
+    "law.fmu": "it has FMUs: law.fmu",
+    "loop.ssp": "it has an exported loop: loop.ssp",
+    "law.c": "it has an exported controller: law.c",
+    "mine.toml": "it has TOML files: mine.toml",
+    "run_1/record.parquet": "it has folders of records: run_1; view one of them",
+    "notes.txt": "it has notes.txt",
+}
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_folder_without_a_record_is_told_by_what_it_has(name: str, tmp_path: Path) -> None:
+    """Expected: the file that the command of the same name writes, and what to do with it."""
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("")
+    with pytest.raises(RecordError) as caught:
+        gs.read_record(tmp_path)
+    found = str(caught.value)
+    expected = "expected record.parquet, or record.csv with metadata.json beside it"
+    assert found.startswith(f"{tmp_path}: the folder has no record; {FOLDERS[name]}; {expected}")
+
+
+def test_of_many_files_in_a_folder_five_are_named_in_order(tmp_path: Path) -> None:
+    """Expected: by name, without hidden ones; the rest as their number; of two kinds the result of a command."""
+    for name in ("f", "b", "e", "a", "g", "c", "d", ".hidden"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(RecordError, match=r"it has a, b, c, d, e and 2 more; "):
+        gs.read_record(tmp_path)
+    (tmp_path / "f").unlink()
+    (tmp_path / "g").unlink()
+    with pytest.raises(RecordError, match=r"it has a, b, c, d, e; "):
+        gs.read_record(tmp_path)
+    for name in ("two.c", "one.c", "law.fmu"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(RecordError, match=r"it has FMUs: law\.fmu; "):
+        gs.read_record(tmp_path)
+    (tmp_path / "law.fmu").unlink()
+    with pytest.raises(RecordError, match=r"it has an exported controller: one\.c, two\.c; "):
+        gs.read_record(tmp_path)
+    (tmp_path / "report.html").write_text("")
+    (tmp_path / "margins.json").write_text("")
+    with pytest.raises(RecordError, match=r"it has margins; look at bode\.png; "):
+        gs.read_record(tmp_path)
+
+
+def test_an_empty_folder_is_said_to_be_empty(tmp_path: Path) -> None:
+    """Expected: that, and what a record is."""
+    with pytest.raises(RecordError, match="the folder has no record; it is empty; expected record"):
+        gs.read_record(tmp_path)
