@@ -1,6 +1,7 @@
 """Pictures for the FMU: well-formed, sized, alike in SVG and PNG, for any platform."""
 
 import io
+import math
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from gough_stewart.fmu_build.plant.drawing import DRAWING_SIZE, ICON_SIZE, drawing_svg, icon_png, icon_svg
 from gough_stewart.model.platform import Platform
@@ -119,3 +121,133 @@ def test_any_platform_can_be_drawn(seed: int) -> None:
     points = coordinates(icon_svg(platform))
     assert ((points >= 0) & (points <= ICON_SIZE)).all()
     assert pixels(icon_png(platform))[..., 3].any()
+
+
+# --- places on paper, for a platform of six different legs and a tilted home pose ------------------------------------
+
+SLEEVE = 0.54  # share of a leg that its lower part covers
+
+
+def seen(world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """World (n, 3) to right and down (n, 2), seen from an azimuth of −55° and 24° above the ground."""
+    a, e = math.radians(-55), math.radians(24)
+    right = [-math.sin(a), math.cos(a), 0]
+    down = [math.sin(e) * math.cos(a), math.sin(e) * math.sin(a), -math.cos(e)]
+    return np.asarray(world @ np.transpose([right, down]))
+
+
+def joints(platform: Platform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Base and platform joints in the world at home, by rotations about the fixed axes x, y, z."""
+    turned = Rotation.from_euler("xyz", platform.home_orientation).apply(platform.platform_points.copy())
+    return platform.base_points, platform.home_position + turned
+
+
+def points_of(element: ET.Element) -> NDArray[np.float64]:
+    return np.array([[float(c) for c in pair.split(",")] for pair in element.attrib["points"].split()])
+
+
+def centres(root: ET.Element) -> NDArray[np.float64]:
+    return np.array([[float(e.attrib["cx"]), float(e.attrib["cy"])] for e in root.iter(f"{SVG}circle")])
+
+
+def scale_and_shift(root: ET.Element, platform: Platform) -> tuple[float, NDArray[np.float64]]:
+    """From the dots of a picture: paper = scale · seen + shift."""
+    expected, found = seen(np.concatenate(joints(platform))), centres(root)
+    scale = float(np.ptp(found, axis=0).max() / np.ptp(expected, axis=0)[np.ptp(found, axis=0).argmax()])
+    return scale, (found - scale * expected).mean(axis=0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_joints_legs_and_bodies_are_where_an_orthographic_view_has_them(seed: int) -> None:
+    """Expected: joints by SciPy's rotations and a view written out by angles; legs divided at 0.54, far ones first."""
+    platform = random_platform(np.random.default_rng(seed))
+    root = ET.fromstring(icon_svg(platform))
+    B, P = joints(platform)
+    scale, shift = scale_and_shift(root, platform)
+
+    def paper(world: NDArray[np.float64]) -> NDArray[np.float64]:
+        return scale * seen(world) + shift
+
+    np.testing.assert_allclose(centres(root), paper(np.concatenate([B, P])), atol=0.02)
+    # they fill the square between 9 and 119, and are in its middle
+    low, high = centres(root).min(axis=0), centres(root).max(axis=0)
+    assert (high - low).max() == pytest.approx(110, abs=0.02)
+    np.testing.assert_allclose((low + high) / 2, [64, 64], atol=0.02)
+    middle = B + SLEEVE * (P - B)
+    toward = [math.cos(math.radians(24)) * f(math.radians(-55)) for f in (math.cos, math.sin)]
+    order = np.argsort(middle @ [*toward, math.sin(math.radians(24))])
+    lines = root.findall(f"{SVG}polyline")
+    for k, i in enumerate(order):
+        np.testing.assert_allclose(points_of(lines[2 * k]), paper(np.stack([middle[i], P[i]])), atol=0.02)
+        np.testing.assert_allclose(points_of(lines[2 * k + 1]), paper(np.stack([B[i], middle[i]])), atol=0.02)
+    for polygon, corners in zip(root.findall(f"{SVG}polygon"), (B, P), strict=True):
+        found = points_of(polygon)
+        angles = np.arctan2(*(corners - corners.mean(axis=0)).T[[1, 0]])
+        np.testing.assert_allclose(found, paper(corners[np.argsort(angles)]), atol=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_arrows_of_both_frames_point_along_their_axes(seed: int) -> None:
+    """Expected: tips at half the base's radius or the gap, and at 3/4 of the platform's radius; names 13 beyond."""
+    platform = random_platform(np.random.default_rng(seed))
+    root = ET.fromstring(drawing_svg(platform))
+    B, P = joints(platform)
+    scale, shift = scale_and_shift(root, platform)
+    radius = [math.sqrt(sum(np.sum((p - each.mean(axis=0)) ** 2) for p in each) / 6) for each in (B, P)]
+    gap = max(abs(P.mean(axis=0) - B.mean(axis=0)))
+    frames = (
+        (np.zeros(3), np.eye(3), 0.5 * min(radius[0], gap), ("X0", "Y0", "Z0")),
+        (
+            platform.home_position,
+            Rotation.from_euler("xyz", platform.home_orientation).as_matrix().T,
+            0.75 * radius[1],
+            ("xp", "yp", "zp"),
+        ),
+    )
+    heads = [points_of(each) for each in root.iter(f"{SVG}polygon")]
+    tips = np.array([head[0] for head in heads if len(head) == 3])
+    texts = {"".join(t.itertext()): [float(t.attrib[c]) for c in "xy"] for t in root.iter(f"{SVG}text")}
+    checked = 0
+    for origin, axes, length, names in frames:
+        start = scale * seen(origin[None])[0] + shift
+        for axis, name in zip(axes, names, strict=True):
+            tip = scale * seen((origin + length * axis)[None])[0] + shift
+            along = (tip - start) / np.hypot(*(tip - start))
+            np.testing.assert_allclose(texts[name], tip + 13 * along + [0, 5], atol=0.03)
+            if np.hypot(*(tip - start)) > 10.1:
+                assert np.hypot(*(tips - tip).T).min() < 0.03
+                checked += 1
+    assert checked >= 4
+
+
+def test_the_leg_with_names_is_the_rightmost_one_and_its_signs_are_beside_it() -> None:
+    """Expected: by the coordinates of its two joints; forces apart, the direction from base to platform."""
+    platform = random_platform(np.random.default_rng(4))
+    root = ET.fromstring(drawing_svg(platform))
+    dots = centres(root)
+    B, P = max(zip(dots[:6], dots[6:], strict=True), key=lambda ends: float(ends[0][0] + ends[1][0]))
+    texts = {"".join(t.itertext()): t for t in root.iter(f"{SVG}text")}
+    place = {name: np.array([float(t.attrib["x"]), float(t.attrib["y"]) - 5]) for name, t in texts.items()}
+    np.testing.assert_allclose(place["Bi"], B + np.array([4, 17]), atol=0.03)
+    np.testing.assert_allclose(place["Pi"], P + np.array([11, -12]), atol=0.03)
+    length = np.hypot(*(P - B))
+    along = (P - B) / length
+    across = np.array([-along[1], along[0]]) * (1 if along[1] < 0 else -1)
+    beside = 54 + 14 * abs(along[0])
+    np.testing.assert_allclose(place["leg_length"], B + 0.8 * length * along + beside * across, atol=0.03)
+    np.testing.assert_allclose(
+        place["actuator_force > 0"], B + SLEEVE * length * along + beside * across - [0, 8], atol=0.03
+    )
+    np.testing.assert_allclose(place["pushes both parts apart"], place["actuator_force > 0"] + [0, 16], atol=0.03)
+    heads = [points_of(each)[0] for each in root.iter(f"{SVG}polygon") if len(points_of(each)) == 3][-5:]
+    reach = min(0.2 * length, 50)
+    expected = [
+        (SLEEVE + 0.02) * length + reach,
+        (SLEEVE - 0.02) * length - reach,
+        0.06 * length + reach,
+        length,
+        0.0,
+    ]
+    for head, way, aside in zip(heads, expected, (15, 15, 15, 44, 44), strict=True):
+        np.testing.assert_allclose(head, B + way * along + aside * across, atol=0.03)
+    assert texts["actuator_force > 0"].attrib["fill"] == "#C0392B"
