@@ -21,6 +21,8 @@ _FEWEST_POINTS = 100
 _FLAG = 0.5
 # Rows to compare first; most components that differ do so here.
 _GLANCE = 16
+# Times of two clocks closer than this are the same, computed differently [s].
+_SAME_TIME = 1e-9
 
 _Columns = Sequence[FloatArray | None]
 
@@ -75,8 +77,10 @@ def difference(
     if np.array_equal(*time):
         return time[0], values[1] - values[0]
     common = np.union1d(*time)
+    # the last of those that are the same, at which both records have that row
+    common = common[np.append(np.diff(common) > _SAME_TIME, True)]
     start, end = (pick(float(each[at]) for each in time) for pick, at in ((max, 0), (min, -1)))
-    common = common[(common >= start) & (common <= end)]
+    common = common[(common >= start) & (common <= end + _SAME_TIME)]
     first, second = (_at(common, each, held, holds) for each, held in zip(time, values, strict=True))
     return common, second - first
 
