@@ -24,13 +24,33 @@ class Documented:
     """What a run should record, one row per plant step."""
 
     pose: FloatArray  # position and orientation (n, 6)
+    twist: FloatArray  # velocity and angular velocity (n, 6)
+    acceleration: FloatArray  # the rate of the twist under the force that acts from the row on (n, 6)
     leg_length: FloatArray  # (n, 6)
+    leg_velocity: FloatArray  # (n, 6)
     actuator_force: FloatArray  # that acts from the row on (n, 6)
-    command: FloatArray  # of the latest sample, before the limits (n, 6)
+    wrench: FloatArray  # likewise (n, 6)
+    target: FloatArray  # of the drives, and what their rate limit has reached after the row's step (n, 6)
+    reached: FloatArray
+    # of the latest sample
+    command: FloatArray  # before the limits (n, 6)
+    feedforward: FloatArray  # (n, 6)
+    injection: FloatArray  # (n, 6)
+    reading: FloatArray  # leg lengths (n, 6)
+    # of the motion, by the nominal platform
+    wanted: FloatArray  # pose (n, 6)
+    wanted_twist: FloatArray  # (n, 6)
+    wanted_acceleration: FloatArray  # (n, 6)
+    wanted_length: FloatArray  # (n, 6)
+    wanted_velocity: FloatArray  # of the legs (n, 6)
 
 
 def simulate(
-    options: Mapping[str, Any], believed: Platform, machine: Callable[[float], Platform], start: FloatArray | None
+    options: Mapping[str, Any],
+    believed: Platform,
+    machine: Callable[[float], Platform],
+    start: FloatArray | None,
+    readings: FloatArray | None = None,
 ) -> Documented:
     """Run the loop of some options.
 
@@ -42,11 +62,16 @@ def simulate(
         The nominal platform, and the simulated one at each time.
     start
         The pose (6,) at which the machine starts at rest; None for the reference's.
+    readings
+        What noisy sensors measured of the leg lengths at each row (n, 6); None for sensors without noise.
     """
+    options = with_gains(options, believed)
     T, h, duration = options["sample_time"], options["plant_step"], options["duration"]
     every, steps = round(T / h), round(duration / h)
-    motion = motion_of(options, np.concatenate([believed.home_position, believed.home_orientation]))
+    home = np.concatenate([believed.home_position, believed.home_orientation])
+    motion = motion_of(options, home if options["about"] is None else options["about"])
     q, rate = (each[0] for each in motion(np.zeros(1))[:2])
+    J_first = jacobian(believed, q)
     if start is not None:
         q, rate = start.copy(), np.zeros(6)
     machine_now = machine(0.0)
@@ -56,25 +81,29 @@ def simulate(
     line = [drive.force.copy()] * options["delay"]
     law: TaskLaw | LegLaw | None = None
     excess, planned = np.zeros(6), drive.force.copy()
-    command, reading = np.zeros(6), np.zeros(6)
+    command, reading, used, planned_force, injected = (np.zeros(6) for _ in range(5))
     rows: list[list[FloatArray]] = []
     force = drive.force
     for k in range(steps + 1):
         time = k * h
         machine_now = machine(time)
-        length = legs_along(machine_now, Pose(q[None], rate[None], rate[None]))[0][0]
+        length, velocity = (each[0] for each in legs_along(machine_now, Pose(q[None], rate[None], rate[None])))
+        wanted = motion(np.array([time]))
+        wanted_length, wanted_velocity = (each[0] for each in legs_along(believed, wanted))
         sensor_step = round((options["sensor_time"] or T) / h)
         if k % sensor_step == 0:
             step = options["quantisation"]
             reading = np.round(length / step) * step if step else length
+        if readings is not None:
+            reading = readings[k]
         if k % every == 0 and k < steps:
-            wanted = motion(np.array([time]))
-            wanted_length = legs_along(believed, wanted)[0][0]
+            used = reading
             J = jacobian(believed, wanted.q[0])
             if law is None:
                 law = (TaskLaw if options["space"] == "task" else LegLaw)(options, J, wanted_length, reading)
             ahead = motion(np.array([time + (options["delay"] + 0.5) * T]))
-            command = law.force(J, wanted_length, reading, excess) + feedforward(options, believed, ahead)
+            planned_force, injected = feedforward(options, believed, ahead), options["injection"](time, J_first)
+            command = law.force(J, wanted_length, reading, excess) + planned_force + injected
             clipped = np.clip(command, -limit, limit)
             # the anti-windup hears what force and rate limits leave of this command after one sample
             planned = planned + np.clip(clipped - planned, -options["rate_limit"] * T, options["rate_limit"] * T)
@@ -83,7 +112,21 @@ def simulate(
             target = line.pop(0)
         if k < steps:
             force = drive.step(target)
-        rows.append([q.copy(), length, force.copy(), command.copy()])
+        q_dd = _accelerations(machine_now, q, rate, force, wrench := options["disturbance"](time))
+        rows.append(
+            [
+                *(q.copy(), twist_of_rates(q) @ rate, _rate_of_twist(q, rate, q_dd), length, velocity),
+                *(force.copy(), wrench, target, drive.r.copy()),
+                *(command.copy(), planned_force, injected, used),
+                *(
+                    wanted.q[0],
+                    twist_of_rates(wanted.q[0]) @ wanted.rate[0],
+                    _rate_of_twist(*(each[0] for each in wanted)),
+                    wanted_length,
+                    wanted_velocity,
+                ),
+            ]
+        )
         if k < steps:
             q, rate = stepped(machine_now, q, rate, force, options["disturbance"](time), h)
     return Documented(*(np.array(each) for each in zip(*rows, strict=True)))
@@ -93,11 +136,16 @@ def simulate(
 
 
 def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatArray], Pose]:
-    """A motion about home: a sine, a quintic from rest to rest, or a step, all along one direction (6,)."""
-    along = options["along"]
+    """A motion about a pose: a sine, a quintic from rest to rest, or a step, all along one direction (6,).
+
+    Slower and larger by two scales: pose₀ + a (pose(t/s) − pose₀).
+    """
+    slower, larger = options.get("scales", (1.0, 1.0))
+    along = larger * options["along"]
     kind = options["reference"]
 
-    def at(time: FloatArray) -> Pose:
+    def at(real_time: FloatArray) -> Pose:
+        time = real_time / slower
         if kind == "sine":
             w, phase = 2 * np.pi * options["frequency"], options["phase"]
             s = np.sin(w * time + phase), w * np.cos(w * time + phase), -(w**2) * np.sin(w * time + phase)
@@ -112,13 +160,36 @@ def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatAr
         else:
             # a row at the time of the jump has the value after it
             s = (time >= options["at"] - 1e-9).astype(float), 0 * time, 0 * time
-        q, rate, acceleration = (np.outer(each, along) for each in s)
+        q, rate, acceleration = (np.outer(each / slower**k, along) for k, each in enumerate(s))
         return Pose(home + q, rate, acceleration)
 
     return at
 
 
 # --- controllers -----------------------------------------------------------------------------------------------------
+
+
+def with_gains(options: Mapping[str, Any], believed: Platform) -> dict[str, Any]:
+    """The options with kp, kd and ki from bandwidth, damping ratio and integral time, where they have these.
+
+    kp = m ω², kd = 2 ζ m ω, ki = kp/Ti; m is the mass of the heaviest mode of the legs, or that of each axis.
+    """
+    if options["bandwidth"] is None:
+        return dict(options)
+    home = np.concatenate([believed.home_position, believed.home_orientation])
+    at_rest = np.tile(home, (7, 1)), np.zeros((7, 6))
+    needed = forces_along(believed, Pose(*at_rest, np.vstack([np.zeros(6), np.eye(6)])))
+    # F = K q̈ + F₀, and L̈ = J E q̈ at rest, with E from rates of angles to twists
+    K = (needed[1:] - needed[0]).T
+    J, E = jacobian(believed, home), twist_of_rates(home)
+    of_legs = K @ np.linalg.inv(J @ E)
+    of_axes = J.T @ K @ np.linalg.inv(E)
+    heaviest = np.full(6, np.linalg.eigvalsh((of_legs + of_legs.T) / 2).max())
+    m = np.diag(of_axes) if options["space"] == "task" else heaviest
+    w = 2 * np.pi * options["bandwidth"]
+    kp = m * w**2
+    ki = kp / options["integral_time"] if options["type"] == "pid" else 0 * kp
+    return {**options, "kp": kp, "kd": 2 * options["damping_ratio"] * m * w, "ki": ki}
 
 
 class Channels:
@@ -266,6 +337,13 @@ def twist_of_rates(q: FloatArray) -> FloatArray:
     E = np.eye(6)
     E[3:, 3:] = np.transpose([about_x, [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
     return E
+
+
+def _rate_of_twist(q: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Linear and angular acceleration (6,): E q̈ + Ė q̇, with Ė by a central difference."""
+    d = 1e-5
+    change = (twist_of_rates(q + d * rate) - twist_of_rates(q - d * rate)) / (2 * d)
+    return np.asarray(twist_of_rates(q) @ acceleration + change @ rate)
 
 
 def _accelerations(

@@ -1,13 +1,17 @@
 """Every pair of options of an experiment, against a loop written from the documentation."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import pytest
 from allpairspy import AllPairs
+from scipy import stats
 
 import gough_stewart as gs
 from gough_stewart.harness.experiment.file import experiment_from
@@ -48,6 +52,15 @@ OPTIONS: dict[str, list[Any]] = {
     "machine": ["as believed", "differs", "changes"],
     "disturbance": [False, True],
     "start": [False, True],
+    # kp, kd and ki, or bandwidth, damping ratio and integral time
+    "gains": ["stated", "bandwidth"],
+    "scales": [(1.0, 1.0), (1.3, -0.8)],
+    "about": ["home", "elsewhere"],
+    "injection": [False, True],
+    "noise": [0.0, 2e-4],
+    # steps of signals that the controller does not use
+    "others": [False, True],
+    "host": ["model", "fmu3", "member"],
 }
 # No two of its rows share all of their options; every pair of two options' values is in one of them.
 ROWS = [dict(zip(OPTIONS, row, strict=True)) for row in AllPairs(list(OPTIONS.values()))]
@@ -59,6 +72,9 @@ _MACHINE: dict[str, Any] = {
 }
 _CHANGED: dict[str, Any] = {"platform_mass": 15.2, "platform_com": [-0.03, -0.02, 0.21]}
 _CHANGE_AT, _FROM, _FOR = 0.05, 0.035, 0.06
+_ABOUT = np.array([0.11, -0.06, 2.93, 0.02, -0.05, 0.14])
+_OTHERS = {"position": 3e-4, "orientation": 2e-4, "velocity": 5e-3, "angular_velocity": 4e-3, "leg_velocity": 7e-3}
+_SWEEP = 0.03  # [s]
 _WRENCH = np.array([9.0, -14.0, 21.0, 3.0, -4.0, 6.0])
 
 
@@ -75,7 +91,20 @@ def _wrench(time: float) -> FloatArray:
     return _WRENCH if _FROM - 1e-9 < time < _FROM + _FOR - 1e-9 else np.zeros(6)
 
 
-def _expected(row: dict[str, Any]) -> Documented:
+def _injected(time: float, J: FloatArray) -> FloatArray:
+    """A torque about y that sweeps from 30 to 80 Hz every 30 ms, in two whole cycles instead of 1.65; a leg's most."""
+    forces = np.linalg.solve(J.T, np.eye(6)[4])
+    t = time % _SWEEP
+    cycles = (2 - 25 * _SWEEP) * t / _SWEEP + 25 * t**2 / _SWEEP
+    return np.asarray(8.0 * np.sin(2 * np.pi * cycles) * forces / np.abs(forces).max())
+
+
+def _pose_about(row: dict[str, Any]) -> FloatArray:
+    home = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
+    return home if row["about"] == "home" else _ABOUT
+
+
+def _expected(row: dict[str, Any], readings: FloatArray | None) -> Documented:
     options = {
         **row,
         **(TASK_GAINS if row["space"] == "task" else LEG_GAINS),
@@ -87,22 +116,35 @@ def _expected(row: dict[str, Any]) -> Documented:
         "at": 0.03,
         "move_duration": 0.11,
         "disturbance": _wrench if row["disturbance"] else lambda _time: np.zeros(6),
+        "injection": _injected if row["injection"] else lambda _time, _J: np.zeros(6),
+        "about": _pose_about(row),
+        "bandwidth": 1.9 if row["gains"] == "bandwidth" else None,
+        "damping_ratio": 0.85,
+        "integral_time": 0.31,
     }
     if row["type"] == "pd":
         options["ki"] = [0.0] * 6
-    home = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
-    start = home + 0.3 * ALONG[::-1] if row["start"] else None
-    return simulate(options, UNEVEN, lambda time: _machine(row["machine"], time), start)
+    start = _pose_about(row) + 0.3 * ALONG[::-1] if row["start"] else None
+    return simulate(options, UNEVEN, lambda time: _machine(row["machine"], time), start, readings)
 
 
-def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
+def _recorded(
+    row: dict[str, Any],
+    folder: Path,
+    parameters: dict[str, Any] | None = None,
+    limits: dict[str, Any] | None = None,
+) -> gs.Record:
     gs.save_platform(UNEVEN, folder / "uneven.toml")
     gains = TASK_GAINS if row["space"] == "task" else LEG_GAINS
+    stated = row["gains"] == "stated"
     controller = {
         "type": row["type"],
         "space": row["space"],
-        "proportional_gain": gains["kp"],
-        "derivative_gain": gains["kd"],
+        **(
+            {"proportional_gain": gains["kp"], "derivative_gain": gains["kd"]}
+            if stated
+            else {"bandwidth": "1.9 Hz", "damping_ratio": 0.85}
+        ),
         "derivative_on": row["derivative_on"],
         "discretisation": row["discretisation"],
         "feedforward": row["feedforward"],
@@ -110,7 +152,7 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
     if row["derivative_filter"]:
         controller["derivative_filter"] = row["derivative_filter"]
     if row["type"] == "pid":
-        controller["integral_gain"] = gains["ki"]
+        controller |= {"integral_gain": gains["ki"]} if stated else {"integral_time": "310 ms"}
         if row["anti_windup_time"]:
             controller["anti_windup_time"] = row["anti_windup_time"]
     change = {"position_change": ALONG[:3].tolist(), "orientation_change": ALONG[3:].tolist()}
@@ -120,9 +162,12 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
         "point_to_point": {"type": "point_to_point", **change, "at": 0.03, "duration": 0.11},
         "step": {"type": "step", **change, "at": 0.03},
     }[row["reference"]]
+    reference |= {"time_scale": row["scales"][0], "amplitude_scale": row["scales"][1]}
+    if row["about"] != "home":
+        reference |= {"position": _ABOUT[:3].tolist(), "orientation": _ABOUT[3:].tolist()}
     values: dict[str, Any] = {
         "title": "options together",
-        "platform": {"file": "uneven.toml"},
+        "platform": {"file": "uneven.toml", "parameters": parameters or {}},
         "plant": {"tolerance": 1e-11},
         "reference": reference,
         "controller": controller,
@@ -132,12 +177,19 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
             "plant_step": row["plant_step"],
             "delay": row["delay"],
         },
-        "sensors": {"quantisation": {"leg_length": row["quantisation"]} if row["quantisation"] else {}},
+        "sensors": {
+            "quantisation": {
+                **({"leg_length": row["quantisation"]} if row["quantisation"] else {}),
+                **(_OTHERS if row["others"] else {}),
+            },
+            "noise": {"leg_length": row["noise"]} if row["noise"] else {},
+            "seed": crc32(_name(row).encode()) % 1000,
+        },
         "actuators": {
             "force_limit": row["force_limit"] if np.isfinite(row["force_limit"]) else "none",
             "lag": row["lag"],
         },
-        "limits": {"reference": "warn", "position_error": 10.0},
+        "limits": {"reference": "warn", "position_error": 10.0, **(limits or {})},
     }
     if row["sensor_time"]:
         values["sensors"]["sample_time"] = row["sensor_time"]
@@ -152,7 +204,7 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
             {"at": _FROM, "duration": _FOR, "force": _WRENCH[:3].tolist(), "torque": _WRENCH[3:].tolist()}
         ]
     if row["start"]:
-        home = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation]) + 0.3 * ALONG[::-1]
+        home = _pose_about(row) + 0.3 * ALONG[::-1]
         rest = [0.0, 0.0, 0.0]
         values["start"] = {
             "position": home[:3].tolist(),
@@ -160,23 +212,136 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
             "velocity": rest,
             "angular_velocity": rest,
         }
-    return gs.run(experiment_from(values, "options").from_file("options", folder))
+    if row["injection"]:
+        values["injection"] = {"type": "chirp", "mode": "pitch", "amplitude": 8, "band": [30, 80], "period": "30 ms"}
+    if row["host"] == "member":
+        # of a spread far below what is compared
+        values["ensemble"] = {
+            "members": 4,
+            "tolerance": 1e-11,
+            "platform_mass": {"factor": {"uniform": [1 - 1e-13, 1 + 1e-13]}},
+        }
+        return gs.run(experiment_from(values, "options").from_file("options", folder), member=2)
+    return gs.run(experiment_from(values, "options").from_file("options", folder), plant=row["host"])
 
 
 def _name(row: dict[str, Any]) -> str:
     return "-".join(str(value) for value in row.values())
 
 
-@pytest.mark.parametrize("row", ROWS, ids=_name)
-def test_every_pair_of_options_does_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
+@dataclass
+class _Both:
+    row: dict[str, Any]
+    record: gs.Record
+    expected: Documented
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Callable[[int], _Both]:
+    """The record of a row of options, and what it should be; each is made once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gough_stewart.harness.plants.open.cached_build", lambda version, *_: fmus[version].path)
+
+        @cache
+        def made(number: int) -> _Both:
+            row = ROWS[number]
+            record = _recorded(row, tmp_path_factory.mktemp("options"))
+            # what noise was there is no matter of the loop: see the test of its size
+            readings = record["measured.leg_length"] if row["noise"] else None
+            return _Both(row, record, _expected(row, readings))
+
+        yield made
+
+
+@pytest.mark.parametrize("number", range(len(ROWS)), ids=[_name(row) for row in ROWS])
+def test_every_pair_of_options_does_what_the_documentation_says(number: int, both: Callable[[int], _Both]) -> None:
     """Expected: the loop written from docs/control.md around a Lagrangian's plant, without code of the harness."""
-    record, expected = _recorded(row, tmp_path), _expected(row)
-    assert record.metadata["outcome"]["status"] == "completed"
-    pose = np.concatenate([record["position"], record["orientation"]], axis=1)
-    np.testing.assert_allclose(record["controller.force"], expected.command, rtol=0, atol=2e-5)
-    np.testing.assert_allclose(record["actuator_force"], expected.actuator_force, rtol=0, atol=2e-5)
-    np.testing.assert_allclose(pose, expected.pose, rtol=0, atol=2e-8)
-    np.testing.assert_allclose(record["leg_length"], expected.leg_length, rtol=0, atol=2e-8)
+    row, record, expected = both(number).row, both(number).record, both(number).expected
+    assert record.metadata["outcome"] == {"status": "completed", "time": pytest.approx(DURATION), "cause": None}
+    (pose, twist, acceleration), (wanted, wanted_twist, wanted_acceleration) = (
+        [
+            np.concatenate([record[of + linear], record[of + angular]], axis=1)
+            for linear, angular in (
+                ("position", "orientation"),
+                ("velocity", "angular_velocity"),
+                ("acceleration", "angular_acceleration"),
+            )
+        ]
+        for of in ("", "reference.")
+    )
+    n = len(expected.pose)
+    np.testing.assert_allclose(record["time"], np.linspace(0, DURATION, n), rtol=0, atol=1e-12)
+    for found, meant, within in (
+        (record["controller.force"], expected.command, 2e-5),
+        (record["controller.feedforward"], expected.feedforward, 1e-6),
+        (record["actuator_force"], expected.actuator_force, 2e-5),
+        (np.concatenate([record["external_force"], record["external_torque"]], axis=1), expected.wrench, 0),
+        (pose, expected.pose, 2e-8),
+        (twist, expected.twist, 2e-6),
+        (acceleration, expected.acceleration, 2e-5),
+        (record["leg_length"], expected.leg_length, 2e-8),
+        (record["leg_velocity"], expected.leg_velocity, 2e-6),
+        (wanted, expected.wanted, 1e-12),
+        (wanted_twist, expected.wanted_twist, 1e-11),
+        (wanted_acceleration, expected.wanted_acceleration, 1e-6),
+        (record["reference.leg_length"], expected.wanted_length, 1e-12),
+        (record["reference.leg_velocity"], expected.wanted_velocity, 1e-11),
+        (record["error.position"], (expected.wanted - expected.pose)[:, :3], 2e-8),
+        (record["error.orientation"], (expected.wanted - expected.pose)[:, 3:], 2e-8),
+        (record["error.leg_length"], expected.wanted_length - expected.leg_length, 2e-8),
+    ):
+        np.testing.assert_allclose(found, meant, rtol=0, atol=within)
+    if row["quantisation"]:  # a rounding to the next step is seldom, but possible
+        assert (np.abs(record["measured.leg_length"] - expected.reading) < 2e-8).mean() > 0.995
+    else:
+        np.testing.assert_allclose(record["measured.leg_length"], expected.reading, rtol=0, atol=2e-8)
+    if row["injection"]:
+        np.testing.assert_allclose(record["controller.injection"], expected.injection, rtol=0, atol=1e-9)
+    else:
+        assert "controller.injection" not in record
+    _check_flags(row, record, expected)
+    _check_parameters(row, record)
+
+
+def _check_flags(row: dict[str, Any], record: gs.Record, expected: Documented) -> None:
+    beyond = np.abs(expected.command) - row["force_limit"]
+    clear = np.abs(beyond) > 1e-4
+    assert (record["flag.force_limited"] == (beyond > 0))[clear].all()
+    left = np.abs(expected.target - expected.reached)[:-1] if np.isfinite(row["rate_limit"]) else np.zeros((1, 6))
+    clear = (left == 0) | (left > 1e-4)
+    assert (record["flag.rate_limited"][: len(left)] == (left > 0))[clear].all()
+    assert not record["flag.stroke_exceeded"].any()
+
+
+def _check_parameters(row: dict[str, Any], record: gs.Record) -> None:
+    """A column for each parameter that changes, of the value that acts from the row on."""
+    assert ("platform_mass" in record) == ("platform_com" in record) == (row["machine"] == "changes")
+    assert "platform_inertia" not in record
+    if row["machine"] == "changes":
+        later = record["time"] > _CHANGE_AT - 1e-9
+        assert np.allclose(
+            record["platform_mass"], np.where(later, _CHANGED["platform_mass"], _MACHINE["platform_mass"]), 1e-12
+        )
+        both_coms = np.array([_MACHINE["platform_com"], _CHANGED["platform_com"]])
+        assert (record["platform_com"] == both_coms[later.astype(int)]).all()
+
+
+def test_noise_has_its_size_on_every_leg(both: Callable[[int], _Both]) -> None:
+    """Expected: the variance σ² + q²/12 of noise that is rounded, so a sum of squares like χ²; independent legs.
+
+    Two-sided, false alarm of 1 in 1000; of 15 correlations of legs the largest below 4.2/√n, 1 in 2500.
+    """
+    errors = []
+    for number, row in enumerate(ROWS):
+        if row["noise"]:
+            record = both(number).record
+            every = round((row["sensor_time"] or SAMPLE_TIME) / row["plant_step"])  # the first sample of each reading
+            off = (record["measured.leg_length"] - record["leg_length"])[:-1:every]
+            errors.append(off / np.sqrt(row["noise"] ** 2 + row["quantisation"] ** 2 / 12))
+    z = np.concatenate(errors)
+    assert len(z) > 100
+    assert 0.0005 < stats.chi2.cdf((z**2).sum(), z.size) < 0.9995
+    assert np.abs(np.corrcoef(z.T) - np.eye(6)).max() < 4.2 / np.sqrt(len(z))
 
 
 def test_every_pair_of_values_is_in_a_row() -> None:
@@ -187,9 +352,44 @@ def test_every_pair_of_values_is_in_a_row() -> None:
         assert met == {(str(x), str(y)) for x, y in product(OPTIONS[a], OPTIONS[b])}
 
 
-def test_the_limits_of_the_rows_are_reached(tmp_path: Path) -> None:
+def test_the_limits_of_the_rows_are_reached(both: Callable[[int], _Both]) -> None:
     """A row in which a limit is never active says nothing of it: most of those that have one reach it."""
     for name, flag in (("force_limit", "flag.force_limited"), ("rate_limit", "flag.rate_limited")):
-        limited = [row for row in ROWS if np.isfinite(row[name])]
-        reached = [bool(_recorded(row, tmp_path)[flag].any()) for row in limited]
+        limited = [number for number, row in enumerate(ROWS) if np.isfinite(row[name])]
+        reached = [bool(both(number).record[flag].any()) for number in limited]
         assert sum(reached) >= 0.7 * len(limited)
+
+
+def test_a_run_ends_at_the_row_at_which_a_limit_is_exceeded(tmp_path: Path) -> None:
+    """Expected: of the documented loop the first row beyond, with its leg and length; flags of each leg before it.
+
+    A shortest length between those of the reference and of the platform, which sags; half of the largest error.
+    """
+    row = {**ROWS[0], "reference": "point_to_point", "machine": "as believed", "host": "model", "noise": 0.0}
+    row |= {"about": "home", "start": False, "disturbance": False, "quantisation": 0.0, "injection": False}
+    row |= {"feedforward": "none"}
+    expected = _expected(row, None)
+    bound = float(expected.wanted_length.min() + expected.leg_length.min()) / 2
+    beyond = expected.leg_length < bound
+    first = int(beyond.any(axis=1).argmax())
+    leg = int(beyond[first].argmax())
+    assert 0 < first < len(beyond) - 1
+    for limits in ("ignore", "warn", "stop"):
+        record = _recorded(row, tmp_path, {"leg_length_min": bound}, {"stroke": limits})
+        outcome = record.metadata["outcome"]
+        rows = len(record["time"])
+        assert (record["flag.stroke_exceeded"] == beyond[:rows]).all()
+        if limits == "stop":
+            assert (outcome["status"], rows) == ("stopped", first + 1)
+            assert outcome["time"] == pytest.approx(record["time"][-1])
+            high = UNEVEN.leg_length_max
+            length = expected.leg_length[first, leg]
+            assert outcome["cause"] == f"leg {leg + 1} is {length:.6g} m long; its stroke is {bound:g} to {high:g} m"
+        else:
+            assert (outcome["status"], rows) == ("completed", len(beyond))
+    error = np.linalg.norm((expected.wanted - expected.pose)[:, :3], axis=1)
+    most = float(error.max()) / 2
+    record = _recorded(row, tmp_path, {}, {"position_error": most})
+    assert record.metadata["outcome"]["status"] == "diverged"
+    assert len(record["time"]) == int((error > most).argmax()) + 1
+    assert f"the limit is {most:g} m" in record.metadata["outcome"]["cause"]
