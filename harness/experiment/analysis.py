@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.control.controllers import PD, ControllerChoice
+from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
 from gough_stewart.harness.control.laws import LinearController, linear_of
 from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.loop_transfer import loop_transfer
@@ -169,7 +169,7 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
         found.append(f"it is stable without the actuators' lag of {lag:g} s")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time
-        faster = choice.controller(prepared.platform, sample_time / part) if isinstance(choice, PD) else None
+        faster = choice.controller(prepared.platform, sample_time / part) if isinstance(choice, PD | PID) else None
         if isinstance(faster, LinearController) and is_stable(_loop(prepared, faster, sample_time / part, delay, lag)):
             found.append(f"it is stable at a sample_time of {sample_time / part:g} s")
             break

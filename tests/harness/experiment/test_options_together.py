@@ -1,6 +1,6 @@
 """Every pair of options of an experiment, against a loop written from the documentation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations, product
@@ -237,7 +237,7 @@ class _Both:
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Callable[[int], _Both]:
+def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Iterator[Callable[[int], _Both]]:
     """The record of a row of options, and what it should be; each is made once."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gough_stewart.harness.plants.open.cached_build", lambda version, *_: fmus[version].path)
