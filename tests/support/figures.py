@@ -5,8 +5,11 @@ from contextlib import contextmanager
 from typing import Any
 from unittest.mock import patch
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from gough_stewart.model.vectors import FloatArray
 
 _SAVE = Figure.savefig
 
@@ -29,3 +32,14 @@ def axes_titled(figure: Figure, beginning: str) -> Axes:
     """The axes of a figure whose title begins so."""
     (found,) = (axes for axes in figure.axes if axes.get_title(loc="left").startswith(beginning))
     return found
+
+
+def data_of(line: Any) -> tuple[FloatArray, FloatArray]:
+    """Abscissae and ordinates of a line."""
+    x, y = (np.asarray(each, dtype=float) for each in line.get_data())
+    return x, y
+
+
+def lines_labelled(axes: Axes, label: str) -> list[Any]:
+    """The lines of axes with a label."""
+    return [line for line in axes.get_lines() if line.get_label() == label]

@@ -28,6 +28,7 @@ _NEARBY = {
         "tests/harness/experiment/test_options_together.py",
         "tests/harness/experiment/test_truth_and_belief.py",
     ),
+    "harness/experiment": ("tests/harness/control/test_whole_responses.py",),
     "harness/motion": ("tests/harness/loop", "tests/harness/experiment"),
     "harness/plants": ("tests/harness/loop", "tests/harness/experiment"),
     "model": ("tests/model/formulations",),

@@ -7,41 +7,50 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.model.vectors import FloatArray
 from tests.support.commands import invoke
-from tests.support.figures import axes_titled, figures_drawn
-from tests.support.linear_loop import LinearLoop, seen
+from tests.support.documented_loop import linear
+from tests.support.figures import axes_titled, data_of, figures_drawn, lines_labelled
 from tests.support.uneven import UNEVEN
 
 T, DELAY, LAG = 4e-3, 2, 6e-3
-LOOP = LinearLoop(
+POSE = np.array([0.15, -0.1, 2.95, 0.08, -0.11, 0.16])
+GAINS = {
+    "kp": [440.0, 580.0, 360.0, 500.0, 640.0, 400.0],
+    "kd": [107.0, 137.0, 93.0, 123.0, 150.0, 100.0],
+    "ki": [180.0, 300.0, 140.0, 220.0, 400.0, 160.0],
+}
+LOOP = linear(
+    {
+        **{name: np.array(gain) for name, gain in GAINS.items()},
+        "space": "leg",
+        "discretisation": "tustin",
+        "derivative_filter": 0.012,
+        "sample_time": T,
+        "delay": DELAY,
+        "lag": LAG,
+    },
     UNEVEN,
-    np.array([0.15, -0.1, 2.95]),
-    np.array([0.08, -0.11, 0.16]),
-    np.array([440.0, 580.0, 360.0, 500.0, 640.0, 400.0]),
-    np.array([107.0, 137.0, 93.0, 123.0, 150.0, 100.0]),
-    np.array([180.0, 300.0, 140.0, 220.0, 400.0, 160.0]),
-    T,
-    DELAY,
-    LAG,
-    0.012,
+    POSE,
 )
+KINDS = (("proportional", "kp"), ("derivative", "kd"))
 OMEGA = 2 * np.pi * np.geomspace(5e-3, 0.4999 / T, 8_000)
 FILE = f"""
 title = "an uneven loop"
 platform.file = "uneven.toml"
-reference = {{type = "hold", position = {LOOP.position.tolist()}, orientation = {LOOP.orientation.tolist()}}}
+reference = {{type = "hold", position = {POSE[:3].tolist()}, orientation = {POSE[3:].tolist()}}}
 actuators.lag = "6 ms"
 
 [controller]
 type = "pid"
-proportional_gain = {LOOP.kp.tolist()}
-derivative_gain = {LOOP.kd.tolist()}
-integral_gain = {LOOP.ki.tolist()}
+proportional_gain = {GAINS["kp"]}
+derivative_gain = {GAINS["kd"]}
+integral_gain = {GAINS["ki"]}
 derivative_filter = "12 ms"
 
 [loop]
@@ -88,13 +97,12 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Said:
 @pytest.fixture(scope="module")
 def whole() -> Any:
     """L on the unit circle at OMEGA."""
-    return LOOP(np.exp(1j * OMEGA * T))
+    return LOOP.response(OMEGA)
 
 
 def leg_loop(whole: Any, leg: int) -> Any:
     """Cut at one leg."""
-    one = np.eye(6)[leg]
-    return seen(whole, one, one)
+    return 1 / np.linalg.inv(np.eye(6) + whole)[:, leg, leg] - 1
 
 
 def test_the_file_has_the_experiments_numbers(said: Said) -> None:
@@ -102,8 +110,8 @@ def test_the_file_has_the_experiments_numbers(said: Said) -> None:
     values = said.values
     assert values["title"] == "an uneven loop"
     assert (values["sample_time"], values["delay"], values["lag"]) == (T, DELAY, LAG)
-    gains = {"proportional": LOOP.kp, "derivative": LOOP.kd, "integral": LOOP.ki}
-    assert values["gains"] == {**{name: gain.tolist() for name, gain in gains.items()}, "derivative_filter": 0.012}
+    gains = {"proportional": GAINS["kp"], "derivative": GAINS["kd"], "integral": GAINS["ki"]}
+    assert values["gains"] == {**gains, "derivative_filter": 0.012}
     assert values["versions"]["numpy"] == np.__version__
     assert {name: value for name, value in values.items() if name != "versions"} == said.found.as_dict()
 
@@ -126,8 +134,8 @@ def test_every_mode_is_a_pole_of_the_closed_loop(said: Said) -> None:
     for eigenvalue, mode in zip(modes, said.values["modes"], strict=True):
         assert mode["frequency"] == pytest.approx(abs(eigenvalue) / (2 * np.pi))
         assert mode["damping_ratio"] == pytest.approx(-eigenvalue.real / abs(eigenvalue))
-        z = np.exp(eigenvalue * T) * np.array([1.0, 1.0 + 1e-3])
-        at, beside = np.linalg.svd(np.eye(6) + LOOP(z), compute_uv=False)[:, -1]
+        s: Any = eigenvalue + np.array([0.0, 1e-3 / T])
+        at, beside = np.linalg.svd(np.eye(6) + LOOP.response(s / 1j), compute_uv=False)[:, -1]
         assert at < 1e-3 * beside
     frequencies = [mode["frequency"] for mode in said.values["modes"]]
     assert frequencies == sorted(frequencies)
@@ -181,7 +189,7 @@ def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
     """Expected: those of the file in their units, in every cell."""
     values = said.values
     rows = said.rows("an uneven loop: gains")
-    gains = [[str(k + 1), *(f"{gain[k]:.5g}" for gain in (LOOP.kp, LOOP.kd, LOOP.ki))] for k in range(6)]
+    gains = [[str(k + 1), *(f"{gain[k]:.5g}" for gain in GAINS.values())] for k in range(6)]
     assert rows == gains
     rows = said.rows("slowest 8 closed-loop modes")
     assert len(rows) == 8
@@ -229,7 +237,7 @@ def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
     ]
     page = said.found._repr_html_()
     assert page.count("<table>") == 4
-    assert all(f"{gain:.5g}" in page for gain in LOOP.ki)
+    assert all(f"{gain:.5g}" in page for gain in GAINS["ki"])
 
 
 def test_the_bode_figure_shows_the_loops_of_the_legs(said: Said) -> None:
@@ -247,46 +255,43 @@ def test_the_bode_figure_shows_the_loops_of_the_legs(said: Said) -> None:
     alpha = said.values["margins"]["disk"]["alpha"]
     assert sigma.get_title(loc="left") == f"singular values (disk margin α = {alpha:.2f})"
     for k in range(6):
-        (line,), (angle,) = ([each for each in axes.get_lines() if _is_curve(each, k)] for axes in (gain, phase))
-        hertz = np.asarray(line.get_xdata(), dtype=float)
-        loop = leg_loop(LOOP.at(hertz), k)
-        np.testing.assert_allclose(line.get_ydata(), np.abs(loop), rtol=1e-4)
-        turns = np.asarray(angle.get_ydata(), dtype=float) / 360 - np.angle(loop) / (2 * np.pi)
+        (line,), (angle,) = (lines_labelled(axes, f"leg {k + 1}") for axes in (gain, phase))
+        (hertz, gains), (_, degrees) = data_of(line), data_of(angle)
+        loop = leg_loop(LOOP.response(2 * np.pi * hertz), k)
+        np.testing.assert_allclose(gains, np.abs(loop), rtol=1e-4)
+        turns = degrees / 360 - np.angle(loop) / (2 * np.pi)
         seen_ones = np.isfinite(turns)
         assert (seen_ones == (np.abs(loop) > 1e-4)).all()
         assert np.abs(turns - np.round(turns))[seen_ones].max() < 1e-5
-        assert np.abs(np.diff(np.asarray(angle.get_ydata(), dtype=float)[seen_ones])).max() < 180
+        assert np.abs(np.diff(degrees[seen_ones])).max() < 180
     assert len({(line.get_color(), line.get_linestyle()) for line in gain.get_lines()[:]}) >= 6
     worst = int(np.argmin([leg["phase"] for leg in legs]))
-    (arrow,) = (line for line in gain.get_lines() if line.get_linewidth() == 1.4)
-    at = float(arrow.get_xdata()[0])
-    assert np.asarray(arrow.get_ydata()) == pytest.approx([1 / legs[worst]["gain_up"], 1])
-    assert abs(1 + legs[worst]["gain_up"] * leg_loop(LOOP.at([at]), worst)[0]) < 0.05
-    (arrow,) = (line for line in phase.get_lines() if line.get_linewidth() == 1.4)
-    edge, end = np.asarray(arrow.get_ydata(), dtype=float)
+    (up,), (turn,) = ([line for line in axes.get_lines() if line.get_linewidth() == 1.4] for axes in (gain, phase))
+    hertz, ends = data_of(up)
+    assert ends == pytest.approx([1 / legs[worst]["gain_up"], 1])
+    assert abs(1 + legs[worst]["gain_up"] * leg_loop(LOOP.response(2 * np.pi * hertz), worst)).max() < 0.05
+    hertz, (edge, end) = data_of(turn)
     assert (edge + 180) % 360 == pytest.approx(0)
     assert abs(end - edge) == pytest.approx(legs[worst]["phase"] * 180 / np.pi, abs=1.5)
-    assert abs(leg_loop(LOOP.at([float(arrow.get_xdata()[0])]), worst)[0]) == pytest.approx(1, abs=0.05)
-
-
-def _is_curve(line: Any, leg: int) -> bool:
-    return bool(line.get_label() == f"leg {leg + 1}")
+    assert np.abs(leg_loop(LOOP.response(2 * np.pi * hertz), worst)) == pytest.approx(1, abs=0.05)
+    assert np.degrees(np.angle(leg_loop(LOOP.response(2 * np.pi * hertz), worst)))[0] % 360 == pytest.approx(
+        end % 360, abs=0.1
+    )
 
 
 def test_the_bode_figure_shows_both_sensitivities(said: Said) -> None:
     """Expected: the largest singular values as lines, filled down to the smallest."""
     sigma = axes_titled(said.figures[0], "singular values")
     for k, name in enumerate("ST"):
-        (line,) = (each for each in sigma.get_lines() if each.get_label() == f"σ({name}), largest to smallest")
-        inverse = np.linalg.inv(np.eye(6) + LOOP.at(line.get_xdata()))
+        (line,) = lines_labelled(sigma, f"σ({name}), largest to smallest")
+        hertz, largest = data_of(line)
+        inverse = np.linalg.inv(np.eye(6) + LOOP.response(2 * np.pi * hertz))
         values = np.linalg.svd(inverse if name == "S" else np.eye(6) - inverse, compute_uv=False)
-        np.testing.assert_allclose(line.get_ydata(), values[:, 0], rtol=1e-4)
-        area = sigma.collections[k]
+        np.testing.assert_allclose(largest, values[:, 0], rtol=1e-4)
+        area: Any = sigma.collections[k]
         outline = area.get_paths()[0].vertices[:, 1]
         assert outline.min() == pytest.approx(values[:, -1].min(), rel=1e-3)
         assert outline.max() == pytest.approx(values[:, 0].max(), rel=1e-3)
-        from matplotlib.colors import to_hex
-
         assert to_hex(area.get_facecolor()[0]) == to_hex(line.get_color())
     peaks = said.values["margins"]
     most = 2 * max(peaks["sensitivity_peak"], peaks["complementary_peak"])
@@ -303,8 +308,8 @@ def test_the_step_figure_shows_each_legs_own_answer(said: Said) -> None:
     A, B, C = (np.asarray(getattr(said.found.loop, name)) for name in "ABC")
     assert not np.asarray(said.found.loop.D).any()  # there is a delay
     for k in range(6):
-        (line,) = (each for each in axes.get_lines() if each.get_label() == f"leg {k + 1}")
-        time, values = (np.asarray(each, dtype=float) for each in line.get_data())
+        (line,) = lines_labelled(axes, f"leg {k + 1}")
+        time, values = data_of(line)
         rows = np.round(time / T).astype(int)
         assert np.allclose(rows * T, time)
         x, answers = np.zeros(len(A)), []
@@ -332,10 +337,7 @@ UNSTABLE: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 def test_an_unstable_loop_says_what_alone_would_make_it_stable(remedy: str, said: Said) -> None:
     """Expected: what it says is tried; what it does not say is not stable either."""
     faulty, mended = UNSTABLE[remedy]
-    fast = {
-        "controller.proportional_gain": (3 * LOOP.kp).tolist(),
-        "controller.derivative_gain": (3 * LOOP.kd).tolist(),
-    }
+    fast = {f"controller.{kind}_gain": [3 * gain for gain in GAINS[name]] for kind, name in KINDS}
     faulty = {**faulty, **(fast if "sample_time" in remedy else {})}
     with pytest.raises(UnstableLoopError) as caught:
         gs.margins(said.experiment, faulty)

@@ -1,0 +1,353 @@
+"""All that `check` says of a motion: numbers of each leg by closed forms and a Lagrangian, in file, tables and text."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import gough_stewart as gs
+from gough_stewart.model.vectors import FloatArray
+from tests.support.commands import invoke
+from tests.support.figures import figures_drawn
+from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.uneven import UNEVEN
+
+H, STEPS, HERTZ, PHASE = 5e-3, 180, 1.1, 0.3
+ALONG = np.array([0.1, -0.16, 0.2, 0.05, -0.08, 0.07])
+HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
+LIMITS = {
+    "leg_velocity_max": 1.3,
+    "leg_acceleration_max": 5.0,
+    "actuator_power_max": 400.0,
+    "joint_angle_max": 0.3,
+}
+FILE = f"""
+title = "sway"
+limits.condition_number = 40
+[platform]
+file = "uneven.toml"
+[platform.parameters]
+{chr(10).join(f"{name} = {value}" for name, value in LIMITS.items())}
+[reference]
+type = "sine"
+position_amplitude = {ALONG[:3].tolist()}
+orientation_amplitude = {ALONG[3:].tolist()}
+frequency = {HERTZ}
+phase = {PHASE}
+[controller]
+type = "pd"
+bandwidth = 1.5
+[actuators]
+force_limit = "0.25 kN"
+[loop]
+duration = {STEPS * H}
+sample_time = {2 * H}
+plant_step = {H}
+"""
+
+
+def pose_at(time: FloatArray) -> Pose:
+    """The sine about home."""
+    w = 2 * np.pi * HERTZ
+    turn = w * time + PHASE
+    s = np.sin(turn), w * np.cos(turn), -(w**2) * np.sin(turn)
+    q, rate, acceleration = (np.outer(each, ALONG) for each in s)
+    return Pose(HOME + q, rate, acceleration)
+
+
+class Motion:
+    """The legs along the motion (n, 6), by closed forms, differences and a Lagrangian."""
+
+    def __init__(self) -> None:
+        self.time: FloatArray = np.arange(STEPS + 1, dtype=float) * H
+        self.length, self.velocity = legs_along(UNEVEN, pose_at(self.time))
+        d = 1e-5
+        before, after = (legs_along(UNEVEN, pose_at(self.time + sign * d))[1] for sign in (-1, 1))
+        self.acceleration = (after - before) / (2 * d)
+        friction = UNEVEN.leg_viscous_friction * UNEVEN.leg_viscous_friction_factor * self.velocity
+        smooth = np.tanh(self.velocity / UNEVEN.leg_friction_velocity)
+        friction = friction + UNEVEN.leg_coulomb_friction * UNEVEN.leg_coulomb_friction_factor * smooth
+        self.force = forces_along(UNEVEN, pose_at(self.time)) + friction
+        self.power = self.force * self.velocity
+        q = pose_at(self.time).q
+        home = self._directions(HOME[None])
+        self.joint_angle = {
+            end: np.arccos(np.clip((now * first).sum(axis=-1), -1, 1))
+            for end, now, first in zip(("base", "platform"), self._directions(q), home, strict=True)
+        }
+        self.pitch = q[:, 4]
+
+    @staticmethod
+    def _directions(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Unit vectors along the legs (n, 6, 3), in the axes of base and of platform."""
+        R = Rotation.from_euler("xyz", q[:, 3:]).as_matrix()
+        points = q[:, None, :3] + np.einsum("nij,kj->nki", R, UNEVEN.platform_points) - UNEVEN.base_points
+        u = points / np.linalg.norm(points, axis=-1, keepdims=True)
+        return u, np.einsum("nji,nkj->nki", R, u)
+
+    def rms(self, values: FloatArray) -> FloatArray:
+        """√(∫ x² dt/T), by the trapezoidal rule."""
+        return np.asarray(np.sqrt(np.trapezoid(values**2, self.time, axis=0) / self.time[-1]))
+
+    def needs(self) -> dict[str, tuple[str, FloatArray]]:
+        """Unit and values (6,) of every need, in the order of the documentation."""
+        mean = np.trapezoid(self.length, self.time, axis=0) / self.time[-1]
+        found: dict[str, tuple[str, FloatArray]] = {
+            "leg_length_min": ("m", self.length.min(axis=0)),
+            "leg_length_max": ("m", self.length.max(axis=0)),
+            "stroke": ("m", self.length.max(axis=0) - self.length.min(axis=0)),
+            "stroke_rms": ("m", self.rms(self.length - mean)),
+            "distance": ("m", np.abs(np.diff(self.length, axis=0)).sum(axis=0)),
+        }
+        v, F, P = self.velocity, self.force, self.power
+        found |= self._peaks("leg_velocity", "m/s", v, force=F)
+        found |= self._peaks("leg_acceleration", "m/s2", self.acceleration, velocity=v, force=F)
+        found |= self._peaks("actuator_force", "N", F, velocity=v)
+        found["actuator_force_push"] = ("N", np.maximum(F.max(axis=0), 0))
+        found["actuator_force_pull"] = ("N", np.maximum(-F.min(axis=0), 0))
+        found |= self._peaks("actuator_power", "W", P, velocity=v, force=F)
+        found |= self._peaks("motoring_power", "W", np.maximum(P, 0), velocity=v, force=F)
+        found |= self._peaks("regenerated_power", "W", np.maximum(-P, 0), velocity=v, force=F)
+        fine = np.linspace(0, self.time[-1], 40 * STEPS + 1)
+        between = np.stack([np.interp(fine, self.time, P[:, leg]) for leg in range(6)], axis=1)
+        found["motoring_energy"] = ("J", np.trapezoid(np.maximum(between, 0), fine, axis=0))
+        found["regenerated_energy"] = ("J", np.trapezoid(np.maximum(-between, 0), fine, axis=0))
+        for end, angle in self.joint_angle.items():
+            found |= self._peaks(f"{end}_joint_angle", "rad", angle, velocity=v)
+        return found
+
+    def _peaks(
+        self, name: str, unit: str, values: FloatArray, **others: FloatArray
+    ) -> dict[str, tuple[str, FloatArray]]:
+        rows, legs = np.abs(values).argmax(axis=0), np.arange(6)
+        units = {"velocity": "m/s", "force": "N"}
+        return {
+            f"{name}_peak": (unit, values[rows, legs]),
+            **{f"{name}_peak_{other}": (units[other], at[rows, legs]) for other, at in others.items()},
+            f"{name}_peak_time": ("s", self.time[rows]),
+            f"{name}_rms": (unit, self.rms(values)),
+        }
+
+    def shares(self) -> dict[str, FloatArray]:
+        """Of every limit per leg (n, 6), in the order of the tables."""
+        middle, half = (2.3 + 3.9) / 2, (3.9 - 2.3) / 2
+        return {
+            "stroke": np.abs(self.length - middle) / half,
+            "joint_angle_max": np.maximum(*self.joint_angle.values()) / 0.3,
+            "leg_velocity_max": np.abs(self.velocity) / 1.3,
+            "leg_acceleration_max": np.abs(self.acceleration) / 5.0,
+            "actuator_force_max": np.abs(self.force) / 250,
+            "actuator_power_max": np.abs(self.power) / 400,
+        }
+
+
+class Said:
+    """What the command made."""
+
+    def __init__(self, folder: Path) -> None:
+        gs.save_platform(UNEVEN, folder / "uneven.toml")
+        self.experiment = folder / "sway.toml"
+        self.experiment.write_text(FILE)
+        with figures_drawn() as self.figures:
+            done = invoke("check", str(self.experiment), "--out", str(folder / "out"))
+        assert done.exit_code == 3, done.output  # a limit is missed
+        self.output = done.output
+        self.values: dict[str, Any] = json.loads((folder / "out" / "check.json").read_text("utf-8"))
+        with (folder / "out" / "needs.csv").open(encoding="utf-8") as file:
+            self.rows = list(csv.reader(file))
+        self.found = gs.check(self.experiment)
+
+    def table(self, title: str) -> list[list[str]]:
+        """The cells of a table in the terminal, without rules."""
+        text = self.output[self.output.index(title) :]
+        text = text[: text.index("└")]
+        return [[cell.strip() for cell in line[1:-1].split(line[0])] for line in text.splitlines() if line[0] in "┃│"]
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> Said:
+    """Of the command, for all tests."""
+    return Said(tmp_path_factory.mktemp("check"))
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    """The same, independent of it."""
+    return Motion()
+
+
+def test_file_and_table_have_every_need_of_every_leg(said: Said, motion: Motion) -> None:
+    """Expected: closed forms of the sine, differences for accelerations, a Lagrangian and friction for forces."""
+    expected = motion.needs()
+    assert list(said.values["needs"]) == list(expected)
+    assert said.rows[0] == ["leg", *(f"{name} [{unit}]" for name, (unit, _) in expected.items())]
+    assert [row[0] for row in said.rows[1:]] == list("123456")
+    for k, (name, (unit, values)) in enumerate(expected.items()):
+        need = said.values["needs"][name]
+        scale = np.abs(values).max()
+        assert need["unit"] == unit
+        np.testing.assert_allclose(need["of_leg"], values, rtol=1e-6, atol=2e-4 * scale if "energy" in name else 1e-9)
+        assert [float(row[k + 1]) for row in said.rows[1:]] == need["of_leg"]
+        assert said.found.needs[name].tolist() == need["of_leg"]
+    assert said.values["needs_notes"] == list(said.found.needs.notes)
+
+
+def test_the_file_has_the_largest_share_of_every_limit_and_its_time(said: Said, motion: Motion) -> None:
+    """Expected: of each leg by its own limit, stroke about its middle, the actuators' force limit, pitch by 90°."""
+    values, expected = said.values, motion.shares()
+    limits = dict(values["limits"])
+    for name, share in expected.items():
+        found = limits.pop(name)
+        np.testing.assert_allclose(found["share"], share.max(axis=0), rtol=1e-6)
+        np.testing.assert_allclose(found["time"], motion.time[share.argmax(axis=0)], rtol=1e-12)
+    pitch = np.abs(motion.pitch) / (np.pi / 2)
+    # at 90° exactly, angles are not defined: the limit is a milliradian below
+    assert limits["pitch"]["share"] == pytest.approx(pitch.max(), rel=1e-3)
+    assert limits["pitch"]["time"] == pytest.approx(motion.time[pitch.argmax()])
+    assert limits["side"] == {"share": 0, "time": 0}
+    other = gs.check(said.experiment, {"limits.condition_number": 80}).shares.peak("condition_number")
+    assert limits["condition_number"] == {"share": pytest.approx(2 * other.share), "time": other.time}
+    assert limits.keys() == {"pitch", "side", "condition_number"}
+    assert {key: values[key] for key in ("title", "platform", "within", "margin", "keeps_margin", "not_stated")} == {
+        "title": "sway",
+        "platform": "uneven",
+        "within": False,
+        "margin": 0,
+        "keeps_margin": False,
+        "not_stated": [],
+    }
+    name = max(expected, key=lambda each: expected[each].max())
+    row, leg = np.unravel_index(expected[name].argmax(), expected[name].shape)
+    assert values["largest"] == {
+        "limit": name,
+        "share": pytest.approx(expected[name].max()),
+        "time": pytest.approx(motion.time[row]),
+        "leg": leg + 1,
+    }
+    assert values["versions"]["numpy"] == np.__version__
+    assert values["time_factor"] == said.found.time_factor
+    assert values["amplitude_factor"] == said.found.amplitude_factor
+
+
+NAMES = {
+    "stroke": "stroke",
+    "joint_angle_max": "joint angle",
+    "leg_velocity_max": "leg velocity",
+    "leg_acceleration_max": "leg acceleration",
+    "actuator_force_max": "force",
+    "actuator_power_max": "power",
+}
+SHOWN = """
+shortest mm: leg_length_min; longest mm: leg_length_max; stroke mm: stroke; RMS mm: stroke_rms; travelled mm: distance
+speed, peak mm/s: leg_velocity_peak; at force N: leg_velocity_peak_force; RMS mm/s: leg_velocity_rms
+accel., peak m/s2: leg_acceleration_peak; RMS m/s2: leg_acceleration_rms
+force, peak N: actuator_force_peak; at speed mm/s: actuator_force_peak_velocity; RMS N: actuator_force_rms
+push, peak N: actuator_force_push; pull, peak N: actuator_force_pull
+power, peak W: motoring_power_peak; at speed mm/s: motoring_power_peak_velocity; at force N: motoring_power_peak_force
+RMS W: actuator_power_rms; regen., peak W: regenerated_power_peak
+energy, motoring J: motoring_energy; regenerated J: regenerated_energy
+base joint deg: base_joint_angle_peak; at speed mm/s: base_joint_angle_peak_velocity; RMS deg: base_joint_angle_rms
+platform joint deg: platform_joint_angle_peak; at speed mm/s: platform_joint_angle_peak_velocity
+RMS deg: platform_joint_angle_rms
+"""
+
+
+def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
+    """Expected: the numbers of the file, converted by the units written in the table, to three or four digits."""
+    values = said.values
+    head, *rows = said.table("largest share of each limit")
+    assert head == ["of leg", *"123456"]
+    assert [row[0] for row in rows] == [each for name in NAMES.values() for each in (f"{name}, %", "at s")]
+    for k, name in enumerate(NAMES):
+        shares, times = ([float(cell) for cell in row[1:]] for row in rows[2 * k : 2 * k + 2])
+        np.testing.assert_allclose(shares, 100 * np.array(values["limits"][name]["share"]), rtol=6e-4)
+        np.testing.assert_allclose(times, values["limits"][name]["time"], rtol=6e-4)
+    head, *rows = said.table("of the whole platform")
+    assert head == ["limit", "%", "at s"]
+    assert [row[0] for row in rows] == ["pitch", "condition number", "singular pose"]
+    for row, name in zip(rows, ("pitch", "condition_number", "side"), strict=True):
+        found = values["limits"][name]
+        assert [float(cell) for cell in row[1:]] == pytest.approx([100 * found["share"], found["time"]], rel=6e-4)
+    head, *rows = said.table("needs of each leg")
+    assert head == ["leg", *"123456"]
+    expected = [part.strip().split(": ") for line in SHOWN.strip().splitlines() for part in line.split(";")]
+    assert [row[0] for row in rows] == [label for label, _ in expected]
+    factors = {"mm": 1e3, "mm/s": 1e3, "deg": 180 / np.pi}
+    for row, (label, name) in zip(rows, expected, strict=True):
+        factor = factors.get(label.split()[-1], 1.0)
+        np.testing.assert_allclose(
+            [float(cell) for cell in row[1:]],
+            factor * np.array(values["needs"][name]["of_leg"]),
+            rtol=6e-3,
+            atol=1e-12,
+            err_msg=label,
+        )
+
+
+def test_the_text_names_the_largest_of_everything(said: Said) -> None:
+    """Expected: each line written from the numbers of the file."""
+    values = said.values
+    lines = repr(said.found).splitlines()
+    assert lines[0] == "Motion: sway, of platform uneven"
+    beginnings = {"pitch": "pitch", "condition_number": "condition number", "side": "singular pose", **NAMES}
+    for line, (name, label) in zip(lines[1:], beginnings.items(), strict=False):
+        share, time = (np.atleast_1d(values["limits"][name][key]) for key in ("share", "time"))
+        leg = int(share.argmax())
+        of_leg = f", leg {leg + 1}" if len(share) == 6 else ""
+        assert line.strip() == f"{label:16}  {100 * share[leg]:>6.4g} % at {time[leg]:.6g} s{of_leg}"
+    needs = {name: float(np.abs(need["of_leg"]).max()) for name, need in values["needs"].items()}
+    assert lines[-2] == (
+        f"  needs: stroke {needs['stroke']:.4g} m, speed {needs['leg_velocity_peak']:.4g} m/s "
+        f"(RMS {needs['leg_velocity_rms']:.4g}), force {needs['actuator_force_peak']:.4g} N "
+        f"(RMS {needs['actuator_force_rms']:.4g}), power {needs['motoring_power_peak']:.4g} W "
+        f"(RMS {needs['actuator_power_rms']:.4g}), regenerated {needs['regenerated_power_peak']:.4g} W"
+    )
+    largest = values["largest"]
+    slow, small = values["time_factor"], values["amplitude_factor"]
+    verdict = (
+        f"beyond its limits: {NAMES[largest['limit']]} of leg {largest['leg']}, {100 * largest['share']:.4g} % at "
+        f"{largest['time']:.6g} s; fits {slow:.4g} times as long (--fit time); fits {small:.4g} times as large "
+        "(--fit amplitude)"
+    )
+    assert lines[-1].strip() == verdict
+    assert "".join(verdict.split()) in "".join(said.output.split())
+    assert f"Needs: {'; '.join(values['needs_notes'])}." in " ".join(said.output.split())
+    assert said.figures[0].get_suptitle() == "sway: shares of the limits of uneven"
+    assert 1 < slow < 4
+    assert 0.1 < small < 1
+
+
+@pytest.mark.parametrize("fit", ["time", "amplitude"])
+def test_the_factor_is_that_at_which_the_largest_share_is_one(said: Said, fit: str) -> None:
+    """Expected: 99.9 % of the change is too little, the whole of it enough, on the rows of the slower run."""
+    fitted = said.found.fitted("time" if fit == "time" else "amplitude")
+    assert fitted.within
+    assert fitted.shares.largest.share == pytest.approx(1, abs=1e-5)
+    reference = fitted.experiment.reference
+    assert reference is not None
+    if fit == "time":
+        assert reference.time_scale == pytest.approx(said.values["time_factor"], rel=1e-3)
+        assert fitted.experiment.loop.duration == pytest.approx(STEPS * H * reference.time_scale, abs=H)
+        nearly = {
+            "reference.time_scale": 0.999 * reference.time_scale,
+            "loop.duration": fitted.experiment.loop.duration,
+        }
+    else:
+        assert reference.amplitude_scale == pytest.approx(said.values["amplitude_factor"], rel=1e-6)
+        nearly = {"reference.amplitude_scale": reference.amplitude_scale / 0.999}
+    assert not gs.check(said.experiment, nearly).within
+
+
+def test_limits_that_are_not_stated_are_named(said: Said) -> None:
+    """Expected: in the words of the table, in the order of the list in the documentation."""
+    parameters = {"leg_acceleration_max": 50.0, "leg_velocity_max": 9.0, "joint_angle_max": 0.9}
+    settings = {"platform.parameters": parameters, "actuators.force_limit": "none"}
+    found = gs.check(said.experiment, settings)
+    assert found.not_stated == ("actuator_force_max", "actuator_power_max")
+    last = repr(found).splitlines()[-1]
+    assert last.strip().startswith("within all limits that are stated; most used: ")
+    assert last.endswith("; not checked, as the platform states no limit: force, power")

@@ -1,0 +1,262 @@
+"""Members of ensembles against single runs of experiments in which their drawn values are written out."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import ExperimentError
+from tests.support.uneven import UNEVEN
+
+VARIED: dict[str, Any] = {
+    # of the machine: bare, with its table, whole vectors, one factor for all elements, six values
+    "platform_mass": {"uniform": [9, 14]},
+    "plant": {"leg_viscous_friction": {"lognormal": 0.3}},
+    "base_points": {"normal": "2 mm"},
+    "platform_inertia": {"factor": {"uniform": [0.7, 1.4]}},
+    "gravity": {"offset": {"uniform": [-0.3, 0.3]}},
+    # of the belief
+    "platform": {"platform_com": {"normal": "20 mm"}},
+    # of other tables
+    "loop": {"delay": {"choice": [0, 1, 3]}},
+    "controller": {"bandwidth": {"uniform": ["1.5 Hz", "2.5 Hz"]}, "damping_ratio": {"uniform": [0.6, 1.1]}},
+    "actuators": {"lag": {"uniform": ["2 ms", "9 ms"]}, "rate_limit": {"uniform": ["0.4 kN/s", "0.9 kN/s"]}},
+    "reference": {
+        "frequency": {"uniform": [2, 3]},
+        "position_amplitude": {"offset": {"normal": [0, ["10 mm", "20 mm", "30 mm"]]}},
+    },
+    "start": {"position": {"normal": "3 mm"}},
+    "sensors": {"quantisation": {"leg_length": {"choice": ["0.1 mm", "0.2 mm", "0.3 mm"]}}},
+    "disturbance": {"2": {"force": {"normal": "5 N"}, "at": {"choice": [0.02, 0.03]}}},
+    "change": {"1": {"factors": {"platform_mass": {"uniform": [1.1, 1.3]}}}},
+}
+KEYS = {
+    "platform_mass": "plant.parameters.platform_mass",
+    "leg_viscous_friction": "plant.parameters.leg_viscous_friction",
+    "base_points": "plant.parameters.base_points",
+    "gravity": "plant.parameters.gravity",
+    "platform.platform_com": "platform.parameters.platform_com",
+    **{
+        key: key
+        for key in (
+            *(
+                "loop.delay",
+                "controller.bandwidth",
+                "controller.damping_ratio",
+                "actuators.lag",
+                "actuators.rate_limit",
+            ),
+            *("reference.frequency", "reference.position_amplitude", "start.position"),
+            *("sensors.quantisation.leg_length", "disturbance.2.force", "disturbance.2.at"),
+            "change.1.factors.platform_mass",
+        )
+    },
+}
+PLANT = {"platform_mass": 12.5, "leg_viscous_friction": 9.0, "base_points": (UNEVEN.base_points + 0.003).tolist()}
+START = UNEVEN.home_position + np.array([0.004, -0.006, 0.005])
+MEMBERS = 11
+
+
+def experiment(folder: Path, ensemble: dict[str, Any] | None) -> gs.Experiment:
+    """A short run of the uneven platform."""
+    gs.save_platform(UNEVEN, folder / "uneven.toml")
+    settings = {
+        "platform": {"file": str(folder / "uneven.toml")},
+        "plant": {"parameters": PLANT, "tolerance": 1e-10},
+        "start": {"position": START.tolist()},
+        "reference": {"type": "sine", "position_amplitude": [0.03, -0.02, 0.025], "frequency": 2.4, "phase": 0.4},
+        "controller": {"type": "pd", "bandwidth": 2, "damping_ratio": 0.8, "feedforward": "gravity"},
+        "loop": {"duration": 0.06, "sample_time": 0.005, "plant_step": 0.0025, "delay": 2},
+        "sensors": {"quantisation": {"leg_length": 1e-4}},
+        "actuators": {"force_limit": "150 N", "rate_limit": 700, "lag": 0.004},
+        "disturbance": [
+            {"at": 0.01, "duration": 0.02, "torque": [4, -6, 5]},
+            {"at": 0.02, "duration": 0.03, "force": [20, -30, 40]},
+        ],
+        "change": [{"at": 0.04, "factors": {"platform_mass": 1.2}}],
+        "limits": {"reference": "warn"},
+    }
+    if ensemble is not None:
+        settings["ensemble"] = ensemble
+    return gs.load_experiment("heave_step", settings)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the platform's file."""
+    return tmp_path_factory.mktemp("members")
+
+
+@pytest.fixture(scope="module")
+def many(folder: Path) -> gs.Ensemble:
+    """All members at once."""
+    ensemble = {"members": MEMBERS, "seed": 9, "worst": 0, "tolerance": 1e-10, **VARIED}
+    return gs.ensemble(experiment(folder, ensemble), workers=1)
+
+
+def drawn(many: gs.Ensemble, member: int) -> dict[str, Any]:
+    """The settings of a member, from the columns of the table: numbers, or elements in order."""
+    row = many.members.row(member, named=True)
+    found: dict[str, Any] = {}
+    for column, key in KEYS.items():
+        name = f"varied.{column}"
+        if name in row:
+            found[key] = row[name]
+            continue
+        elements = [value for each, value in row.items() if each.startswith(f"{name}[")]
+        found[key] = np.reshape(elements, (6, 3)) if len(elements) == 18 else np.array(elements)
+    found["plant.parameters.platform_inertia"] = row["varied.platform_inertia.factor"] * UNEVEN.platform_inertia
+    return found
+
+
+@pytest.mark.parametrize("member", [0, 4, 10])
+def test_a_member_is_the_run_of_an_experiment_with_its_values(many: gs.Ensemble, folder: Path, member: int) -> None:
+    """Expected: every column of the single run, on the model with its own integrator."""
+    alone = gs.run(experiment(folder, None), drawn(many, member))
+    ensemble = {"members": MEMBERS, "seed": 9, "tolerance": 1e-10, **VARIED}
+    own = gs.run(experiment(folder, ensemble), member=member)
+    assert own.table.columns == alone.table.columns
+    for name in alone.table.columns:
+        a, b = own.table[name].to_numpy().astype(float), alone.table[name].to_numpy().astype(float)
+        scale = max(1.0, float(np.abs(b).max()))
+        if name.startswith(("measured", "controller.force", "controller.state", "flag")):
+            assert (np.abs(a - b) > 1e-5 * scale).mean() < 0.03, name  # a rounding to the next step
+        else:
+            assert np.abs(a - b).max() < 2e-5 * scale, name
+    assert own.metadata["title"] == f"{alone.metadata['title']}, member {member}"
+    assert own.metadata["plant"] == "lanes"
+    assert own.metadata["member"] == member
+    for name in ("platform", "machine"):
+        for key, value in alone.metadata[name].items():
+            if value is None or isinstance(value, str):
+                assert own.metadata[name][key] == value
+            else:
+                np.testing.assert_allclose(own.metadata[name][key], value, rtol=1e-12, err_msg=key)
+    for key in ("rows", "duration", "sample_time", "plant_step", "force_limit", "versions"):
+        assert own.metadata[key] == alone.metadata[key]
+    # and its metrics are in the table of the ensemble
+    found = gs.metrics(own)
+    row = many.members.row(member, named=True)
+    assert row["tracking.position.norm_rms"] == pytest.approx(found["tracking"]["position"]["norm_rms"], rel=1e-9)
+    assert row["force.peak"] == pytest.approx(np.abs(own["actuator_force"]).max(), rel=1e-9)
+    assert row["rows"] == len(own["time"])
+
+
+def test_what_varies_varies_about_the_experiments_own_values(many: gs.Ensemble) -> None:
+    """Expected: bounds of uniform ones; centres of normal ones within six standard errors; choices among the values."""
+    table = many.members
+
+    def columns(name: str) -> np.ndarray[Any, Any]:
+        return np.array([table[each].to_list() for each in table.columns if each.startswith(f"varied.{name}[")]).T
+
+    for name, low, high in (
+        ("platform_mass", 9, 14),
+        ("controller.bandwidth", 1.5, 2.5),
+        ("controller.damping_ratio", 0.6, 1.1),
+        ("actuators.lag", 0.002, 0.009),
+        ("actuators.rate_limit", 400, 900),
+        ("reference.frequency", 2, 3),
+        ("change.1.factors.platform_mass", 1.1, 1.3),
+        ("platform_inertia.factor", 0.7, 1.4),
+    ):
+        values = table[f"varied.{name}"].to_numpy()
+        assert low < values.min() < values.max() < high
+        assert np.ptp(values) > 0.35 * (high - low)  # of 11 values: less once in 10⁴
+    for name, middle, deviation in (
+        ("base_points", np.ravel(UNEVEN.base_points + 0.003), 0.002),
+        ("platform.platform_com", UNEVEN.platform_com, 0.02),
+        ("start.position", START, 0.003),
+        ("disturbance.2.force", np.array([20, -30, 40]), 5),
+        ("reference.position_amplitude", np.array([0.03, -0.02, 0.025]), np.array([0.01, 0.02, 0.03])),
+    ):
+        z = (columns(name) - middle) / deviation
+        assert np.abs(z.mean(axis=0)).max() < 6 / np.sqrt(MEMBERS)
+        assert 0.2 < z.std() < 2
+        assert len(np.unique(z)) == z.size
+    assert np.abs(columns("gravity") - UNEVEN.gravity).max() < 0.3
+    z = np.log(table["varied.leg_viscous_friction"].to_numpy() / 9) / 0.3
+    assert abs(z.mean()) < 6 / np.sqrt(MEMBERS)
+    assert set(table["varied.loop.delay"]) == {0, 1, 3}
+    assert set(table["varied.disturbance.2.at"]) == {0.02, 0.03}
+    steps = table["varied.sensors.quantisation.leg_length"].unique().to_numpy()
+    assert len(steps) > 1
+    assert np.isclose(steps[:, None], [1e-4, 2e-4, 3e-4], rtol=1e-12).any(axis=1).all()
+
+
+def test_members_with_noise_have_streams_of_their_own(folder: Path) -> None:
+    """Expected: the same again for a member, whatever their number; other noise for each, of its own size.
+
+    Of 12 · 6 readings the sum of squares is χ²; two-sided, false alarm of 1 in 5000 for each of three members.
+    """
+    ensemble = {"seed": 4, "sensors": {"noise": {"leg_length": {"choice": ["0.1 mm", "0.4 mm", "0.9 mm"]}}}}
+    settings = {"sensors": {"noise": {"leg_length": 1e-4}}}
+    noises = []
+    for member in (0, 5, 6):
+        few, more = (gs.run(experiment(folder, {**ensemble, "members": n}), settings, member=member) for n in (7, 30))
+        assert few.table.equals(more.table)
+        assert few.metadata["seed"] == {"entropy": 4, "spawn_key": [member]}
+        size = few.metadata["experiment"]["sensors"]["noise"]["leg_length"]
+        noises.append((few["measured.leg_length"] - few["leg_length"])[:-1:2] / size)
+        assert 1e-4 < stats.chi2.cdf((noises[-1] ** 2).sum(), noises[-1].size) < 1 - 1e-4
+    assert np.abs(np.corrcoef([noise.ravel() for noise in noises]) - np.eye(3)).max() < 4.4 / np.sqrt(noises[0].size)
+
+
+def test_impossible_members_are_named_with_their_reason_and_the_others_run(folder: Path) -> None:
+    """Expected: those whose mass is not positive, whatever place they have; with the part that is wrong."""
+    ensemble = {"members": 9, "seed": 2, "worst": 0, "platform_mass": {"grid": [-1.0, 11.0, 12.0]}}
+    found = gs.ensemble(experiment(folder, ensemble), workers=1).members
+    assert found["outcome"].to_list() == ["impossible", "completed", "completed"] * 3
+    assert found["varied.platform_mass"].to_list() == [-1, 11, 12] * 3
+    causes = found["cause"].to_list()
+    assert causes[3] == causes[0]
+    assert str(causes[0]).startswith("plant: platform_mass: is -1")
+    assert causes[1] is None
+    with pytest.raises(ExperimentError, match=r"member 3: is impossible: plant: platform_mass: is -1"):
+        gs.run(experiment(folder, ensemble), member=3)
+    for member in (-1, 9):
+        with pytest.raises(ExperimentError, match=rf"member: is {member}; expected 0 to 8"):
+            gs.run(experiment(folder, ensemble), member=member)
+    alone = gs.run(experiment(folder, None), {"plant.parameters.platform_mass": 12.0})
+    beside = gs.run(experiment(folder, ensemble), member=5)
+    assert np.abs(alone["position"] - beside["position"]).max() < 1e-6
+
+
+COMMON: dict[str, dict[str, Any]] = {
+    f"{table}.{key}": {table: {key: {"choice": [1, 2]}}}
+    for table, keys in {
+        "loop": ("duration", "sample_time", "plant_step"),
+        "sensors": ("seed", "sample_time"),
+        "plant": ("kind", "fmu", "file", "tolerance", "fixed_step_size"),
+        "platform": ("preset", "file"),
+        "limits": ("stroke", "condition_number"),
+        "controller": ("type", "space"),
+        "reference": ("type",),
+    }.items()
+    for key in keys
+}
+
+
+@pytest.mark.parametrize("key", COMMON)
+def test_what_is_common_to_all_members_does_not_vary(key: str, folder: Path) -> None:
+    with pytest.raises(
+        ExperimentError, match=rf"ensemble\.{key}: is common to all members; expected a parameter of the"
+    ):
+        gs.run(experiment(folder, COMMON[key]), member=0)
+
+
+def test_a_plant_of_the_users_runs_a_member(folder: Path) -> None:
+    """Expected: the same numbers with plant='model' as in the ensemble's own plant."""
+    ensemble = {"members": 5, "seed": 9, "tolerance": 1e-10, **VARIED}
+    own = gs.run(experiment(folder, ensemble), member=3)
+    model = gs.run(experiment(folder, ensemble), member=3, plant="model")
+    assert (own.metadata["plant"], model.metadata["plant"]) == ("lanes", "model")
+    assert np.abs(own["position"] - model["position"]).max() < 1e-7
+    assert own.metadata["machine"] == model.metadata["machine"]
+    assert (
+        model.metadata["experiment"]["controller"]["bandwidth"] == own.metadata["experiment"]["controller"]["bandwidth"]
+    )
+    with pytest.raises(ExperimentError, match=r"member: has the experiment's injection; remove injection"):
+        gs.run(experiment(folder, ensemble), member=3, injection=lambda _time: np.zeros(6))
