@@ -56,6 +56,20 @@ def test_channels_may_differ() -> None:
     assert mixed[:, :6] == pytest.approx(np.diag(kp + np.array([0, 0, 3.0, 0, 0, 0]) / 1j))
 
 
+@pytest.mark.parametrize("derivative_on", ["error", "measurement"])
+def test_channels_have_the_actions_for_which_they_have_a_gain(derivative_on: Any) -> None:
+    """Expected: channel by channel by the formula, the first without a derivative; a state for each action, no more."""
+    kp, kd, ki = np.array([[7.0, 5, 6, 4, 3, 8], [0.0, 2, 0, 3, 1, 0], [0.0, 0, 5, 0, 2, 1]])
+    s, Tf, Tt = 1.3j, 0.07, 0.4
+    system = pid(Gains(kp, kd, ki, Tf, Tt), derivative_on)
+    H, derivative = response(system, s), kd * s / (Tf * s + 1)
+    wanted = kp + ki / s + (derivative if derivative_on == "error" else 0.0)
+    assert H[:, :6] == pytest.approx(np.diag(wanted), abs=1e-12)
+    assert H[:, 6:12] == pytest.approx(-np.diag(kp + ki / s + derivative), abs=1e-12)
+    assert H[:, 12:] == pytest.approx(np.diag((ki > 0) / (Tt * s)), abs=1e-12)
+    assert system.nstates == 6
+
+
 def test_names_fit_the_plants() -> None:
     """Expected: the interface's names, so that python-control's interconnect joins them by name."""
     system = pid(PID)
