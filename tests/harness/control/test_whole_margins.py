@@ -68,9 +68,9 @@ def test_modes_are_those_of_the_closed_recursion(case: Case) -> None:
     found = np.array([mode.eigenvalue for mode in case.found.modes])
     for value in expected:
         nearest = case.found.modes[int(np.abs(found - value).argmin())]
-        assert nearest.eigenvalue == pytest.approx(value, rel=1e-4)
-        assert nearest.frequency == pytest.approx(abs(value) / (2 * np.pi), rel=1e-4)
-        assert nearest.damping_ratio == pytest.approx(-value.real / abs(value), rel=1e-4)
+        assert nearest.eigenvalue == pytest.approx(value, rel=1e-6)
+        assert nearest.frequency == pytest.approx(abs(value) / (2 * np.pi), rel=1e-6)
+        assert nearest.damping_ratio == pytest.approx(-value.real / abs(value), rel=1e-6)
     assert [mode.frequency for mode in case.found.modes] == sorted(mode.frequency for mode in case.found.modes)
 
 
@@ -97,9 +97,9 @@ def test_phase_delay_and_crossover_of_every_leg_are_those_of_its_own_loop(case: 
         at, values = case.one_leg(k)
         omega = crossings(lambda w, at=at: np.log(abs(at(w))), np.log(np.abs(values)), case.omega)  # type: ignore[misc]
         lag = np.mod(np.pi + np.angle([at(w) for w in omega]), 2 * np.pi)
-        assert leg.crossover == pytest.approx(omega.max() / (2 * np.pi), rel=1e-5)
-        assert leg.phase == pytest.approx(np.minimum(lag, 2 * np.pi - lag).min(), rel=1e-4)
-        assert leg.delay == pytest.approx((lag / omega).min(), rel=1e-4)
+        assert leg.crossover == pytest.approx(omega.max() / (2 * np.pi), rel=1e-6)
+        assert leg.phase == pytest.approx(np.minimum(lag, 2 * np.pi - lag).min(), rel=1e-6)
+        assert leg.delay == pytest.approx((lag / omega).min(), rel=1e-6)
     for name in ("gain_up", "phase", "delay", "crossover"):
         assert len({round(getattr(leg, name), 6) for leg in case.found.legs}) == 6
 
