@@ -86,12 +86,13 @@ class Isolated:
         """Call a method of the object and return its value."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
+        if self._process.stdin.closed:
+            raise self._ended(method, arguments)
         try:
             _send(self._process.stdin, (method, arguments))
             well, value = pickle.load(self._process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError) as error:
-            where = f"do_step at time {arguments[0]:.9g} s" if method == "do_step" else method
-            raise self._error(f"{self.path}: the FMU {self._how_it_ended()} in {where}{self._last_line()}") from error
+            raise self._ended(method, arguments) from error
         if not well:
             raise value
         return value
@@ -111,6 +112,10 @@ class Isolated:
 
     # --- inside ------------------------------------------------------------------------------------------------
 
+    def _ended(self, method: str, arguments: tuple[Any, ...]) -> GoughStewartError:
+        where = f"do_step at time {arguments[0]:.9g} s" if method == "do_step" else method
+        return self._error(f"{self.path}: the FMU {self._how_it_ended()} in {where}{self._last_line()}")
+
     def _how_it_ended(self) -> str:
         self._end(self._process)
         code = self._process.returncode
@@ -119,6 +124,8 @@ class Isolated:
         return f"crashed ({signal.Signals(-code).name})"
 
     def _last_line(self) -> str:
+        if not self._printed.exists():  # closed
+            return ""
         lines = self._printed.read_bytes()[-2000:].decode(errors="replace").strip().splitlines()
         return f": {lines[-1][:200]}" if lines else ""
 

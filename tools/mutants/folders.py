@@ -30,7 +30,6 @@ _NEARBY = {
     ),
     "harness/experiment": ("tests/harness/control/test_whole_responses.py",),
     "harness/motion": ("tests/harness/loop", "tests/harness/experiment"),
-    "harness/plants": ("tests/harness/loop", "tests/harness/experiment"),
     "model": ("tests/model/formulations",),
 }
 # Scripts are tested in a browser only.

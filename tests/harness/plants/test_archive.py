@@ -25,7 +25,7 @@ def archive_with(path: Path, name: str) -> Path:
     "name",
     [
         *("/etc/unit", "//host/unit", "../outside", "resources/../../outside", ".."),
-        *("resources\\..\\..\\outside", "\\outside", "C:/outside", "c:outside"),
+        *("resources\\..\\..\\outside", "\\outside", "C:/outside", "c:outside", "resources\\unit", "a\0b"),
     ],
 )
 def test_an_entry_that_leads_out_is_refused_by_name(name: str, tmp_path: Path) -> None:
@@ -64,3 +64,27 @@ def test_an_archive_of_too_many_files_is_refused(tmp_path: Path) -> None:
         archive.writestr("resources/one_more", b"")
     with pytest.raises(PlantError, match="contains 10,001 files; expected an FMU of at most 10,000"):
         FmuPlant(tmp_path / "unit.fmu", UNEVEN)
+
+
+def test_an_archive_at_the_limit_of_size_is_no_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the sum of all files from both sides of the limit; the largest one by name, wherever it is."""
+    path = tmp_path / "unit.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, size in (("a", 1_000_000), ("b", 3_000_000), ("c", 2_000_000)):
+            archive.writestr(name, bytes(size))
+    monkeypatch.setattr("gough_stewart.harness.plants.archive.MOST_BYTES", 6_000_000)
+    check_archive(path)
+    monkeypatch.setattr("gough_stewart.harness.plants.archive.MOST_BYTES", 5_999_999)
+    with pytest.raises(PlantError) as caught:
+        check_archive(path)
+    assert str(caught.value) == (
+        f"{path}: would unpack to 6 MB, 3 MB of it the entry 'b'; expected at most 6 MB; nothing was unpacked"
+    )
+
+
+def test_what_is_no_archive_is_told_with_the_reason(tmp_path: Path) -> None:
+    (tmp_path / "text.fmu").write_text("hello")
+    with pytest.raises(PlantError, match=r"text\.fmu: is not an FMU \(File is not a zip file\)$"):
+        check_archive(tmp_path / "text.fmu")
+    with pytest.raises(PlantError, match=r"none\.fmu: is not an FMU \(.*No such file"):
+        check_archive(tmp_path / "none.fmu")

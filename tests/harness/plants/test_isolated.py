@@ -16,11 +16,11 @@ import pytest
 from fmpy.fmi1 import FMICallException
 
 from gough_stewart.harness.control.laws import Sample
-from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.isolated import IsolatedFmu
+from gough_stewart.harness.plants.isolated import Isolated, IsolatedFmu
 from gough_stewart.harness.plants.unit import Unit, UnitFile
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.errors import InterfaceError, StepError
@@ -28,7 +28,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from tests.support.failing_unit import FAILS_AT, FREED, Failure, failing_unit
 from tests.support.fmu_plants import Fmu
-from tests.support.uneven import UNEVEN
+from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_a_hanging_unit_ends_with_the_run_that_is_killed(unit: Path) -> None:
     program = f"""
 import sys
 from pathlib import Path
-from gough_stewart.harness.plants.isolated import IsolatedFmu
+from gough_stewart.harness.plants.isolated import Isolated, IsolatedFmu
 from gough_stewart.model.platform_toml import load_preset
 plant = IsolatedFmu(Path({str(unit)!r}), load_preset("liu2000"), fixed_step_size={float(Failure.HANG)})
 print(plant._other._process.pid, flush=True)
@@ -173,3 +173,93 @@ for k in range(20):
     while child.exists() and "zombie" not in (child / "status").read_text() and time.monotonic() < end:
         time.sleep(0.1)
     assert not child.exists() or "zombie" in (child / "status").read_text()
+
+
+GIVEN = "tests.support.isolated_object:Given"
+UNIT = Path("other.fmu")
+
+
+def test_an_object_in_another_process_has_its_arguments_and_answers(tmp_path: Path) -> None:
+    """Expected: arguments of construction and of calls in their order; closed when it is closed."""
+    closed = tmp_path / "closed"
+    numbers = np.arange(6.0)
+    other = Isolated(UNIT, GIVEN, (1.5, numbers, closed))
+    first, second, third, fourth = other.call("both", "x", {"a": 2})
+    assert (first, third, fourth) == (1.5, "x", {"a": 2})
+    assert second.tolist() == numbers.tolist()
+    assert other.call("variable", "SOME_NAME_OF_THIS_TEST") is None
+    assert other._process.pid != os.getpid()
+    assert os.getpgid(other._process.pid) != os.getpgid(0)
+    assert not closed.exists()
+    folder = Path(other._folder.name)
+    assert other.call("variable", "TMPDIR") == other.call("variable", "TEMP") == str(folder)
+    assert folder.is_dir()
+    other.close()
+    assert closed.read_text() == "closed"
+    assert not folder.exists()
+    assert other._process.returncode == 0
+    other.close()
+    with pytest.raises(PlantError, match=r"^other.fmu: the FMU ended its process with exit code 0 in both$"):
+        other.call("both")
+
+
+def test_errors_of_an_object_in_another_process_come_with_their_data() -> None:
+    """Expected: kind, data and words; the object goes on. Of its construction too, and then no process is left."""
+    other = Isolated(UNIT, GIVEN, (1, 2), environment={"SOME_NAME_OF_THIS_TEST": "7.3", "TEMP": "elsewhere"})
+    try:
+        assert other.call("variable", "SOME_NAME_OF_THIS_TEST") == "7.3"
+        assert other.call("variable", "TEMP") == "elsewhere"
+        assert other.call("variable", "PATH") == os.environ["PATH"]
+        with pytest.raises(StepError, match=r"^leg_length\[4\] = 0.25 at time 7.3 s: the leg has collapsed$") as caught:
+            other.call("fail", 7.3)
+        assert (caught.value.quantity, caught.value.value, caught.value.time) == ("leg_length[4]", 0.25, 7.3)
+        assert other.call("both") == (1, 2)
+    finally:
+        other.close()
+    with pytest.raises(StepError, match=r"^first = 1.5 at time 7.3 s: is refused$"):
+        Isolated(UNIT, GIVEN, ("refuse", 2))
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [((), ""), (("first", "second"), ": second"), (("y" * 5000,), f": {'y' * 200}"), (("last", "  ", ""), ": last")],
+)
+def test_a_process_that_ends_is_told_by_code_call_and_last_line(lines: tuple[str, ...], said: str) -> None:
+    """Expected: the error class that was asked for; of a long line two hundred characters."""
+    other = Isolated(UNIT, GIVEN, (1, 2), ControllerError)
+    with pytest.raises(ControllerError) as caught:
+        other.call("leave", 5, *lines)
+    assert str(caught.value) == f"other.fmu: the FMU ended its process with exit code 5 in leave{said}"
+    with pytest.raises(ControllerError, match=r"ended its process with exit code 5 in both"):
+        other.call("both")
+    other.close()
+    stepping = Isolated(UNIT, GIVEN, (1, 2))
+    with pytest.raises(
+        PlantError, match=r"^other.fmu: the FMU ended its process with exit code 3 in do_step at time 7.3"
+    ):
+        stepping.call("do_step", 7.3, 0.1)
+    stepping.close()
+
+
+def test_a_process_that_is_killed_raises_in_the_call_that_waits_for_it() -> None:
+    other = Isolated(UNIT, GIVEN, (1, 2))
+    folder = Path(other._folder.name)
+    other.kill()
+    assert other._process.returncode == -signal.SIGKILL
+    assert not folder.exists()
+    other.close()
+
+
+def test_an_isolated_unit_has_the_start_tolerance_and_step_that_it_is_given(fmus: dict[str, Fmu]) -> None:
+    """Expected: to the last bit the plant in process, whose tests say what these do; signals too."""
+    rows = []
+    for kind in (FmuPlant, IsolatedFmu):
+        for tolerance, step in ((1e-8, 0.0), (1e-3, 0.0), (1e-8, 0.004)):
+            with kind(fmus["2.0"].path, UNEVEN, STATE, tolerance, step) as plant:
+                assert plant.fmi_version == "2.0"
+                plant.set_inputs(INPUTS.to_vector())
+                plant.do_step(0.0, 0.05)
+                rows.append(plant.results())
+                assert np.array_equal(plant.signals(), rows[-1][:24])
+    assert all(np.array_equal(a, b) for a, b in zip(rows[:3], rows[3:], strict=True))
+    assert len({row.tobytes() for row in rows}) == 3

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +12,16 @@ from scipy.optimize import brentq
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import lanes, signals
+from gough_stewart.harness.plants.lane_batch import Batch
 from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant, substeps_for
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, StepError
+from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kinematics import leg_geometry, scaled_jacobian_of_legs
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
+from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
+from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_inputs, random_platform
 from tests.support.uneven import INPUTS, STATE, UNEVEN
@@ -439,3 +443,276 @@ def test_without_a_compiler_numpy_steps_and_says_so_once(monkeypatch: pytest.Mon
     assert not any(plant.compiled for plant in plants)
     with pytest.raises(BuildError):
         lanes_plant([UNEVEN], [STATE], substeps=1, compiler=True)
+
+
+def _failing(at: dict[int, str]) -> tuple[list[Platform], list[State], FloatArray]:
+    """The usual members with some of them on their way to a pose or a number that ends a motion."""
+    platforms, starts, inputs = _members(N)
+    for k, kind in at.items():
+        platforms[k] = UNEVEN
+        starts[k], inputs[k] = _bad(kind)
+    return platforms, starts, inputs
+
+
+@pytest.mark.usefixtures("quiet")
+def test_each_of_many_failures_is_told_with_its_own_data(compiler: bool) -> None:
+    """Expected: of five members by hand: quantity, value, time and words; at a later step than the first.
+
+    A pitch of 1.568 rad passes 90° less 1e-3 rad after 0.2 ms at 4 rad/s, in the first substep of 0.5 ms.
+    """
+    at = {1: "nan", 3: "pitch", 4: "infinite", 8: "collapsed", 10: "singular"}
+    platforms, starts, inputs = _failing(at)
+    plant = lanes_plant(platforms, starts, substeps=4, compiler=compiler)
+    held = np.array([np.concatenate([each.home_actuator_force, np.zeros(6)]) for each in platforms])
+    plant.set_inputs(held)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, STEP)
+    first = caught.value.failures
+    assert sorted(first) == [3, 8, 10]
+    assert first[3].quantity == "orientation[2]"
+    assert first[3].time == pytest.approx(STEP / 4, abs=1e-12)
+    assert first[3].value == pytest.approx(1.568 + 4.0 * STEP / 4, abs=1e-3)
+    assert str(first[3]).endswith("the pitch has reached ±90°")
+    assert (first[8].quantity, first[8].time) == ("leg_length[1]", 0.0)
+    assert first[8].value == pytest.approx(1e-4 * np.sqrt(2), rel=1e-9)
+    assert str(first[8]).endswith("the leg has collapsed")
+    assert first[10].quantity == "condition number of the leg Jacobian"
+    assert 0 < first[10].time <= STEP
+    assert first[10].time / (STEP / 4) == pytest.approx(round(first[10].time / (STEP / 4)), abs=1e-9)
+    plant.set_inputs(inputs)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(STEP, STEP)
+    second = caught.value.failures
+    assert {k: (error.quantity, error.time) for k, error in second.items()} == {
+        1: ("actuator_force[5]", STEP),
+        4: ("external_force[2]", STEP),
+    }
+    assert np.isnan(second[1].value)
+    assert second[4].value == -np.inf
+    assert str(second[4]).endswith("expected finite numbers")
+    plant.do_step(2 * STEP, STEP)
+    frozen = [1, 3, 4, 8, 10]
+    np.testing.assert_array_equal(plant.signals()[[3, 8, 10], :12], [starts[k].to_vector() for k in (3, 8, 10)])
+    assert (plant._batch.running[:N] == 0).nonzero()[0].tolist() == frozen
+    assert (plant._batch.running[N:] == 0).all()
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_the_leg_that_has_collapsed_is_named(leg: int, compiler: bool) -> None:
+    """Expected: its number and length, of the second of two members."""
+    rest = np.zeros(3)
+    joint = UNEVEN.base_points[leg] - UNEVEN.platform_points[leg]
+    starts = [State(UNEVEN.home_position, UNEVEN.home_orientation, rest, rest)]
+    starts.append(State(joint + np.array([3e-4, 0.0, 4e-4]), rest, rest, rest))
+    plant = lanes_plant([UNEVEN, UNEVEN], starts, substeps=1, compiler=compiler)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, 1e-6)
+    ((k, error),) = caught.value.failures.items()
+    assert (k, error.quantity) == (1, f"leg_length[{leg + 1}]")
+    assert error.value == pytest.approx(5e-4, rel=1e-9)
+
+
+def test_pitches_of_either_sign_end_a_motion_at_the_limit(compiler: bool) -> None:
+    """Expected: 1e-3 rad below 90°, from both sides and of both signs, of four members at once."""
+    rest, far = np.zeros(3), np.pi / 2 - 1e-3
+    pitches = [far - 1e-6, -far + 1e-6, far + 1e-6, -far - 1e-6]
+    starts = [State(UNEVEN.home_position, np.array([0.0, pitch, 0.0]), rest, rest) for pitch in pitches]
+    plant = lanes_plant([UNEVEN] * 4, starts, substeps=1, compiler=compiler)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, 1e-9)
+    assert {k: error.value for k, error in caught.value.failures.items()} == {2: pitches[2], 3: pitches[3]}
+    assert {error.time for error in caught.value.failures.values()} == {0.0}
+
+
+def _watched(compiler: bool, steps: int = 60) -> list[FloatArray]:
+    """Error, difference and allowance of a run in which forces jump now and then, after every step."""
+    platforms, starts, inputs = _members(N)
+    platforms = [replace(each, leg_coulomb_friction=3.0, leg_friction_velocity=2e-3) for each in platforms]
+    plant = lanes_plant(platforms, starts, substeps=2, compiler=compiler)
+    seen = []
+    for k in range(steps):
+        plant.set_inputs((1 + 0.3 * np.sin(1.7 * k + np.arange(12)) * (k % 7 == 5)) * inputs)
+        plant.do_step(k * STEP, STEP)
+        if k == 30:
+            plant.freeze(np.arange(N) % 4 == 2)
+        batch = plant._batch
+        seen.append(np.stack([batch.error, batch.difference, batch.allowed])[:, :N].copy())
+    return seen
+
+
+def test_both_kernels_watch_the_same_steps() -> None:
+    """Expected: which steps are repeated, and what they show, of each member after each step; lanes.c is independent.
+
+    The allowance counts repeated steps: it is the same only if every decision is.
+    """
+    by_machine, by_numpy = _watched(True), _watched(False)
+    for k, (one, other) in enumerate(zip(by_machine, by_numpy, strict=True)):
+        np.testing.assert_allclose(other[2], one[2], rtol=1e-12, err_msg=f"allowance after step {k}")
+        np.testing.assert_allclose(other[:2], one[:2], rtol=1e-5, atol=1e-13, err_msg=f"after step {k}")
+    last = by_machine[-1]
+    assert len(set(np.round(last[2], 6))) > 3  # members were repeated at steps of their own
+
+
+@pytest.mark.usefixtures("quiet")
+def test_both_kernels_check_alike_and_only_those_that_run() -> None:
+    """Expected: count, reasons, places and sides by machine code, over states good and bad; others untouched."""
+    rng = np.random.default_rng(2)
+    platforms, starts, _ = _members(16)
+    x = np.array([start.to_vector() for start in starts])
+    x[1, 3:6], x[2, 3:6], x[4, 4], x[5, 0], x[6, 8] = [0, 0, 2.6], [0, 0, -2.6], 1.57, np.nan, np.inf
+    for k in (9, 10):
+        x[k, :3] = platforms[k].base_points[k - 5] - platforms[k].platform_points[k - 5]
+        x[k, 3:6] = 0
+    for member in (12, 13):
+        x[member, 4] = -1.5705
+    running = np.where(np.isin(np.arange(16), [6, 10, 13]), 0, -1)
+    sides = rng.choice([-1.0, 0.0, 1.0], 16)
+    batches = []
+    for compiler in (True, False):
+        plant = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
+        batch = plant._batch
+        batch.states[:] = batch.padded(x)
+        batch.running[:] = running
+        batch.side[:] = sides
+        batches.append((plant._kernel.check(batch), batch))
+    (count, one), (other_count, other) = batches
+    assert other_count == count == np.count_nonzero(one.failure)
+    for name in ("failure", "side", "failed_at", "reached"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(one, name), err_msg=name)
+    assert not one.failure[running == 0].any()
+    assert one.failure[[4, 5, 9, 12]].all()
+    assert len(set(one.failure.tolist())) >= 5
+
+
+def test_a_batch_holds_each_parameter_of_each_member_in_its_place() -> None:
+    """Expected: eleven members in two vectors of eight, the last one repeated; parameters by name as they were."""
+    platforms, _, _ = _members(N)
+    batch = Batch.of(N)
+    assert batch.blocks == 2
+    assert batch.states.shape == batch.reached.shape == (12, 16)
+    assert batch.inputs.shape == (12, 16)
+    assert batch.parameters.ctypes.data % 64 == 0
+    assert Batch.of(8).blocks == 1
+    assert Batch.of(9).states.strides[0] // 64 % 2 == 1
+    for name in (v.name for v in interface.PLATFORM_PARAMETERS):
+        batch.put_parameter(name, np.stack([np.asarray(getattr(each, name)) for each in platforms]))
+    everyone, some, two = batch.parameters_of(), batch.parameters_of(slice(3, 5)), batch.parameters_of([10, 0])
+    for v in interface.PLATFORM_PARAMETERS:
+        for k, each in enumerate([*platforms, *[platforms[-1]] * 5]):
+            assert np.array_equal(getattr(everyone, v.name)[k], getattr(each, v.name)), (v.name, k)
+        assert np.array_equal(getattr(some, v.name), [getattr(platforms[k], v.name) for k in (3, 4)])
+        assert np.array_equal(getattr(two, v.name), [getattr(platforms[k], v.name) for k in (10, 0)])
+    values = np.arange(22.0).reshape(11, 2)
+    padded = batch.padded(values)
+    assert padded[:, :11].T.tolist() == values.tolist()
+    assert padded[:, 11:].T.tolist() == [[20.0, 21.0]] * 5
+    assert not any(getattr(batch, name).any() for name in ("states", "inputs", "running", "side", "failure", "error"))
+    assert set(batch.allowed.tolist()) == {50.0}
+
+
+@pytest.mark.parametrize(
+    ("n", "starts", "substeps", "text"),
+    [
+        (0, 0, 1, "0 platforms and 0 starts; expected at least one platform, and a start for each"),
+        (2, 1, 1, "2 platforms and 1 starts; expected at least one platform, and a start for each"),
+        (1, 1, 0, "substeps is 0; expected a whole number from 1 to 1024"),
+        (1, 1, 1025, "substeps is 1025; expected a whole number from 1 to 1024"),
+        (1, 1, 2.0, "substeps is 2.0; expected a whole number from 1 to 1024"),
+    ],
+)
+def test_plants_that_cannot_be_made_are_refused_in_whole_sentences(
+    n: int, starts: int, substeps: int, text: str
+) -> None:
+    with pytest.raises(PlantError) as caught:
+        lanes_plant([UNEVEN] * n, [STATE] * starts, substeps=substeps)
+    assert str(caught.value) == text
+
+
+def test_substeps_from_one_to_the_most_are_taken_and_used(compiler: bool) -> None:
+    """Expected: the end of one step of classical RK4 by hand, over the whole step; 1024 differ from it."""
+    inputs = Inputs(*INPUTS)
+
+    def rate(x: FloatArray) -> FloatArray:
+        state = State.from_vector(x)
+        R = matrix_from_orientation(state.orientation)
+        a = newton_euler.solve(UNEVEN, state.position, R, state.velocity, state.angular_velocity, *inputs)
+        turning = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+        return np.concatenate([state.velocity, turning, a.linear, a.angular])
+
+    h, x = 0.02, STATE.to_vector()
+    k1 = rate(x)
+    k2 = rate(x + h / 2 * k1)
+    k3 = rate(x + h / 2 * k2)
+    k4 = rate(x + h * k3)
+    by_hand = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    ends = []
+    for substeps in (1, 1024):
+        plant = lanes_plant([UNEVEN, UNEVEN], [STATE, STATE], substeps=substeps, compiler=compiler)
+        assert plant.substeps == substeps
+        plant.set_inputs(np.stack([np.zeros(12), INPUTS.to_vector()]))
+        if substeps == 1 or compiler:
+            plant.do_step(0.0, h)
+            ends.append(plant.signals()[1, :12].copy())
+    assert ends[0] == pytest.approx(by_hand, abs=1e-11)
+    if compiler:
+        assert np.abs(ends[1] - by_hand).max() > 1e-9
+
+
+def test_the_number_of_substeps_is_the_next_power_of_two_of_order_four() -> None:
+    """Expected: by hand: errors fall with the fourth power; the tolerance itself, from both sides, and the most."""
+    assert substeps_for(1e-8, 4, 1e-8) == 4
+    assert substeps_for(1.001e-8, 4, 1e-8) == 8
+    assert substeps_for(0.99e-8 / 16, 4, 1e-8) == 2
+    assert substeps_for(16e-8 * 0.999, 3, 1e-8) == 8  # 6 are needed
+    assert substeps_for(0.0, 4, 1e-8) == 1
+    assert substeps_for(0.999e-8 * 256**4, 4, 1e-8) == 1024
+    for error, text in (
+        (
+            1.01e-8 * 256**4,
+            "the tolerance 1e-08 needs 2048 substeps; expected at most 1024: shorten the plant step, smooth",
+        ),
+        (np.inf, "the integration error is inf with 4 substeps; start with more"),
+    ):
+        with pytest.raises(PlantError) as caught:
+            substeps_for(error, 4, 1e-8)
+        assert str(caught.value).startswith(text)
+
+
+def test_short_legs_are_told_of_members_that_start_only(compiler: bool) -> None:
+    """Expected: of three with a leg too short, with different parts, the two that are not frozen."""
+    rest = np.zeros(3)
+    low = State(np.array([0.0, 0.0, 0.6]), np.array([0.0, 0.0, 0.3]), rest, rest)
+    home = State(UNEVEN.home_position, UNEVEN.home_orientation, rest, rest)
+    parts: tuple[dict[str, Any], ...] = ({"leg_lower_com": 2.2}, {}, {"leg_upper_com": 2.1}, {"leg_lower_com": 2.0})
+    platforms = [replace(UNEVEN, **part) for part in parts]
+    plant = lanes_plant(platforms, [low, home, low, low], substeps=1, compiler=compiler)
+    plant.freeze(np.array([False, False, False, True]))
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, 1e-6)
+    R = matrix_from_orientation(low.orientation)
+    shortest = np.linalg.norm(low.position + UNEVEN.platform_points @ R.T - UNEVEN.base_points, axis=1).min()
+    found = {k: (error.quantity, error.value, error.time) for k, error in caught.value.failures.items()}
+    assert found == {0: ("leg_lower_com", 2.2, 0.0), 2: ("leg_upper_com", 2.1, 0.0)}
+    assert str(caught.value.failures[2]) == (
+        "leg_upper_com = 2.1 at time 0 s: is 2.1 m from the platform joint; expected between 0 and the shortest leg of "
+        f"the start pose, {shortest:g} m"
+    )
+    # once the first step is done there is no such check
+    plant.do_step(1e-6, 1e-6)
+
+
+def test_a_plant_of_many_gives_arrays_of_its_members_alone(compiler: bool) -> None:
+    """Expected: N rows, before and after a step; inputs of another number of members are refused by shape."""
+    platforms, starts, inputs = _members(N)
+    plant = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
+    for k in range(2):
+        assert plant.signals().shape == (N, 24)
+        assert plant.results().shape == (N, 50)
+        assert plant.integration_error.shape == (N,)
+        plant.set_inputs(inputs)
+        plant.do_step(k * STEP, STEP)
+    with pytest.raises(InterfaceError, match=r"^inputs: have shape \(10, 12\); expected \(11, 12\)$"):
+        plant.set_inputs(inputs[:10])
+    own = [np.concatenate([each.home_actuator_force, np.zeros(6)]) for each in platforms]
+    fresh = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
+    assert pytest.approx(np.array(own), rel=1e-9, abs=1e-9) == fresh._batch.inputs[:, :N].T

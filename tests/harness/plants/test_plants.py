@@ -9,21 +9,24 @@ from collections.abc import Callable
 from ctypes import c_double
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import fmpy
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Message, Unit, UnitFile
+from gough_stewart.harness.plants.unit import Message, Unit, UnitFile, references, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import GoughStewartError, InterfaceError, PlatformError, StepError
@@ -418,3 +421,188 @@ def test_runs_that_follow_each_other_unpack_the_unit_once(
     assert extract.call_count == 1
     assert (ends[0] == ends[2]).all()
     assert (ends[0] != ends[1]).any()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_unit_takes_the_tolerance_and_the_step_of_its_integration(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: classical RK4 by hand with the fixed step; errors of the order of the tolerance with none."""
+
+    def rate(x: FloatArray) -> FloatArray:
+        state = State.from_vector(x)
+        a = forward_dynamics(UNEVEN, state, INPUTS)
+        turning = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+        return np.concatenate([state.velocity, turning, *a])
+
+    h, x = 0.02, STATE.to_vector()
+    for _ in range(2):
+        k1 = rate(x)
+        k2 = rate(x + h / 2 * k1)
+        k3 = rate(x + h / 2 * k2)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3))
+    exact = solve_ivp(lambda _t, x: rate(x), (0, 0.5), STATE.to_vector(), method="DOP853", rtol=1e-12, atol=1e-12).y
+    ends = {}
+    for tolerance, step, span in ((1e-8, h, 2 * h), (1e-10, 0.0, 0.5), (1e-4, 0.0, 0.5)):
+        with FmuPlant(fmus[version].path, UNEVEN, STATE, tolerance, step) as plant:
+            plant.set_inputs(INPUTS.to_vector())
+            plant.do_step(0.0, span)
+            ends[tolerance] = plant.signals()[:12].copy()
+    assert ends[1e-8] == pytest.approx(x, abs=1e-11)
+    assert np.abs(ends[1e-10] - exact[:, -1]).max() < 1e-8
+    assert 1e-9 < np.abs(ends[1e-4] - exact[:, -1]).max() < 1e-2
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_failed_step_of_a_unit_has_its_version_step_and_time(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: the quantity with the version, the step and the time that were asked for, and the unit's reason."""
+    with FmuPlant(fmus[version].path, UNEVEN, STATE) as plant:
+        plant.do_step(0.0, 0.003)
+        plant.set_inputs(np.append(np.tile([1e5, -1e5], 3), np.zeros(6)))
+        with pytest.raises(StepError) as caught:
+            plant.do_step(0.003, 0.7)
+        error = caught.value
+        assert (error.quantity, error.value, error.time) == (f"FMU, FMI {version}: step", 0.7, 0.003)
+        assert len(str(error).partition(" s: ")[2]) > 20
+        with pytest.raises(PlantError, match=rf"^{re.escape(str(plant.path))}: .*time"):
+            plant.do_step(0.5, 0.001)
+        plant.set_inputs(np.zeros(12))
+        plant.do_step(0.003, 0.001)
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_parameters_of_a_unit_are_all_and_each_in_its_place(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: each number of the uneven platform as the unit gives it back; start values and inputs too."""
+    with FmuPlant(fmus[version].path, UNEVEN, STATE, fixed_step_size=0.004) as plant:
+        assert plant.fmi_version == version
+        assert plant.path == fmus[version].path
+        names = [v.name for v in (*interface.PLATFORM_PARAMETERS, *interface.INPUTS, *interface.STATES)]
+        values = values_of([*names, "fixed_step_size"], version == "2.0")
+        plant._unit.read(values)
+        expected: list[float] = [x for v in interface.PLATFORM_PARAMETERS for x in np.ravel(getattr(UNEVEN, v.name))]
+        expected += [*UNEVEN.home_actuator_force, *[0.0] * 6, *STATE.to_vector(), 0.004]
+        assert values.array == pytest.approx(expected, rel=1e-12)
+        new: dict[str, Any] = {"gravity": [1, 2, -3], "leg_viscous_friction_factor": np.arange(6), "platform_mass": 9}
+        plant.set_parameters(new)
+        plant._unit.read(values)
+        changed = interface.unpack(
+            (*interface.PLATFORM_PARAMETERS, *interface.INPUTS, *interface.STATES), values.array[:-1]
+        )
+        for name in names:
+            own = new.get(name)
+            before = interface.unpack(
+                (*interface.PLATFORM_PARAMETERS, *interface.INPUTS, *interface.STATES), np.array(expected[:-1])
+            )[name]
+            assert changed[name] == pytest.approx(np.asarray(before if own is None else own), rel=1e-12), name
+        with pytest.raises(InterfaceError) as caught:
+            plant.set_parameters({"leg_armature": 1.0})
+        tunable = [v.name for v in interface.VARIABLES if v.variability == "tunable"]
+        assert str(caught.value) == f"leg_armature: cannot be set during a run; expected one of {', '.join(tunable)}"
+
+
+def test_value_references_are_those_of_the_description(fmus: dict[str, Fmu]) -> None:
+    """Expected: those that the XML of each unit states: each element's in FMI 2.0, the array's in 3.0."""
+    for version, is_fmi2 in (("2.0", True), ("3.0", False)):
+        stated = {v.name: v.valueReference for v in fmus[version].description.modelVariables}
+        for variable in interface.VARIABLES:
+            names = variable.scalar_names if is_fmi2 else (variable.name,)
+            assert references(variable.name, is_fmi2) == [stated[name] for name in names]
+        assert fmus[version].is_fmi2 == is_fmi2
+        assert fmus[version].token == fmus[version].description.guid or not is_fmi2
+    values = values_of(["leg_length", "kinetic_energy"], True)
+    assert values.array.shape == (7,)
+    assert len(values.arguments) == 3
+    three = values_of(["leg_length", "kinetic_energy"], False)
+    assert three.arguments[1] == 2
+    assert three.arguments[3:] == (7,)
+
+
+def test_a_unit_knows_its_name_and_where_time_begins(fmus: dict[str, Fmu]) -> None:
+    """Expected: steps from the start time on, refused before it and beyond the stop time; the name in its words."""
+    for version in ("2.0", "3.0"):
+        with UnitFile(fmus[version].path) as file, Unit(file, name="left") as unit:
+            unit.initialise(1e-8, 7.3, 7.4)
+            unit.do_step(7.3, 0.05)
+            for time, step in ((0.0, 0.05), (7.35, 0.2)):
+                unit.messages.clear()
+                with pytest.raises(FMICallException):
+                    unit.do_step(time, step)
+                assert unit.messages
+                assert unit.messages[0].instance == ("left" if version == "2.0" else None)
+                assert unit.messages[0].text in unit.take_messages()
+            unit.do_step(7.35, 0.05)
+
+
+def test_a_file_is_unpacked_where_it_is_told_and_stays_open(fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    """Expected: a folder of the caller is kept, one of its own goes; several plants use one file."""
+    with UnitFile(fmus["3.0"].path, tmp_path) as kept:
+        assert kept.folder == tmp_path
+    assert (tmp_path / "modelDescription.xml").is_file()
+    with UnitFile(str(fmus["3.0"].path)) as own:
+        assert own.path == fmus["3.0"].path
+        assert own.version == "3.0"
+        for _ in range(2):
+            with FmuPlant(own, UNEVEN, STATE) as plant:
+                plant.do_step(0.0, 0.001)
+        assert (own.folder / "modelDescription.xml").is_file()
+        folder = own.folder
+    assert not folder.exists()
+    own.close()
+
+
+def test_open_plant_refuses_in_whole_sentences(fmus: dict[str, Fmu]) -> None:
+    """Expected: what does not fit to what, with a number or a file."""
+    path = fmus["3.0"].path
+    for kind, options, text in (
+        ("model", {"fmu": path}, f"plant 'model' does not accept the file {path}; choose the plant fmu2 or fmu3"),
+        (
+            "model",
+            {"fixed_step_size": 0.002},
+            "plant 'model' does not accept fixed_step_size 0.002 s; choose the plant f",
+        ),
+        ("fmu2", {"fmu": path}, f"{path}: is FMI 3.0; expected FMI 2.0 for the plant fmu2"),
+        ("fmu3", {"fmu": fmus["2.0"].path}, f"{fmus['2.0'].path}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
+        ("fmu", {}, "plant is 'fmu'; expected model, fmu2 or fmu3"),
+    ):
+        with pytest.raises(PlantError) as caught, open_plant(kind, UNEVEN, **options):  # type: ignore[arg-type]
+            pass
+        assert str(caught.value).startswith(text)
+
+
+@pytest.mark.usefixtures("units_in_process")
+@pytest.mark.parametrize("kind", ["model", "fmu2", "fmu3", "file"])
+def test_open_plant_hands_on_start_tolerance_and_step(kind: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: to the last bit the plants themselves with the same options; a file in a process of its own."""
+    version = {"fmu2": "2.0", "fmu3": "3.0", "file": "2.0"}.get(kind)
+    ends = []
+    for tolerance, step in ((1e-3, 0.0), (1e-9, 0.0), (1e-8, 0.004)):
+        if kind == "model" and step:
+            continue
+        if version is None:
+            own: Plant = ModelPlant(UNEVEN, STATE, tolerance)
+        else:
+            own = FmuPlant(fmus[version].path, UNEVEN, STATE, tolerance, step)
+        fmu = fmus["2.0"].path if kind == "file" else None
+        name = "fmu2" if kind == "file" else kind
+        options = {"tolerance": tolerance, "fixed_step_size": step, "fmu": fmu}
+        with own, open_plant(name, UNEVEN, STATE, **options) as opened:  # type: ignore[arg-type]
+            assert isinstance(opened, IsolatedFmu) == (kind == "file")
+            for plant in (own, opened):
+                plant.set_inputs(INPUTS.to_vector())
+                plant.do_step(0.0, 0.05)
+            assert np.array_equal(opened.results(), own.results())
+            assert np.array_equal(opened.signals(), own.results()[:24])
+            ends.append(own.results().tobytes())
+    assert len(set(ends)) == len(ends)
+
+
+def test_a_plant_of_one_platform_has_no_members(open_one: Open) -> None:
+    """Expected: no leading axis; actions of members are refused by the name of the plant."""
+    with open_one(UNEVEN, STATE) as plant:
+        assert plant.shape == ()
+        assert plant.results().shape == (50,)
+        assert plant.signals().tolist() == plant.results()[:24].tolist()
+        name = type(plant).__name__
+        text = f"^{name} is a plant of one platform; expected a plant of many platforms for member actions$"
+        with pytest.raises(PlantError, match=text):
+            plant.freeze(np.array([True]))
+        with pytest.raises(PlantError, match=text):
+            plant.set_parameters_of(np.array([True]), {"platform_mass": 3.0})
