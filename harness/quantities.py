@@ -36,6 +36,7 @@ UNITS: dict[str, dict[str, float]] = {
     "kg.m2": {"kg.m2": 1, "kg m2": 1, "kg m²": 1},
     "m/s2": {"m/s2": 1, "m/s²": 1},
     "W": {"W": 1, "kW": 1e3},
+    "J": {"J": 1, "kJ": 1e3},
 }
 
 # The unit of plain numbers, never written out.

@@ -150,7 +150,7 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Exp
 def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
     """Plain values with some replaced: "loop.duration=3", "reference.position_change=[0, 0, 0.01]", "plant.kind=fmu2".
 
-    Values in strings are TOML; anything else is taken as a string. Values of a mapping are used as they are, arrays as
+    Values in strings are TOML; anything else is taken as a string. Values of a mapping are copied, arrays become
     lists.
 
     Raises
@@ -160,7 +160,7 @@ def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, An
     """
     made: dict[str, Any] = _copied(values)
     for where, key, value in keys_and_values(settings):
-        set_key(made, where, key, value)
+        set_key(made, where, key, _copied(value))
     return made
 
 

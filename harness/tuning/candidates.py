@@ -1,5 +1,6 @@
 """Candidates of a search, run in parallel over the same members: a generation is one batch."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -219,10 +220,10 @@ def _evaluation(
 
     def quantile(column: int, is_upper: bool) -> float:
         worst = np.inf if is_upper else -np.inf
-        values = np.where(completed & np.isfinite(numbers[:, column]), numbers[:, column], worst)
-        level = goal.quantile if is_upper else 1 - goal.quantile
-        # round to the worse member: interpolation could involve infinity
-        return float(np.quantile(values, level, method="higher" if is_upper else "lower"))
+        values = np.sort(np.where(completed & np.isfinite(numbers[:, column]), numbers[:, column], worst))
+        # the value that this share of the members reaches, without interpolation, which could involve infinity
+        rank = math.ceil(goal.quantile * len(values) - 1e-9)
+        return float(values[rank - 1] if is_upper else values[-rank])
 
     conditions = tuple(quantile(1 + k, condition.is_upper) for k, condition in enumerate(goal.conditions))
     return Evaluation(point, quantile(0, True), conditions, failed, reason)

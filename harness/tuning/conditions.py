@@ -13,8 +13,6 @@ from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.model.interface import nearest
 
 _CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
-# The SI unit of quantities that are displayed in another unit.
-_SI = {"mm": "m", "mrad": "rad", "N": "N", "W": "W", "s": "s"}
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class Condition:
     metric: str  # its full name
     is_upper: bool  # whether the bound is an upper one
     is_strict: bool
-    bound: float  # SI
+    bound: float  # in the unit of the metric
 
     def holds(self, value: float) -> bool:
         """Whether a value meets it; false for NaN."""
@@ -42,13 +40,13 @@ class Condition:
         return float(min(max(gap, 1e-12), 1e6)) if np.isfinite(gap) else 1e6
 
 
-def condition_of(text: str) -> Condition:
-    """Parse a condition; nothing is executed.
+def condition_of(text: str, known: Iterable[str]) -> Condition:
+    """Parse a condition on one of the known metrics; nothing is executed.
 
     Raises
     ------
     SearchError
-        Not a condition; states what was expected.
+        Not a condition, or an unknown metric; states what was expected.
     """
     parts = _CONDITION.fullmatch(text)
     if parts is None:
@@ -57,18 +55,29 @@ def condition_of(text: str) -> Condition:
             "disk_margin > 0.5"
         )
     name, sign, bound = parts.groups()
-    metric = SHORT.get(name, name)
-    unit = _SI.get(shown_metric(metric).unit, PLAIN) if metric.partition(".")[0] in _KNOWN else PLAIN
+    metric = check_metric(name, known, f"--subject-to '{text}'")
     try:
-        # plain numbers are in SI units
-        size = number(bound if bound[-1:].isalpha() and unit in UNITS else float(bound), unit)
+        size = _bound(bound, metric)
     except ValueError:
-        expected = f"a number, or one with a unit such as {', '.join(list(UNITS[unit])[:3])}" if unit else "a number"
+        units = UNITS.get(_si_unit(metric), {})
+        expected = f"a number, or one with a unit such as {', '.join(list(units)[:3])}" if units else "a number"
         raise SearchError(f"--subject-to '{text}': the bound is '{bound}'; expected {expected}") from None
     return Condition(text.strip(), metric, sign.startswith("<"), "=" not in sign, size)
 
 
-_KNOWN = ("tracking", "step_response", "force", "power", "energy", "stroke", "saturation", "limits", "margins")
+def _bound(text: str, metric: str) -> float:
+    """A plain number is in the unit of the metric itself: 5 for an overshoot of 5 %."""
+    try:
+        return number(float(text), PLAIN)
+    except ValueError:
+        unit, shown = _si_unit(metric), shown_metric(metric)
+        size = number(text, unit)
+        return size if unit == PLAIN else size / (UNITS[unit][shown.unit] * shown.factor)
+
+
+def _si_unit(metric: str) -> str:
+    """Of the unit in which a metric is displayed."""
+    return next((si for si, units in UNITS.items() if shown_metric(metric).unit in units), PLAIN)
 
 
 def check_metric(name: str, known: Iterable[str], where: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
+from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.space import Axis, values_of
 from gough_stewart.model.errors import GoughStewartError
@@ -39,14 +40,19 @@ class Search:
         """The condition that most candidates break, as text."""
         if not self.tried:
             return "no candidate was tried"
-        failed = sum(not np.isfinite(each.value) for each in self.tried)
-        counts = {f"{failed} of {len(self.tried)} candidates have members that do not complete": failed}
+        failed = [each for each in self.tried if not np.isfinite(each.value)]
+        reason = next((f"; the first: {each.reason}" for each in failed if each.reason), "")
+        what = "members that do not complete" if reason else f"no value of {self.goal.metric}"
+        counts = {f"{len(failed)} of {len(self.tried)} candidates have {what}{reason}": len(failed)}
         for k, condition in enumerate(self.goal.conditions):
             values = [each.conditions[k] for each in self.tried]
             count = sum(not condition.holds(value) for value in values)
             finite = [value for value in values if np.isfinite(value)]
             nearest = min(finite, key=condition.violation, default=None)
-            reached = "" if nearest is None else f", the nearest reached {nearest:.4g}"
+            shown = shown_metric(condition.metric)
+            reached = (
+                "" if nearest is None else f", the nearest reached {shown.factor * nearest:.4g} {shown.unit}".rstrip()
+            )
             counts[f"'{condition.text}' was not met by {count} of {len(self.tried)} candidates{reached}"] = count
         return max(counts, key=lambda text: counts[text])
 
@@ -93,7 +99,11 @@ def search(
             rng=np.random.default_rng(seed),
             **options,
         )
-        found.ending = "the candidates have converged" if result.success else f"after {generations} generations"
+        found.ending = (
+            "the candidates have converged"
+            if result.success
+            else f"after {generations} generation{'s' * (generations > 1)}"
+        )
     except KeyboardInterrupt:
         found.ending, found.is_interrupted = "interrupted by the user", True
     except RuntimeError as error:

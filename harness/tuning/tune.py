@@ -153,14 +153,12 @@ def tune(
     number = _number(chosen, members, MEMBERS if chosen.ensemble is not None else 1)
     here = Candidates(chosen, number, controller=controller)
     axes = axes_of(vary, here.members)
-    conditions = tuple(condition_of(text) for text in subject_to)
     size = POPULATION * len(axes) if population is None else population
     if size < 5:
         raise TuningError(f"population is {size}; expected at least 5 candidates in a generation")
     known = here.metrics()
+    conditions = tuple(condition_of(text, known) for text in subject_to)
     goal = Goal(check_metric(minimise, known, "--minimise"), conditions, quantile)
-    for condition in conditions:
-        check_metric(condition.metric, known, f"--subject-to '{condition.text}'")
     left_out, _ = here.leave_out_impossible()
     own = own_point(axes)
     found = search(
