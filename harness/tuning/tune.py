@@ -114,9 +114,10 @@ def tune(
     controller
         Replaces the experiment's, as in `run`; each member of each candidate gets a fresh one.
     subject_to
-        Conditions on metrics and margins: "disk_margin > 0.5", "stroke.margin >= 10 mm".
+        Conditions on metrics and margins: "disk_margin > 0.5", "stroke.margin >= 10 mm"; numbers without a unit are in
+        that of the metric, SI units or percent.
     quantile
-        Of the metric, and of metrics with an upper bound; metrics with a lower bound use 1 − quantile.
+        The share of the members that do not exceed a candidate's value, and that meet each condition.
     members, fresh
         How many members evaluate candidates, and how many fresh ones test the result; 64 and 500 by default, or as many
         as the experiment has, if fewer.

@@ -29,7 +29,6 @@ _NEARBY = {
         "tests/harness/experiment/test_truth_and_belief.py",
     ),
     "harness/experiment": ("tests/harness/control/test_whole_responses.py",),
-    "harness/motion": ("tests/harness/loop", "tests/harness/experiment"),
     "model": ("tests/model/formulations",),
 }
 # Scripts are tested in a browser only.

@@ -310,7 +310,8 @@ def test_figures_show_each_number_under_its_name(run: Trajectory, drawn: list[Fi
             for k, (*_, x, y) in enumerate(curves):
                 np.testing.assert_array_equal(x, run.time)
                 np.testing.assert_allclose(y, values[:, k], rtol=0, atol=1e-9)
-            assert axes.get_legend()._ncols == (2 if len(names) == 6 else 1)
+            legend: Any = axes.get_legend()
+            assert legend._ncols == (2 if len(names) == 6 else 1)
     assert [tuple(figure.get_size_inches()) for figure in drawn] == [(8, 3.6), (8, 3.6), (6, 3.6), (6, 3.6)]
 
 

@@ -64,7 +64,7 @@ _CONDITIONS = {
     "upper": [("step_response.z.overshoot_percent", "<=", 1.0, "%"), ("power.peak", "<=", 1e3, "kW")],
     "both": [("saturation.force_limited.any", "<", 0.01, " %"), ("stroke.margin", ">", 1e-3, " mm")],
 }
-_VARIED = {
+_VARIED: dict[str, dict[str, Any]] = {
     "differ": {"platform_mass": {"uniform": [5.0, 28.0]}, "leg_viscous_friction": {"uniform": [4.0, 60.0]}},
     # normal about 11.5 kg: some are negative and left out, heavy ones leave the motion by more than the limit
     "some fail": {"platform_mass": {"normal": 16.0}},

@@ -1,7 +1,5 @@
 """The search against an exhaustive one with another plant, and what it refuses."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
