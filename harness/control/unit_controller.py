@@ -245,7 +245,7 @@ class ControllerUnit:
         if whole is not None and _size_of(whole) == size:
             return [whole.valueReference]
         scalars = [f"{name}[{k + 1}]" for k in range(size)]
-        if all(scalar in self._variables for scalar in scalars):
+        if all(scalar in self._variables for scalar in scalars) and f"{name}[{size + 1}]" not in self._variables:
             return [self._variables[scalar].valueReference for scalar in scalars]
         raise ControllerError(
             f"{self._file.path}: no parameter {name} with {size} "

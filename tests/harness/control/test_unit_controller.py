@@ -29,6 +29,18 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return foreign_controller(tmp_path_factory.mktemp("theirs") / "theirs.fmu")
 
 
+def described(unit: Path, target: Path, *changes: tuple[str, str]) -> Path:
+    """The same unit with another description."""
+    with zipfile.ZipFile(unit) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            for before, after in changes if name == "modelDescription.xml" else ():
+                assert before.encode() in content
+                content = content.replace(before.encode(), after.encode())
+            new.writestr(name, content)
+    return target
+
+
 def experiment(controller: Mapping[str, object], **loop: float) -> gs.Experiment:
     return gs.Experiment.model_validate({**SETTINGS, "loop": LOOP | loop, "controller": controller})
 
@@ -122,11 +134,7 @@ def test_what_a_unit_refuses_without_a_word_is_named(theirs: Path) -> None:
 
 def test_a_unit_for_another_sample_time_is_refused(theirs: Path, tmp_path: Path) -> None:
     """Expected: one in a million off is another one, rounding is not."""
-    path = tmp_path / "timed.fmu"
-    with zipfile.ZipFile(theirs) as old, zipfile.ZipFile(path, "w") as new:
-        for name in old.namelist():
-            content = old.read(name).replace(b'name="gain"', b'name="sample_time"')
-            new.writestr(name, content.replace(b'start="1000"', b'start="0.002"'))
+    path = described(theirs, tmp_path / "timed.fmu", ('name="gain"', 'name="sample_time"'), ('"1000"', '"0.002"'))
     for factor in (1 - 1e-6, 1 + 1e-6):
         with pytest.raises(ControllerError, match=r"timed\.fmu: its sample_time is 0\.002 s, the loop's"):
             UnitController(path, NAMES, is_foreign=False).open(2e-3 * factor)
@@ -141,6 +149,60 @@ def test_an_array_of_the_right_size_is_a_signal_and_another_is_none(fmus: dict[s
         UnitController(path, is_foreign=False).open(1e-3)
     with pytest.raises(ControllerError, match=r"no variable joint_force\[1\] for position"):
         UnitController(path, {"position": "joint_force"}, is_foreign=False).open(1e-3)
+
+
+FIRST = '<ScalarVariable name="y_1" valueReference="0" causality="input">'
+TYPES = '<TypeDefinitions><SimpleType name="Length"><Real unit="{}"/></SimpleType></TypeDefinitions><ModelVariables>'
+
+
+def test_units_may_be_those_of_a_type_or_none(theirs: Path, tmp_path: Path) -> None:
+    """Expected: the unit that a type declares counts as that of the variable; a variable may be without any."""
+    real, typed = FIRST + '<Real unit="m" start="0"/>', FIRST + '<Real declaredType="Length" start="0"/>'
+    for unit in ("m", "mm"):
+        changes: tuple[tuple[str, str], ...] = (
+            (real, typed),
+            ("<ModelVariables>", TYPES.format(unit)),
+            ('<Unit name="m"/>', f'<Unit name="{unit}"/>'),
+        )
+        if unit == "mm":
+            changes = (*changes, ('<Real unit="m" start="0"/>', '<Real unit="mm" start="0"/>'))
+        path = described(theirs, tmp_path / f"{unit}.fmu", *changes)
+        if unit == "m":
+            UnitController(path, NAMES, is_foreign=False).open(2e-3).close()
+        else:
+            with pytest.raises(ControllerError, match="y_1 is in mm; expected m for leg_length"):
+                UnitController(path, NAMES, is_foreign=False).open(2e-3)
+    bare = described(theirs, tmp_path / "bare.fmu", ('<Real unit="m" start="0"/>', '<Real start="0"/>'))
+    UnitController(bare, NAMES, is_foreign=False).open(2e-3).close()
+
+
+def test_signals_that_are_no_floating_point_numbers_are_refused(theirs: Path, tmp_path: Path) -> None:
+    discrete = FIRST.replace(">", ' variability="discrete"><Integer start="0"/>')
+    path = described(theirs, tmp_path / "whole.fmu", (FIRST + '<Real unit="m" start="0"/>', discrete))
+    with pytest.raises(ControllerError, match=r"y_1 is of type Integer; expected floating-point numbers"):
+        UnitController(path, NAMES, is_foreign=False).open(2e-3)
+
+
+def test_a_delay_inside_the_unit_is_refused_unless_it_is_one_sample(theirs: Path, tmp_path: Path) -> None:
+    """Expected: of its description, or as it is set; a unit without the parameter has none."""
+    path = described(theirs, tmp_path / "late.fmu", ('name="gain"', 'name="output_delay"'), ('"1000"', '"3"'))
+    remedy = (
+        r"would be added to the loop's delay; expected 1: set parameters = \{ output_delay = 1 \} of \[controller\]"
+    )
+    for parameters, found in (({}, 3), ({"output_delay": 2.0}, 2), ({"output_delay": [0.0]}, 0)):
+        with pytest.raises(ControllerError, match=rf"late\.fmu: its output_delay is {found} samples, which {remedy}"):
+            UnitController(path, NAMES, parameters, is_foreign=False).open(2e-3)
+    UnitController(path, NAMES, {"output_delay": 1.0}, is_foreign=False).open(2e-3).close()
+    prompt = described(theirs, tmp_path / "prompt.fmu", ('name="gain"', 'name="output_delay"'), ('"1000"', '"1"'))
+    UnitController(prompt, NAMES, is_foreign=False).open(2e-3).close()
+
+
+@pytest.mark.parametrize("values", [[1.0, 2.0, 3.0], [1.0] * 7, 1.0])
+def test_a_parameter_of_another_size_is_refused(theirs: Path, values: object) -> None:
+    """Expected: three of six elements are not taken for all of them."""
+    n = np.size(values)  # type: ignore[arg-type]
+    with pytest.raises(ControllerError, match=rf"no parameter r with {n} elements"):
+        UnitController(theirs, {**NAMES, "reference_leg_length": "y_{}"}, {"r": values}, is_foreign=False).open(2e-3)  # type: ignore[dict-item]
 
 
 def test_wrong_units_and_missing_elements_are_refused(tmp_path: Path) -> None:
