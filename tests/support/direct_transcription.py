@@ -83,20 +83,20 @@ def _along(platform: Platform, path: GeometricPath, s: FloatArray) -> tuple[Floa
     zero, one = np.zeros_like(s), np.ones_like(s)
     point = path(s)
     at_rest = point.motion(zero, zero)
-    weight = _accelerations(smooth, at_rest, np.zeros(6))
-    gain = np.stack([_accelerations(smooth, at_rest, force) - weight for force in np.eye(6)], axis=2)
+    weight = accelerations(smooth, at_rest, np.zeros(6))
+    gain = np.stack([accelerations(smooth, at_rest, force) - weight for force in np.eye(6)], axis=2)
 
     def forces(motion: Motion) -> FloatArray:
         """Those whose accelerations by Newton–Euler, affine in them, are the motion's."""
         wanted = np.concatenate([motion.acceleration, motion.angular_acceleration], axis=1)
-        missing = wanted - _accelerations(smooth, motion, np.zeros(6))
+        missing = wanted - accelerations(smooth, motion, np.zeros(6))
         return np.asarray(np.linalg.solve(gain, missing[:, :, None])[:, :, 0])
 
     c = forces(at_rest)
     return l, k, forces(point.motion(zero, one)) - c, forces(point.motion(one, zero)) - c, c
 
 
-def _accelerations(platform: Platform, motion: Motion, force: FloatArray) -> FloatArray:
+def accelerations(platform: Platform, motion: Motion, force: FloatArray) -> FloatArray:
     """Linear and angular (n, 6) under six actuator forces."""
     n = len(motion.position)
     rates = (motion.velocity, motion.angular_velocity)

@@ -112,7 +112,7 @@ def simulate(
             target = line.pop(0)
         if k < steps:
             force = drive.step(target)
-        q_dd = _accelerations(machine_now, q, rate, force, wrench := options["disturbance"](time))
+        q_dd = accelerations(machine_now, q, rate, force, wrench := options["disturbance"](time))
         rows.append(
             [
                 *(q.copy(), twist_of_rates(q) @ rate, _rate_of_twist(q, rate, q_dd), length, velocity),
@@ -346,7 +346,7 @@ def _rate_of_twist(q: FloatArray, rate: FloatArray, acceleration: FloatArray) ->
     return np.asarray(twist_of_rates(q) @ acceleration + change @ rate)
 
 
-def _accelerations(
+def accelerations(
     machine: Platform, q: FloatArray, rate: FloatArray, force: FloatArray, wrench: FloatArray
 ) -> FloatArray:
     """q̈ (6,): forces that a motion needs are affine in q̈, F = F₀ + K q̈."""
@@ -370,7 +370,7 @@ def stepped(
     x = np.concatenate([q, rate])
 
     def slope(x: FloatArray) -> FloatArray:
-        return np.concatenate([x[6:], _accelerations(machine, x[:6], x[6:], force, wrench)])
+        return np.concatenate([x[6:], accelerations(machine, x[:6], x[6:], force, wrench)])
 
     for _ in range(parts):
         a = slope(x)
@@ -453,11 +453,11 @@ def linear(options: Mapping[str, Any], believed: Platform, q: FloatArray) -> Doc
         return np.stack([(of(size * e) - of(-size * e)) / (2 * size) for e in np.eye(n)], axis=1)
 
     def rates(x: FloatArray) -> FloatArray:
-        return _accelerations(machine, q + x[:6], x[6:], held, np.zeros(6))
+        return accelerations(machine, q + x[:6], x[6:], held, np.zeros(6))
 
     A, B = np.zeros((12, 12)), np.zeros((12, 6))
     A[:6, 6:], A[6:] = np.eye(6), slope(rates, h, 12)
-    B[6:] = slope(lambda u: _accelerations(machine, q, np.zeros(6), held + u, np.zeros(6)), 1.0, 6)
+    B[6:] = slope(lambda u: accelerations(machine, q, np.zeros(6), held + u, np.zeros(6)), 1.0, 6)
     C = np.zeros((6, 12))
     C[:, :6] = slope(lambda x: legs_along(machine, Pose((q + x)[None], *np.zeros((2, 1, 6))))[0][0], h, 6)
     T, tau = options["sample_time"], options["lag"]
