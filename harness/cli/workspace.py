@@ -111,7 +111,7 @@ def _swept(coordinates: str) -> dict[str, tuple[float, float] | None]:
         if not equals:
             ranges[name] = None
             continue
-        ends = text.split(":")
+        ends = [end.strip() for end in text.split(":")]
         if len(ends) != 2:
             raise UsageError(
                 f"--over {coordinates}: found the range '{text}' for {name}; expected LOW:HIGH, such as -1:1"
