@@ -1,7 +1,10 @@
 """Floating-point operations per step."""
 
+import re
+
 import casadi
 
+from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.harness.export.trace import Traced
 
 # Not counted: CasADi's reads, writes and copies.
@@ -58,6 +61,10 @@ def words_of(counts: dict[str, int]) -> str:
     )
 
 
+# In the written code, where several quotients of one divisor are products with its reciprocal.
+_RECIPROCAL, _PRODUCT = re.compile(r"^  r\d+=1/", re.M), re.compile(r"\*r\d+\);$", re.M)
+
+
 def _counts(function: casadi.Function | None) -> dict[str, int]:
     found = {SIMPLE: 0, DIVISIONS: 0, OTHERS: 0}
     if function is None:
@@ -74,4 +81,9 @@ def _counts(function: casadi.Function | None) -> dict[str, int]:
             else OTHERS
         )
         found[name] += 1
+    if found[DIVISIONS]:
+        code = function_source(function, conditions=True)
+        products = len(_PRODUCT.findall(code))
+        found[SIMPLE] += products
+        found[DIVISIONS] += len(_RECIPROCAL.findall(code)) - products
     return found

@@ -371,3 +371,49 @@ def test_the_stated_operations_are_at_least_those_of_the_code() -> None:
         twice.get(name, 1) * len(re.findall(r"^  \w+=.*(?:[-+*/]|\w\()", body, re.M)) for name, body in bodies.items()
     )
     assert 0.6 * sources.operations < operations <= 1.1 * sources.operations
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *[("sample_time", value) for value in (1e-6, 1e3)],
+        *[("delay", value) for value in (0.0, 1000.0)],
+        *[(name, value) for name in ("force_limit", "force_rate_limit") for value in (0.0, 1e-3, np.inf)],
+        *[("start_force", [0, 0, 0, 0, 0, value]) for value in (1e9, -1e9)],
+        *[("platform_mass", 1e30), ("gravity", [0, -1e30, 0])],
+    ],
+)
+def test_a_parameter_at_its_bound_is_accepted(name: str, value: Any) -> None:
+    """Expected: the bounds of docs/export.md belong to what can be; what is beyond them is refused above."""
+    exported = Exported(designed(uneven_experiment(**GRAVITY)))
+    if name == "sample_time":
+        exported.parameters["derivative_filter"] = 1e3
+    exported.parameters[name] = value
+    assert exported.prepare() == 0
+
+
+def test_a_reference_of_zeros_is_one_where_the_platform_can_be_there() -> None:
+    """Expected: with the base 2.9 m lower, a pose of zeros is near home: after a start it is followed, not a fault."""
+    home = [0.08, -0.05, 0.05]
+    lowered = {
+        name: np.asarray(getattr(UNEVEN, name)).tolist()
+        for name in ("platform_points", "leg_length_min", "leg_length_max", "home_orientation", "platform_mass")
+    }
+    points = (np.array(UNEVEN.base_points) - [0, 0, 2.85]).tolist()
+    platform = {"preset": "liu2000", "parameters": {**lowered, "base_points": points, "home_position": home}}
+    experiment = uneven_experiment(
+        platform=platform,
+        reference={"type": "hold"},
+        start={"position": home},
+        controller={**PD, "feedforward": "none"},
+    )
+    exported = Exported(designed(experiment, reference="inputs")).start()
+    there = exported.designed.first_reference
+    assert np.array_equal(there[:3], home)
+    lengths = [leg_geometry(exported.designed.platform, pose[:3], pose[3:6]).length for pose in (there, np.zeros(18))]
+    exported.step(lengths[0], there)
+    error = np.array([1, -2, 3, -4, 5, -6]) * 1e-3
+    for _ in range(400):  # until the derivative rests
+        force, _ = exported.step(lengths[1] - error, np.zeros(18))
+    assert exported.status == 0
+    np.testing.assert_allclose(force, np.array(KP) * error, rtol=1e-6)
