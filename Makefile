@@ -8,7 +8,7 @@ HEAVE ?= results/heave_step
 SEEN ?= results/pitch_sine
 SITE ?= build/site
 # make mutants MUTANTS="model --number 20 --seed 3": options of python -m tools.mutants
-MUTANTS ?=
+MUTANTS ?= --draw semantic:7:20 --draw token:7:20
 TESTS := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
