@@ -1,0 +1,184 @@
+"""Motions of symbols, from which controllers are exported: the same numbers as motions of floats; excitation."""
+
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion import branch_free
+from gough_stewart.harness.motion.motion import Reference
+from gough_stewart.harness.motion.plausible_speed import check_speed
+from gough_stewart.harness.motion.shares import Limited
+from gough_stewart.harness.motion.table import FromTable
+from gough_stewart.model.rotations import matrix_from_orientation
+
+A = np.array([-2.5, -1.0, 0.0, 1e-12, 0.7, 3.0])
+B = np.array([1.0, -1.0, 0.3, 0.0, 0.7, -2.0])
+
+
+def _by_symbols(function: Any, *arrays: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """A function of arrays, by CasADi's symbols in their place."""
+    symbols = [np.array([casadi.SX.sym(f"{k}_{j}") for j in range(len(a))], dtype=object) for k, a in enumerate(arrays)]
+    results = np.asarray(function(*symbols), dtype=object)
+    flat = casadi.vertcat(*results.ravel())
+    inputs = [casadi.vertcat(*each) for each in symbols]
+    return np.array(casadi.Function("f", inputs, [flat])(*arrays)).reshape(results.shape)
+
+
+@pytest.mark.parametrize(
+    ("function", "expected"),
+    [
+        (branch_free.minimum, [-2.5, -1, 0, 0, 0.7, -2]),
+        (branch_free.maximum, [1, -1, 0.3, 1e-12, 0.7, 3]),
+        (branch_free.reached, [0, 1, 0, 1, 1, 1]),
+        (branch_free.arctan2, [np.arctan2(a, b) for a, b in zip(A, B, strict=True)]),
+    ],
+)
+def test_functions_without_branches_are_alike_for_numbers_and_symbols(function: Any, expected: list[float]) -> None:
+    """Expected: by hand, on both sides of each equality."""
+    np.testing.assert_allclose(function(A, B), expected, rtol=1e-15)
+    np.testing.assert_allclose(_by_symbols(function, A, B), expected, rtol=1e-15)
+    np.testing.assert_allclose(_by_symbols(lambda a: function(a, 0.3), A), function(A, 0.3), rtol=1e-15)
+
+
+def test_a_choice_below_a_bound_is_alike_for_numbers_and_symbols() -> None:
+    """Expected: the first below the bound, the second at it and above."""
+    expected = [1.0, -1.0, 0.3, 0.0, -0.7, -3.0]
+    np.testing.assert_array_equal(branch_free.where_below(A, 0.7, B, -A), expected)
+    np.testing.assert_array_equal(_by_symbols(lambda a, b: branch_free.where_below(a, 0.7, b, -a), A, B), expected)
+    assert branch_free.numbers_or_symbols([1, 2]).dtype == float
+    symbols = np.array([casadi.SX.sym("x")], dtype=object)
+    assert branch_free.numbers_or_symbols(symbols) is symbols
+
+
+SWING = gs.Excitation(
+    frequency=0.4,
+    duration=5.0,
+    fade=1.2,
+    position=(0.1, -0.2, 3.0),
+    orientation=(0.05, -0.1, 0.2),
+    position_sine=[[0.02, -0.03, 0.01], [0.004, 0.007, -0.006]],
+    position_cosine=[[0.011, 0.013, -0.017], [-0.003, 0.002, 0.005]],
+    orientation_sine=[[0.03, -0.02, 0.05], [0.006, 0.004, -0.007]],
+    orientation_cosine=[[-0.021, 0.023, 0.029], [0.003, -0.009, 0.008]],
+)
+
+
+def _closed_form(time: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Pose by the sum of the class's docstring, term by term."""
+
+    def rise(t: float) -> float:
+        s = min(max(t / 1.2, 0), 1)
+        return 10 * s**3 - 15 * s**4 + 6 * s**5
+
+    rows = []
+    for t in time:
+        pose = np.array([0.1, -0.2, 3.0, 0.05, -0.1, 0.2])
+        window = rise(t) * (1 - rise(t - 3.8))
+        for k in range(2):
+            angle = 2 * np.pi * (k + 1) * 0.4 * t
+            a = np.array([*SWING.position_sine[k], *SWING.orientation_sine[k]])
+            b = np.array([*SWING.position_cosine[k], *SWING.orientation_cosine[k]])
+            pose = pose + window * (a * np.sin(angle) + b * np.cos(angle))
+        rows.append(pose)
+    return np.array(rows)
+
+
+def test_an_excitation_is_its_series_with_exact_derivatives_from_rest_to_rest() -> None:
+    """Expected: the series term by term; central differences of it; rest at both ends; the last harmonic."""
+    reference: Reference = SWING
+    time = np.linspace(0.013, 4.987, 90)
+    motion, h = reference(time), 1e-4
+    found = np.hstack([motion.position, motion.orientation])
+    np.testing.assert_allclose(found, _closed_form(time), rtol=0, atol=1e-14)
+    before, after = _closed_form(time - h), _closed_form(time + h)
+    np.testing.assert_allclose(motion.velocity, (after - before)[:, :3] / (2 * h), rtol=0, atol=1e-6)
+    second = (after - 2 * _closed_form(time) + before) / h**2
+    np.testing.assert_allclose(motion.acceleration, second[:, :3], rtol=0, atol=1e-5)
+    R = matrix_from_orientation(motion.orientation)
+    rate = (matrix_from_orientation(after[:, 3:]) - matrix_from_orientation(before[:, 3:])) / (2 * h)
+    spin = rate @ np.swapaxes(R, 1, 2)
+    omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    np.testing.assert_allclose(motion.angular_velocity, omega, rtol=0, atol=1e-6)
+    ends = reference(np.array([0.0, 5.0]))
+    assert all(np.abs(part).max() < 1e-12 for part in ends[2:])
+    assert SWING.highest_frequency == pytest.approx(0.8)
+    slow = SWING.model_copy(update={"time_scale": 2.0})
+    assert slow.highest_frequency == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fade": 2.6}, "fade is 2.6 s at either end of a duration of 5 s"),
+        (
+            {"orientation_cosine": [[0, 0, 0]]},
+            "position_sine 2, position_cosine 2, orientation_sine 2, orientation_cosine 1",
+        ),
+    ],
+)
+def test_an_excitation_that_cannot_be_is_refused(change: dict[str, Any], message: str) -> None:
+    values = {name: getattr(SWING, name) for name in type(SWING).model_fields if name in SWING.model_fields_set}
+    with pytest.raises(gs.GoughStewartError, match=message):
+        gs.Excitation(**{**values, **change})
+    assert gs.Excitation(**{**values, "fade": 2.5}).fade == 2.5
+
+
+def test_the_first_value_beyond_names_row_leg_and_bounds() -> None:
+    """Expected: by hand: the first row, then the first leg, on either side; one number without a leg."""
+    values = np.full((4, 6), 0.5)
+    values[2, 4], values[2, 5], values[3, 0] = 2.5, -9.0, 7.0
+    many = Limited("stroke", "the length", "m", values, -1.25, 2.0)
+    assert many.first_beyond == (2, 5, 2.5, "the length of leg 5 is 2.5 m; expected -1.25 to 2 m")
+    assert many.within.sum() == 21
+    below = Limited("stroke", "the length", "m", -values, -1.25, 2.0)
+    assert below.first_beyond[:3] == (2, 5, -2.5)
+    one = Limited("condition_number", "the number", "", np.array([1.0, 1.0, 3.0, 4.0]), 1.0, 2.0)
+    assert one.first_beyond == (2, None, 3.0, "the number is 3; expected 1 to 2")
+    same = Limited("side", "the side", "", np.array([1.0, -1.0]), 1.0, 1.0)
+    assert same.first_beyond == (1, None, -1.0, "the side is -1; expected 1")
+    np.testing.assert_array_equal(same.share, [0, np.inf])
+    middle = Limited("stroke", "x", "m", np.array([1.0, 2.0, 3.0, 4.0, np.nan]), 1.0, 4.0, 2.5)
+    np.testing.assert_allclose(middle.share, [1, 1 / 3, 1 / 3, 1, np.inf])
+    lower = Limited("stroke", "x", "m", np.array([1.0, 2.0, 4.0]), 2.0, np.inf)
+    np.testing.assert_allclose(lower.share, [2, 1, 0.5])
+
+
+def _swing(duration: float, rate: float, amplitude: float, frequency: float) -> FromTable:
+    time = np.arange(0, duration + 0.5 / rate, 1 / rate)
+    heave = amplitude * np.sin(2 * np.pi * frequency * time)
+    position = np.stack([0 * time, 0 * time, heave], axis=1)
+    return FromTable(time, position, np.zeros_like(position))
+
+
+@pytest.mark.parametrize(
+    ("table", "unit", "guess"),
+    [
+        # r = √(9.81 · 0.2)/0.1 ω: 2230 at 1e-3 Hz; as milliseconds 2.2, with steps of 1 ms
+        (_swing(2000.0, 1.0, 0.1, 1e-3), 1.0, "milliseconds"),
+        # r = 11,000, and steps of 1200 s would be 1.2 s: too long; of 1000 s, 1.0 s
+        (_swing(24000.0, 1 / 1200, 0.1, 1 / 5000), 1.0, None),
+        (_swing(24000.0, 1 / 1000, 0.1, 1 / 5000), 1.0, "milliseconds"),
+        # steps of 0.05 s would be 5e-5 s
+        (_swing(2000.0, 20.0, 0.1, 1e-3), 1.0, None),
+        # 90 s would be 0.09 s, too short; 110 s are enough: r is 7000 to 8000
+        (_swing(90.0, 1.0, 0.05, 1 / 2250), 1.0, None),
+        (_swing(110.0, 1.0, 0.05, 1 / 2250), 1.0, "milliseconds"),
+        # read as milliseconds, though they were seconds: too fast
+        (_swing(2.0, 500.0, 0.01, 2.0), 1e-3, "seconds"),
+    ],
+)
+def test_a_unit_is_guessed_within_what_platforms_do_on_both_sides(
+    table: FromTable, unit: float, guess: str | None
+) -> None:
+    """Expected: r, steps and duration in the other unit, calculated in the comments."""
+    if unit == 1e-3:
+        table = FromTable(1e-3 * table.time, table.position, table.orientation)
+    if guess is None:
+        check_speed(table, unit, 1.0)
+        return
+    with pytest.raises(MotionError, match=f"times look like {guess}"):
+        check_speed(table, unit, 1.0)
