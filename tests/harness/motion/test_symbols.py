@@ -9,6 +9,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion import branch_free
+from gough_stewart.harness.motion.fitting import factor_near
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.motion.plausible_speed import check_speed
 from gough_stewart.harness.motion.shares import Limited
@@ -182,3 +183,40 @@ def test_a_unit_is_guessed_within_what_platforms_do_on_both_sides(
         return
     with pytest.raises(MotionError, match=f"times look like {guess}"):
         check_speed(table, unit, 1.0)
+
+
+@pytest.mark.parametrize("guess", [3 * (1 - 1e-6), 3 * (1 + 1e-6), 2.9, 3.1, 1.7, 4.4])
+@pytest.mark.parametrize("power", [0.6, 2.0])
+def test_a_factor_is_found_near_a_guess_without_looking_far(guess: float, power: float) -> None:
+    """Expected: (3/x)^p = 1 at x = 3; nothing is evaluated farther from it than a few times the guess is."""
+    asked: list[float] = []
+
+    def share(x: float) -> float:
+        asked.append(x)
+        return float((3 / x) ** power)
+
+    found = factor_near(share, guess)
+    assert found == pytest.approx(3, rel=2e-7)
+    assert share(found) <= 1
+    far = 6 * abs(guess - 3) + 1e-4
+    assert 3 - far <= min(asked)
+    assert max(asked) <= 3 + far
+
+
+def test_poses_of_a_path_may_be_lists_or_arrays_of_numbers_or_quantities() -> None:
+    """Expected: the same rows; a margin or a ramp alone needs the fastest timing."""
+    rows = [[0.1, 0.2, 3.0, 0.0, 0.1, -0.2], [0.0, -0.3, 2.9, 0.2, 0.0, 0.3]]
+    given: list[Any] = [
+        rows,
+        np.array(rows),
+        [np.array(row) for row in rows],
+        [tuple(row) for row in rows],
+        [["100 mm", "20 cm", 3.0, 0.0, "100 mrad", -0.2], rows[1]],
+    ]
+    for poses in given:
+        path = gs.ViaPath(poses=poses, timing=1.5)
+        assert path.poses == [pytest.approx(tuple(row)) for row in rows]
+    for alone in ({"margin": 0.1}, {"ramp": 0.1}):
+        with pytest.raises(gs.GoughStewartError, match="margin and ramp need timing = 'fastest'"):
+            gs.ViaPath(poses=rows, timing=1.5, **alone)
+        assert gs.ViaPath(poses=rows, timing="fastest", **alone).timing == "fastest"
