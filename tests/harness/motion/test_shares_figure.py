@@ -74,7 +74,7 @@ def test_every_limit_that_is_used_has_its_curve_in_percent(monkeypatch: pytest.M
     colours = dict(zip(NAMES, (*COLOURS, "#000000", "#999999", "#8B0000"), strict=True))
     for line, name in zip(lines, names, strict=True):
         values = np.asarray(shares.of[name]).reshape(301, -1).max(axis=1)
-        np.testing.assert_allclose(line.get_ydata(), 100 * values, rtol=1e-12)
+        np.testing.assert_allclose(np.asarray(line.get_ydata()), 100 * values, rtol=1e-12)
         np.testing.assert_array_equal(line.get_xdata(), TIME)
         label, used = str(line.get_label()).rsplit(", ", 1)
         assert label == NAMES[name]

@@ -75,14 +75,15 @@ def _closed_form(time: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         s = min(max(t / 1.2, 0), 1)
         return 10 * s**3 - 15 * s**4 + 6 * s**5
 
+    series: Any = SWING
     rows = []
     for t in time:
         pose = np.array([0.1, -0.2, 3.0, 0.05, -0.1, 0.2])
         window = rise(t) * (1 - rise(t - 3.8))
         for k in range(2):
             angle = 2 * np.pi * (k + 1) * 0.4 * t
-            a = np.array([*SWING.position_sine[k], *SWING.orientation_sine[k]])
-            b = np.array([*SWING.position_cosine[k], *SWING.orientation_cosine[k]])
+            a = np.array([*series.position_sine[k], *series.orientation_sine[k]])
+            b = np.array([*series.position_cosine[k], *series.orientation_cosine[k]])
             pose = pose + window * (a * np.sin(angle) + b * np.cos(angle))
         rows.append(pose)
     return np.array(rows)
@@ -216,6 +217,7 @@ def test_poses_of_a_path_may_be_lists_or_arrays_of_numbers_or_quantities() -> No
     for poses in given:
         path = gs.ViaPath(poses=poses, timing=1.5)
         assert path.poses == [pytest.approx(tuple(row)) for row in rows]
+    alone: dict[str, Any]
     for alone in ({"margin": 0.1}, {"ramp": 0.1}):
         with pytest.raises(gs.GoughStewartError, match="margin and ramp need timing = 'fastest'"):
             gs.ViaPath(poses=rows, timing=1.5, **alone)
