@@ -136,7 +136,7 @@ def _one(changes: Mapping[int, Change], n: int) -> Change:
     whose = np.array([member in changes for member in range(n)])
     each = [changes.get(member, some) for member in range(n)]
     values = {name: _values([change.parameters[name] for change in each]) for name in some.parameters}
-    wrench = None if some.external_wrench is None else _arrays([change.external_wrench for change in each])
+    wrench = _arrays([change.external_wrench for change in each])
     return Change(some.time, values, wrench, None if whose.all() else whose)
 
 

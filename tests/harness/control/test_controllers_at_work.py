@@ -244,3 +244,16 @@ def test_the_seed_of_the_record_gives_its_noise_again(member: int | None) -> Non
         assert seed["spawn_key"][-1] == member
     noise = at_samples(record, "measured.leg_length") - at_samples(record, "leg_length")
     assert noise == pytest.approx(1e-4 * rng.standard_normal(noise.shape), abs=1e-14)
+
+
+def test_warnings_of_a_users_arithmetic_are_seen_in_a_run_and_not_in_an_ensemble() -> None:
+    """Expected: NumPy's warning for one; of many members, whose numbers may be anything once they have ended, none."""
+
+    def divides(sample: gs.Sample) -> FloatArray:
+        return np.where(np.ones(6) / np.zeros(6) > 0, 30.0 + 0 * sample.measured["leg_length"], 0.0)
+
+    with pytest.warns(RuntimeWarning, match="divide by zero"):
+        run_of(divides)
+    ensemble = {"members": 2, "platform_mass": {"normal": "1 kg"}}
+    found = gs.ensemble(experiment_of("pd", **TABLES, ensemble=ensemble), controller=divides, workers=1)
+    assert found.members["outcome"].to_list() == ["completed"] * 2

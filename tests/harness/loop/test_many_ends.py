@@ -46,6 +46,18 @@ def without_a_number(sample: Sample) -> FloatArray:
     return np.where((np.arange(6) == 3) & (sample.time > 0.145), np.nan, FORCES)
 
 
+LATE = ["jitter", "delays", "rate_limit", "noise", "feedforward"]
+
+
+def late_members() -> list[Member]:
+    """The same ends, of members whose samples are late, each in its own way, behind delays and rate limits."""
+    some = []
+    for k, each in enumerate(ending_members()):
+        loop = member_of(k, each.controller, LATE).loop
+        some.append(replace(each, loop=replace(loop, limits=each.loop.limits)))
+    return some
+
+
 def ending_members() -> list[Member]:
     """Two that run to their end among five that do not."""
     at_ease = member_of(0, law_of_member(0))
@@ -72,6 +84,17 @@ def test_members_end_each_for_its_cause_and_the_others_go_on() -> None:
     statuses = [outcome.status for outcome in many.outcomes]
     assert statuses == ["completed", "diverged", "stopped", "stopped", "diverged", "diverged", "completed"]
     assert len({outcome.time for outcome in many.outcomes}) == 6
+
+
+def test_members_whose_samples_are_late_end_as_they_do_alone() -> None:
+    """Expected: outcome, words and rows of single runs; some end while others have yet to be sampled."""
+    some = late_members()
+    many = side_by_side(some)
+    for k, each in enumerate(some):
+        single = alone(each)
+        assert_same(many, k, single)
+        assert many.outcomes[k] == single.outcome
+    assert len({outcome.time for outcome in many.outcomes}) > 3
 
 
 def test_members_that_have_ended_stand_still() -> None:
