@@ -217,8 +217,8 @@ def test_poses_of_a_path_may_be_lists_or_arrays_of_numbers_or_quantities() -> No
     for poses in given:
         path = gs.ViaPath(poses=poses, timing=1.5)
         assert path.poses == [pytest.approx(tuple(row)) for row in rows]
-    alone: dict[str, Any]
-    for alone in ({"margin": 0.1}, {"ramp": 0.1}):
+    options: list[dict[str, Any]] = [{"margin": 0.1}, {"ramp": 0.1}]
+    for alone in options:
         with pytest.raises(gs.GoughStewartError, match="margin and ramp need timing = 'fastest'"):
             gs.ViaPath(poses=rows, timing=1.5, **alone)
         assert gs.ViaPath(poses=rows, timing="fastest", **alone).timing == "fastest"
