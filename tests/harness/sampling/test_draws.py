@@ -1,0 +1,304 @@
+"""Draws as the table of an ensemble has them: each distribution, design and correlation by its definition."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.model.vectors import FloatArray
+from tests.support.uneven import UNEVEN
+
+N = 128
+J = UNEVEN.platform_inertia
+PARAMETERS = {
+    name: np.asarray(getattr(UNEVEN, name)).tolist()
+    for name in ("platform_mass", "platform_com", "platform_inertia", "leg_lower_mass", "leg_armature", "gravity")
+}
+
+
+def table_of(ensemble: dict[str, Any], **settings: Any) -> dict[str, Any]:
+    """The columns of what varies, in a run of four steps."""
+    quick = {"loop.duration": 4e-3, "plant.parameters": PARAMETERS, "limits.reference": "warn", **settings}
+    found = gs.ensemble("heave_step", {**quick, "ensemble": {"worst": 0, "seed": 8, **ensemble}}, workers=1)
+    names = [name for name in found.members.columns if name.startswith("varied.")]
+    return {name.removeprefix("varied."): found.members[name].to_numpy() for name in names}
+
+
+def vector(columns: dict[str, Any], name: str) -> FloatArray:
+    """The elements of a vector or matrix in order (n, size)."""
+    return np.column_stack([values for key, values in columns.items() if key.startswith(f"{name}[")])
+
+
+# How each varies, and the distribution of each of its elements.
+DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
+    "platform_mass": ({"normal": ["12 kg", "900 g"]}, [stats.norm(12, 0.9)]),
+    "leg_lower_mass": ({"lognormal": ["2 kg", 0.2]}, [stats.lognorm(0.2, scale=2)]),
+    "leg_upper_mass": ({"lognormal": 0.3}, [stats.lognorm(0.3, scale=gs.load_preset("motion_base").leg_upper_mass)]),
+    "leg_armature": ({"truncated_normal": [2, 1.5, 0.5, 2.5]}, [stats.truncnorm(-1, 1 / 3, 2, 1.5)]),
+    "leg_viscous_friction": ({"uniform": [5, "11 N.s/m"]}, [stats.uniform(5, 6)]),
+    "platform_com": (
+        {"normal": [["10 mm", "20 mm", "-30 mm"], ["1 mm", "2 mm", "3 mm"]]},
+        [stats.norm(0.01 * k, 1e-3 * abs(k)) for k in (1, 2, -3)],
+    ),
+    "gravity": (
+        {"truncated_normal": [[0.1, 0.2, 0.4], 0.3]},
+        [stats.truncnorm(-0.3 / s, 0.3 / s, g, s) for g, s in zip(UNEVEN.gravity, (0.1, 0.2, 0.4), strict=True)],
+    ),
+    "platform.platform_com": (
+        {"uniform": [[0, 0.1, 0.2], ["1 cm", "12 cm", "23 cm"]]},
+        [stats.uniform(a, b) for a, b in ((0, 0.01), (0.1, 0.02), (0.2, 0.03))],
+    ),
+    "disturbance.1.force": (
+        {"offset": {"normal": [["1 N", 2, 3], [4, 5, "0.006 kN"]]}},
+        [stats.norm(11, 4), stats.norm(22, 5), stats.norm(33, 6)],
+    ),
+    "sensors.noise.leg_length": (
+        {"factor": {"truncated_normal": [1, 0.5, 0.4, 3]}},
+        [stats.truncnorm(-1.2, 4, 2e-6, 1e-6)],
+    ),
+}
+OTHERS = {
+    "disturbance": [{"at": 0, "duration": 1e-3, "force": [10, 20, 30]}],
+    "sensors.noise": {"leg_length": 2e-6},
+}
+
+
+def _nested(key: str, value: Any) -> dict[str, Any]:
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    return dict(value)
+
+
+def _merged(tables: list[dict[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for table in tables:
+        for key, value in table.items():
+            both = isinstance(found.get(key), dict) and isinstance(value, dict)
+            found[key] = _merged([found[key], value]) if both else value
+    return found
+
+
+@pytest.fixture(scope="module", params=["latin_hypercube", "sobol"])
+def layered(request: pytest.FixtureRequest) -> dict[str, Any]:
+    """Draws of which each element has one in each of N layers of equal probability."""
+    ensemble = _merged([_nested(key, how) for key, (how, _) in DISTRIBUTIONS.items()])
+    return table_of({"members": N, "sampling": request.param, **ensemble}, **OTHERS)
+
+
+@pytest.mark.parametrize("key", DISTRIBUTIONS)
+def test_every_element_has_one_draw_in_each_layer_of_its_distribution(key: str, layered: dict[str, Any]) -> None:
+    """Expected: SciPy's distributions; a Latin hypercube, and 2⁷ points of Sobol', have one in each of 128 layers."""
+    expected = DISTRIBUTIONS[key][1]
+    values = layered[key][:, None] if len(expected) == 1 else vector(layered, key)
+    assert values.shape == (N, len(expected))
+    for column, distribution in zip(values.T, expected, strict=True):
+        layers = np.sort(np.floor(N * distribution.cdf(column) + 1e-9))
+        assert (layers == np.arange(N)).all()
+    # elements are drawn for themselves
+    if len(expected) > 1:
+        off = np.corrcoef(values.T) - np.eye(len(expected))
+        assert np.abs(off).max() < 5 / np.sqrt(N)
+
+
+def test_a_symmetric_matrix_varies_as_one(layered: dict[str, Any]) -> None:
+    """Expected: a factor for all elements; else six numbers, each with its own deviation about its own element."""
+    deviations = [[0.1, 0.02, 0.03], [0.02, 0.2, 0.04], [0.03, 0.04, 0.3]]
+    ensemble = {"members": N, "sampling": "latin_hypercube", "platform_inertia": {"normal": [J.tolist(), deviations]}}
+    values = vector(table_of(ensemble), "platform_inertia").reshape(N, 3, 3)
+    assert (values == np.swapaxes(values, 1, 2)).all()
+    upper = np.triu_indices(3)
+    u = stats.norm.cdf((values - J) / deviations)[:, *upper]
+    assert (np.sort(np.floor(N * u + 1e-9), axis=0) == np.arange(N)[:, None]).all()
+    assert np.abs(np.corrcoef(u.T) - np.eye(6)).max() < 5 / np.sqrt(N)
+    factor = {"members": N, "sampling": "latin_hypercube", "platform_inertia": {"factor": {"uniform": [0.5, 1.5]}}}
+    layers = np.floor(N * (table_of(factor)["platform_inertia.factor"] - 0.5))
+    assert (np.sort(layers) == np.arange(N)).all()
+    assert layered.keys() & {"platform_inertia.factor"} == set()
+
+
+CORRELATION = np.array([[1, 0.7, -0.3, 0.2], [0.7, 1, 0.1, 0.4], [-0.3, 0.1, 1, -0.5], [0.2, 0.4, -0.5, 1]])
+COVARIANCE = np.array([[4.0, 1.2, 0.1], [1.2, 1.0, 0.2], [0.1, 0.2, 0.25]])
+
+
+@pytest.mark.parametrize(("sampling", "within"), [("random", 4.5), ("sobol", 1.5), ("latin_hypercube", 1.0)])
+def test_normal_scores_have_the_correlation_of_the_matrix_in_its_order(sampling: str, within: float) -> None:
+    """Expected: of 500 draws each of 21 pairs, of vectors too, within 4.5 standard errors (1 − ρ²)/√n.
+
+    Random draws exceed that in any pair once in 7000 seeds; the others are nearer to their matrix than chance.
+    """
+    ensemble = {
+        "members": 500,
+        "sampling": sampling,
+        "leg_armature": {"uniform": [1, 2]},
+        "platform_com": {"normal": ["1 mm", "2 mm"]},
+        "correlation": [{"of": ["platform_com", "leg_armature"], "matrix": CORRELATION.tolist()}],
+        "covariance": [{"of": ["leg_lower_mass", "platform_mass", "leg_upper_mass"], "matrix": COVARIANCE.tolist()}],
+    }
+    drawn = table_of(ensemble)
+    com = (vector(drawn, "platform_com") - 1e-3) / 2e-3
+    scores = np.column_stack([com, stats.norm.ppf(drawn["leg_armature"] - 1)])
+    masses = np.column_stack([drawn[name] for name in ("leg_lower_mass", "platform_mass", "leg_upper_mass")])
+    middle = [UNEVEN.leg_lower_mass, UNEVEN.platform_mass, gs.load_preset("motion_base").leg_upper_mass]
+    deviations = np.sqrt(np.diag(COVARIANCE))
+    z = np.column_stack([scores, (masses - middle) / deviations])
+    R = np.eye(7)
+    R[:4, :4], R[4:, 4:] = CORRELATION, COVARIANCE / np.outer(deviations, deviations)
+    gap = np.abs(np.corrcoef(z.T) - R) * np.sqrt(500) / (1 - R**2 + np.eye(7))
+    assert gap.max() < 4.5
+    assert max(gap[:4, :4].max(), gap[4:, 4:].max()) < within
+    # 7 means and variances, each two-sided with a false alarm of 1 in 10⁵
+    assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(500)
+    low, high = (float(stats.chi2.ppf(p, 499)) / 499 for p in (5e-6, 1 - 5e-6))
+    assert ((low < z.var(axis=0)) & (z.var(axis=0) < high)).all()
+
+
+def test_grids_and_choices_give_their_values_and_go_through_all_combinations() -> None:
+    """Expected: counted with the last place fastest, whatever is random beside it; each value of a choice as often."""
+    ensemble = {
+        "members": 120,
+        "platform_mass": {"grid": ["10 kg", 12, "0.015 t"]},
+        "controller": {"damping_ratio": {"choice": [0.6, 0.7, 1.1]}, "feedforward": {"grid": ["gravity", "none"]}},
+        "loop": {"delay": {"choice": [0, 2]}},
+        "leg_armature": {"factor": {"grid": [0.5, 1, 2, 4]}},
+        "gravity": {"choice": [[0, 0, -9.81], ["1 m/s2", 2, -9]]},
+    }
+    drawn = table_of(ensemble)
+    found = list(
+        zip(
+            drawn["controller.feedforward"].tolist(),
+            drawn["leg_armature"].tolist(),
+            drawn["platform_mass"].tolist(),
+            strict=True,
+        )
+    )
+    kinds = [("gravity", "none"), [0.5 * 1.7, 1.7, 2 * 1.7, 4 * 1.7], [10.0, 12.0, 15.0]]
+    expected = [(a, b, c) for a in kinds[0] for b in kinds[1] for c in kinds[2]]
+    assert [(a, pytest.approx(b), pytest.approx(c)) for a, b, c in expected] * 5 == found
+    # of 120 each value of three, two-sided at 4.5 standard deviations: 1 in 10⁵
+    for name, values in (("controller.damping_ratio", (0.6, 0.7, 1.1)), ("loop.delay", (0, 2))):
+        share = 1 / len(values)
+        counts = [int((drawn[name] == value).sum()) for value in values]
+        assert sum(counts) == 120
+        assert max(abs(count / 120 - share) for count in counts) < 4.5 * np.sqrt(share * (1 - share) / 120)
+    rows = {tuple(row) for row in vector(drawn, "gravity").tolist()}
+    assert rows == {(0, 0, -9.81), (1, 2, -9)}
+
+
+def test_saltellis_design_changes_one_input_after_the_other() -> None:
+    """Expected: of five rows A, A with one input from B each, and B; 2⁴ points of A and of B fill the 16 layers."""
+    ensemble = {
+        "members": 80,
+        "sampling": "saltelli",
+        "platform_mass": {"uniform": [10, 11]},
+        "platform_com": {"uniform": [0, 1]},
+        "leg_armature": {"uniform": [1, 2]},
+    }
+    drawn = table_of(ensemble)
+    points = np.column_stack([drawn["leg_armature"] - 1, vector(drawn, "platform_com"), drawn["platform_mass"] - 10])
+    blocks = points.reshape(16, 5, 5)
+    first, last = blocks[:, 0], blocks[:, 4]
+    assert not np.isclose(first, last).any()
+    for k, group in enumerate((slice(0, 1), slice(1, 4), slice(4, 5))):
+        mixed = first.copy()
+        mixed[:, group] = last[:, group]
+        assert np.allclose(blocks[:, 1 + k], mixed, atol=1e-12)
+    for part in (first, last):
+        assert (np.sort(np.floor(16 * part), axis=0) == np.arange(16)[:, None]).all()
+
+
+def test_random_draws_depend_on_seed_name_and_number_alone() -> None:
+    """Expected: the same for fewer members and beside another input; others for another seed; uniform.
+
+    By Kolmogorov and Smirnov, false alarm of 1 in 2000 a column; correlations below 4.4 standard errors, 1 in 10⁵.
+    """
+    alone = {"platform_mass": {"uniform": [10, 11]}, "platform_com": {"uniform": [0, 1]}}
+    many = table_of({"members": 400, **alone})
+    beside = table_of({"members": 90, "leg_armature": {"uniform": [1, 2]}, **alone})
+    for name in ("platform_mass", "platform_com[1]", "platform_com[3]"):
+        assert (beside[name] == many[name][:90]).all()
+    other = table_of({"members": 90, **alone, "seed": 9})
+    assert not np.isclose(other["platform_mass"], many["platform_mass"][:90]).any()
+    u = np.column_stack([many["platform_mass"] - 10, vector(many, "platform_com")])
+    assert all(stats.kstest(column, "uniform").pvalue > 0.0005 for column in u.T)
+    assert np.abs(np.corrcoef(u.T) - np.eye(4)).max() < 4.4 / np.sqrt(400)
+    assert np.abs(np.corrcoef(u[1:, 0], u[:-1, 0])[0, 1]) < 4.4 / np.sqrt(400)
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "two kinds": (
+        {"platform_mass": {"normal": [1, 1], "grid": [1, 2]}},
+        "ensemble: platform_mass: expected one of normal, uniform, truncated_normal, lognormal, choice, grid, factor, "
+        "offset; found normal and grid",
+    ),
+    "an empty table": (
+        {"controller": {"bandwidth": 3}},
+        "controller.bandwidth: is 3; expected a setting of the ensemble",
+    ),
+    "too many bounds": (
+        {"platform_mass": {"uniform": [1, 2, 3]}},
+        "ensemble.platform_mass: uniform is [1, 2, 3]; expected [low, high], or half the width about the present value",
+    ),
+    "one bound": (
+        {"platform_mass": {"truncated_normal": [1, 2, 3]}},
+        "truncated_normal is [1, 2, 3]; expected [mean, standard deviation, low, high], or [standard deviation, bound] "
+        "about the present value",
+    ),
+    "two medians": (
+        {"platform_mass": {"lognormal": [1, 2, 3]}},
+        "lognormal is [1, 2, 3]; expected [median, standard deviation of the logarithm], or that deviation about the "
+        "present value",
+    ),
+    "a bound of zero": ({"platform_mass": {"truncated_normal": [1, 0]}}, "without a spread; expected a bound > 0"),
+    "no deviation": (
+        {"platform_mass": {"truncated_normal": [0, 1]}},
+        "without a spread; expected a standard deviation > 0",
+    ),
+    "bounds the wrong way round": (
+        {"platform_mass": {"truncated_normal": [5, 1, 6, 4]}},
+        "expected the lower bound below the upper one",
+    ),
+    "half a width of zero": ({"platform_mass": {"uniform": 0}}, "without a spread; expected a half width > 0"),
+    "a logarithm's deviation": (
+        {"platform_mass": {"lognormal": [1, 0]}},
+        "without a spread; expected a deviation of the logarithm > 0",
+    ),
+    "too few elements": ({"gravity": {"normal": [[0, 0, 1], [1, 1]]}}, "is [1, 1]; expected 3 elements"),
+    "one element without a spread": (
+        {"gravity": {"uniform": [[0, 0, 0], [1, 0, 1]]}},
+        "expected the lower bound below the upper one",
+    ),
+    "an offset of an offset": (
+        {"platform_mass": {"offset": {"offset": {"normal": 1}}}},
+        "offset of a offset; expected a distribution in it",
+    ),
+    "an offset of a factor": (
+        {"platform_mass": {"offset": {"factor": {"normal": 1}}}},
+        "offset of a factor; expected a distribution in it",
+    ),
+    "no names": ({"correlation": [{"of": [], "matrix": []}]}, "of is []; expected different names"),
+    "not square": (
+        {"correlation": [{"of": ["gravity", "platform_mass"], "matrix": [[1, 0]]}]},
+        "the matrix has shape (1, 2)",
+    ),
+    "too many for a hypercube": (
+        {"members": 10_000_000, "sampling": "latin_hypercube", "gravity": {"normal": 1}},
+        "a Latin hypercube of 10000000 members with 3 numbers each can only be drawn as a whole; expected at most "
+        "20000000 numbers; use sampling = 'sobol' or 'random'",
+    ),
+    "not a multiple": (
+        {"members": 13, "sampling": "saltelli", "gravity": {"normal": 1}, "platform_mass": {"normal": 1}},
+        "members is 13; Saltelli's design needs 4 per point (2 inputs plus 2), expected a multiple, for instance 12",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_is_no_variation_says_what_is_expected(what: str) -> None:
+    """Expected: found, expected, remedy, written out here."""
+    table, message = WRONG[what]
+    with pytest.raises(ExperimentError) as caught:
+        gs.run("heave_step", {"ensemble": table}, member=0)
+    assert message in str(caught.value)

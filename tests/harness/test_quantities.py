@@ -1,0 +1,208 @@
+"""Every unit, bound and message of quantities, from a table written for the test."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from gough_stewart.harness import quantities
+from gough_stewart.harness.quantities import PLAIN, UNITS, Unit, Vector, channels, number, positive_or_word, quantity_in
+from gough_stewart.harness.quantities import vector as vector_of
+
+PI = 3.141592653589793
+# Each unit as so many SI units, from the SI brochure: rad/s as a frequency are turns of 2π, rpm 60 to the minute.
+MEANT = {
+    "m": [("m", 1.0), ("cm", 0.01), ("mm", 0.001), ("um", 1e-6), ("µm", 1e-6)],
+    "rad": [("rad", 1.0), ("mrad", 0.001), ("deg", PI / 180), ("°", PI / 180)],
+    "s": [("s", 1.0), ("ms", 0.001), ("us", 1e-6), ("µs", 1e-6), ("ns", 1e-9), ("min", 60.0)],
+    "Hz": [("Hz", 1.0), ("kHz", 1000.0), ("rad/s", 0.5 / PI), ("rpm", 1 / 60)],
+    "m/s": [("m/s", 1.0), ("mm/s", 0.001)],
+    "rad/s": [("rad/s", 1.0), ("deg/s", PI / 180)],
+    "N": [("N", 1.0), ("kN", 1000.0)],
+    "N/s": [("N/s", 1.0), ("kN/s", 1000.0)],
+    "N.m": [("N.m", 1.0), ("N m", 1.0), ("Nm", 1.0), ("kN.m", 1000.0)],
+    "N/m": [("N/m", 1.0), ("kN/m", 1000.0), ("N/mm", 1000.0)],
+    "N.s/m": [("N.s/m", 1.0), ("N s/m", 1.0), ("kN.s/m", 1000.0)],
+    "1": [("1", 1.0), ("%", 0.01)],
+    "N/(m.s)": [("N/(m.s)", 1.0), ("N/(m s)", 1.0), ("kN/(m.s)", 1000.0)],
+    "kg": [("kg", 1.0), ("g", 0.001), ("t", 1000.0)],
+    "kg.m2": [("kg.m2", 1.0), ("kg m2", 1.0), ("kg m²", 1.0)],
+    "m/s2": [("m/s2", 1.0), ("m/s²", 1.0)],
+    "W": [("W", 1.0), ("kW", 1000.0)],
+}
+
+
+def test_every_unit_is_what_it_means() -> None:
+    """Expected: the table above, which is complete; with a space or without, signed, with an exponent."""
+    assert list(UNITS) == list(MEANT)
+    for kind, units in MEANT.items():
+        assert list(UNITS[kind]) == [unit for unit, _ in units]
+        for unit, size in units:
+            assert number(f"3.7 {unit}", kind) == pytest.approx(3.7 * size, rel=1e-14)
+            gap = " " if unit == "1" else ""  # else a digit
+            assert number(f" -2.5e2{gap}{unit} ", kind) == pytest.approx(-250 * size, rel=1e-14)
+            assert number(f"+.5 {unit}", kind) == pytest.approx(0.5 * size, rel=1e-14)
+        assert number(np.float32(1.5), kind) == 1.5
+        assert number(np.int64(3), kind) == 3
+    assert number("4 \N{GREEK SMALL LETTER MU}m", "m") == pytest.approx(4e-6)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "message"),
+    [
+        ("3", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm"),
+        ("three m", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm"),
+        (
+            "3 kg",
+            "m",
+            "expected a number of m, or a string with one of the units m, cm, mm, um, µm; found the unit 'kg'",
+        ),
+        (True, "N", "expected a number of N, or a string with one of the units N, kN"),
+        (None, "N", "expected a number of N, or a string with one of the units N, kN"),
+        ([1.0], "N", "expected a number of N, or a string with one of the units N, kN"),
+        (1.01e12, "N", "expected a number of at most 1e+12 in SI units"),
+        (-1.01e12, "N", "expected a number of at most 1e+12 in SI units"),
+        ("-2e9 kN", "N", "expected a number of at most 1e+12 in SI units"),
+        (math.nan, "N", "expected a number of at most 1e+12 in SI units"),
+        ("3", PLAIN, "expected a number"),
+        (True, PLAIN, "expected a number"),
+    ],
+)
+def test_what_is_no_quantity_says_what_is_one(value: Any, unit: str, message: str) -> None:
+    """Expected: the whole text, and the bound from both sides."""
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the text is what is looked at
+        number(value, unit)
+    assert str(caught.value) in (
+        message,
+        message.replace("of at most 1e+12 in SI units", "of N, or a string with one of the units N, kN"),
+    )
+
+
+def test_the_largest_number_is_still_one() -> None:
+    assert number(1e12, "N") == 1e12
+    assert number("-1e9 kN", "N") == -1e12
+    assert number(2, PLAIN) == 2
+
+
+def test_vectors_have_their_size_and_channels_may_be_one_number() -> None:
+    """Expected: elements in order with their own units; messages with index and count."""
+    assert vector_of(["1 mm", 2, "3 cm"], "m", 3) == pytest.approx((1e-3, 2, 0.03))
+    assert vector_of(np.array([1.0, 2.0]), "Hz", 2) == (1, 2)
+    assert channels("2 kN/m", "N/m", 6) == (2000,) * 6
+    assert channels([1, "2 kN/m", 3], "N/m", 3) == (1, 2000, 3)
+    wrong: list[tuple[Callable[[], Any], str]] = [
+        (lambda: vector_of([1, 2], "m", 3), "expected a list of 3 [m]; found 2 values"),
+        (lambda: vector_of(4, "m", 3), "expected a list of 3 [m]; found one value"),
+        (lambda: vector_of([1, 2, "3 s"], "m", 3), "value 3 of 3: expected a number of m"),
+        (lambda: channels([1, 2], "N/m", 6), "expected a number [N/m] or a list of 6; found 2 values"),
+        (lambda: channels([1, "2 s", 3], "N/m", 3), "value 2 of 3: expected a number of N/m"),
+    ]
+    for call, message in wrong:
+        with pytest.raises(ValueError) as caught:  # noqa: PT011
+            call()
+        assert str(caught.value).startswith(message)
+
+
+def test_a_word_may_stand_for_a_positive_quantity() -> None:
+    """Expected: the words themselves, sizes above zero, and both in the messages."""
+    assert positive_or_word("none", "N", "platform", "none") == "none"
+    assert positive_or_word("2 kN", "N", "platform", "none") == 2000
+    for value, message in (
+        (0, "expected > 0 N, or 'platform', or 'none'"),
+        (-1, "expected > 0 N, or 'platform', or 'none'"),
+        (
+            "weak",
+            "expected a number of N, or a string with one of the units N, kN; or 'platform', or 'none'",
+        ),
+    ):
+        with pytest.raises(ValueError) as caught:  # noqa: PT011
+            positive_or_word(value, "N", "platform", "none")
+        assert str(caught.value) == message
+
+
+# The types of fields: unit, size (0 for a number), and what bounds them.
+FIELDS: dict[str, tuple[str, int, str]] = {
+    "Share": ("1", 0, "share"),
+    "Number": (PLAIN, 0, ""),
+    "PositiveNumber": (PLAIN, 0, "> 0"),
+    "AnyTime": ("s", 0, ""),
+    "Time": ("s", 0, ">= 0"),
+    "PositiveTime": ("s", 0, "> 0"),
+    "PositiveLength": ("m", 0, "> 0"),
+    "Angle": ("rad", 0, ""),
+    "Frequency": ("Hz", 0, "> 0"),
+    "Band": ("Hz", 2, ""),
+    "PositiveForce": ("N", 0, "> 0"),
+    "PositiveForceRate": ("N/s", 0, "> 0"),
+    "Position": ("m", 3, ""),
+    "Orientation": ("rad", 3, ""),
+    "Velocity": ("m/s", 3, ""),
+    "AngularVelocity": ("rad/s", 3, ""),
+    "Force": ("N", 3, ""),
+    "Torque": ("N.m", 3, ""),
+    "LegForces": ("N", 6, ""),
+    "ProportionalGains": ("N/m", 6, "channels"),
+    "DerivativeGains": ("N.s/m", 6, "channels"),
+    "IntegralGains": ("N/(m.s)", 6, "channels"),
+}
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
+    """Expected: the table above; a text in the last unit of its row, from both sides of the bound."""
+    unit, size, bound = FIELDS[name]
+    field = TypeAdapter(getattr(quantities, name))
+    factor = 1.0
+    last = ""
+    if unit != PLAIN:
+        last, factor = MEANT[unit][-1]
+
+    def written(value: float) -> Any:
+        one = f"{value} {last}" if unit != PLAIN else value
+        return [one] * size if size else one
+
+    found = field.validate_python(written(0.5))
+    assert np.ravel(found) == pytest.approx(0.5 * factor)
+    assert np.size(found) == max(size, 1)
+    annotation = quantity_in(getattr(quantities, name))
+    assert annotation is not None
+    assert annotation.unit == unit
+    assert (annotation.size if isinstance(annotation, Vector) else 0) == size
+    assert isinstance(annotation, Unit) == (name == "Share")
+    if bound in ("> 0", ">= 0"):
+        for value in (-0.5, 0.0):
+            if value == 0 and bound == ">= 0":
+                assert field.validate_python(written(value)) == 0
+                continue
+            with pytest.raises(ValidationError, match=f"expected {bound}{f' {unit}' if unit else ''}"):
+                field.validate_python(written(value))
+    elif bound != "share":
+        assert np.ravel(field.validate_python(written(-0.5))) == pytest.approx(-0.5 * factor)
+    if bound == "channels":
+        assert field.validate_python(f"0.5 {last}") == pytest.approx((0.5 * factor,) * 6)
+    elif size:
+        with pytest.raises(ValidationError, match=f"expected a list of {size}"):
+            field.validate_python(0.5)
+
+
+def test_a_share_is_from_nothing_to_below_all() -> None:
+    """Expected: both ends, as numbers and in percent."""
+    share: Any = TypeAdapter(quantities.Share)
+    assert [share.validate_python(value) for value in (0, "0 %", 0.25, "25 %", "99.9 %")] == pytest.approx(
+        [0, 0, 0.25, 0.25, 0.999]
+    )
+    for value in (1, "100 %", -0.01, "-1 %"):
+        with pytest.raises(
+            ValidationError, match="expected a number from 0 to below 1, or from '0 %' to below '100 %'"
+        ):
+            share.validate_python(value)
+    with pytest.raises(ValidationError, match="expected a number from 0 to below 1, or a string such as '10 %'"):
+        share.validate_python("10 m")
+
+
+def test_a_type_without_a_quantity_has_none() -> None:
+    assert quantity_in(int, str) is None
+    assert quantity_in(str, quantities.Force | None) == Vector("N", 3)

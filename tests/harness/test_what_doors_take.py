@@ -1,0 +1,201 @@
+"""What each parameter of public functions takes by its name: values as they become, and whole messages of the rest."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.doors import with_door
+from gough_stewart.model.errors import ArgumentError
+
+MOTION_BASE = gs.load_preset("motion_base")
+RECORD = gs.run("heave_step", {"loop.duration": 0.01, "reference.at": 0.005})
+
+
+def function_of(name: str, called: str = "taker") -> Any:
+    """A public function with one parameter, which it returns."""
+    made: dict[str, Any] = {}
+    exec(f"def {called}({name}): return {name}", made)
+    return with_door(made[called])
+
+
+def nothing() -> None:
+    """A function."""
+
+
+WHOLE = (
+    *("member", "members", "seed", "workers", "generations", "population", "fresh"),
+    *("harmonics", "trials", "points", "max_iterations"),
+)
+HERTZ, FUNCTIONS = ("bandwidth", "frequency", "cutoff"), ("progress", "status", "warn", "injection")
+SECONDS = ("duration", "fade", "sample_time", "integral_time", "derivative_filter", "anti_windup_time")
+PATHS, TEXTS = ("out", "path", "folder", "fmu"), ("vary", "subject_to", "estimate")
+PLATFORMS = ("platform", "parameters", "nominal", "found")
+# By name: what is given, and what it becomes.
+TAKEN: dict[str, Sequence[tuple[Any, Any]]] = {
+    **dict.fromkeys(WHOLE, ((3, 3), (np.int64(-4), -4), (np.uint8(7), 7))),
+    **dict.fromkeys(HERTZ, ((2, 2.0), ("3 kHz", 3000.0), ("60 rpm", 1.0), (np.float32(0.5), 0.5))),
+    **dict.fromkeys(SECONDS, ((2, 2.0), ("3 ms", 0.003), ("2 min", 120.0))),
+    "quantile": [(0.95, 0.95), (-1, -1.0)],
+    "damping_ratio": [(0.7, 0.7)],
+    **dict.fromkeys(FUNCTIONS, ((nothing, nothing),)),
+    **dict.fromkeys(PATHS, (("a/b", "a/b"), (Path("a"), Path("a")))),
+    **dict.fromkeys(TEXTS, (("a=1..2", ["a=1..2"]), (("a", "b", "c"), ["a", "b", "c"]))),
+    "minimise": [("force.peak", "force.peak")],
+    "settings": [("loop.delay=2", ["loop.delay=2"]), ({"loop.delay": 2}, {"loop.delay": 2}), (["a=1"], ["a=1"])],
+    "experiment": [("heave_step", "heave_step"), (Path("x.toml"), Path("x.toml")), (nothing, nothing)],
+    "records": [("folder", "folder"), ([RECORD, "folder"], [RECORD, "folder"])],
+    "log": [("log.csv", "log.csv"), (RECORD, RECORD), (["a", "b"], ["a", "b"])],
+    "record": [(RECORD, RECORD)],
+}
+EXPECTED = {
+    **dict.fromkeys(WHOLE, "a whole number, such as 3"),
+    **dict.fromkeys(HERTZ, "a number of Hz above 0, or a text with one of the units Hz, kHz, rad/s, rpm"),
+    **dict.fromkeys(SECONDS, "a number of s above 0, or a text with one of the units s, ms, us, µs, ns, min"),
+    **dict.fromkeys(("quantile", "damping_ratio"), "a number"),
+    **dict.fromkeys(FUNCTIONS, "a function"),
+    **dict.fromkeys(PATHS, "a path"),
+    **dict.fromkeys(TEXTS, "a text, or a list of texts"),
+    **dict.fromkeys(PLATFORMS, "a Platform, the name of a preset such as 'motion_base', or a platform file"),
+    "case": "a Platform, the name of a preset such as 'motion_base', or a platform file",
+    "minimise": "a text",
+    "settings": "a dict of keys and values, or texts such as 'loop.duration=1'",
+    "experiment": "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
+    "record": "a Record, or the folder or file of one",
+    "records": "a Record, the folder or file of one, or a list of them",
+    "log": "a Log, a Record, a file or folder of one, or a list of them",
+    "state": "a State(position, orientation, …)",
+    "acceleration": "an Acceleration(linear, angular)",
+    "gains": "Gains, or the result of gains_from_bandwidth",
+    "system": "a python-control system",
+    "position": "3 numbers of m, x, y, z, or an array (…, 3)",
+    "orientation": "3 numbers of rad, roll, pitch, yaw, or an array (…, 3)",
+    "leg_length": "6 numbers of m, one for each leg, or an array (…, 6)",
+    **dict.fromkeys(("over", "at"), "a dict by coordinate, such as {'z': 2.1} or {'x': ('-20 mm', '20 mm')}"),
+}
+WRONG: dict[str, Sequence[Any]] = {
+    **dict.fromkeys(WHOLE, (True, 3.0, "3", None)),
+    **dict.fromkeys(HERTZ, (0, -1, "0 Hz", "2 s", True, None, [1])),
+    **dict.fromkeys(SECONDS, (0, "-1 s", "2 Hz", False, None)),
+    **dict.fromkeys(("quantile", "damping_ratio"), ("0.5", True, None)),
+    **dict.fromkeys(TEXTS, (3, [1], ["a", 2], None)),
+    "settings": [3, None],
+    "records": [3, None],
+    "log": [3, {"a": 1}, None],
+    "gains": [3, "motion_base"],
+    "system": [3, "x"],
+    "state": [None, 3],
+    "acceleration": [None, [1, 2]],
+    "position": [[1, 2], 3, "x", None, ["a", 1, 2][1:], [1, 2, 3, 4], [True, True, False]],
+    "orientation": [[1, 2], None],
+    "leg_length": [[1, 2, 3], [[1, 2]], None],
+    **dict.fromkeys(("over", "at"), ("x", 3, None, [1])),
+}
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_a_value_becomes_what_a_function_takes(name: str) -> None:
+    """Expected: as written above, with Python's own types."""
+    for given, expected in TAKEN[name]:
+        found = function_of(name)(given)
+        assert found == expected
+        assert type(found) is type(expected)
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_anything_else_is_refused_by_name_value_and_expectation(name: str) -> None:
+    """Expected: the whole message."""
+    for given in WRONG.get(name, [3, None]):
+        with pytest.raises(ArgumentError) as caught:
+            function_of(name)(given)
+        assert str(caught.value) == f"{name} is {given!r}; expected {EXPECTED[name]}"
+
+
+def test_vectors_take_texts_with_units_and_arrays_with_leading_axes() -> None:
+    """Expected: SI units; what is wrong in a list with its place."""
+    assert function_of("position")(["1 mm", 2, "3 cm"]).tolist() == pytest.approx([1e-3, 2, 0.03])
+    assert function_of("orientation")(["180 deg", 0, "1 mrad"]).tolist() == pytest.approx([np.pi, 0, 1e-3])
+    assert function_of("leg_length")([*["2 m"] * 5, "25 cm"]).tolist() == pytest.approx([2] * 5 + [0.25])
+    many = np.arange(24.0).reshape(2, 4, 3)
+    assert function_of("position")(many) is many
+    with pytest.raises(ArgumentError, match=r"position\[2\] is '3 s'; expected a number of m, or a text"):
+        function_of("position")([1, "2 m", "3 s"])
+
+
+def test_coordinates_have_the_units_of_their_kind() -> None:
+    """Expected: lengths in m, angles in rad; ranges as pairs; None and unknown keys as they are."""
+    for name in ("over", "at"):
+        taken = function_of(name)({"x": ("-20 mm", 0.02), "yaw": "90 deg", "z": "2 cm", "pitch": None, "w": "so"})
+        assert taken == {
+            "x": (pytest.approx(-0.02), 0.02),
+            "yaw": pytest.approx(np.pi / 2),
+            "z": pytest.approx(0.02),
+            "pitch": None,
+            "w": "so",
+        }
+        with pytest.raises(ArgumentError, match=rf"{name}\['roll'\] is '3 mm'; expected a number of rad, or a text"):
+            function_of(name)({"roll": ["1 deg", "3 mm"]})
+
+
+@pytest.mark.parametrize("name", [*PLATFORMS, "case"])
+def test_platforms_come_from_presets_files_and_objects(name: str, tmp_path: Path) -> None:
+    gs.save_platform(MOTION_BASE, tmp_path / "own.toml")
+    for given in ("motion_base", tmp_path / "own.toml", str(tmp_path / "own.toml"), MOTION_BASE):
+        assert function_of(name)(given) == MOTION_BASE
+
+
+def test_lists_of_platforms_name_the_one_that_is_none() -> None:
+    stack = function_of("parameters", "stack")
+    assert stack(["motion_base", MOTION_BASE]) == [MOTION_BASE, MOTION_BASE]
+    with pytest.raises(ArgumentError, match=r"parameters\[1\] is 3; expected a Platform"):
+        stack(["motion_base", 3])
+    for given in ("motion_base", 3):
+        with pytest.raises(ArgumentError, match="expected a list of platforms, names of presets or platform files"):
+            stack(given)
+    with pytest.raises(ArgumentError, match=r"parameters is \[\]; expected at least one platform"):
+        stack([])
+
+
+def test_some_functions_take_more_under_a_name() -> None:
+    """Expected: frf a record or its path unread; estimates as one text or a list; names of experiments and presets."""
+    assert function_of("record", "frf")("nowhere") == "nowhere"
+    with pytest.raises(gs.GoughStewartError, match="nowhere"):
+        function_of("record")("nowhere")
+    with pytest.raises(ArgumentError, match=r"records\[1\] is 3; expected a Record, or the folder or file of one"):
+        function_of("records")([RECORD, 3])
+    for called in ("excite", "identify"):
+        assert function_of("estimate", called)("all") == "all"
+        assert function_of("estimate", called)(("a", "b")) == ["a", "b"]
+    assert function_of("name", "load_experiment")(Path("x")) == Path("x")
+    assert function_of("name", "load_preset")("x") == "x"
+    for called, given, expected in (("load_experiment", 3, "a path"), ("load_preset", Path("x"), "a text")):
+        with pytest.raises(ArgumentError, match=f"; expected {expected}$"):
+            function_of("name", called)(given)
+    # a name without a meaning of its own is passed on
+    assert function_of("title")(3) == 3
+
+
+def test_doors_keep_defaults_and_look_into_options() -> None:
+    """Expected: a default is not checked; options are taken by their own names; a long value is cut at 60 letters."""
+
+    def taker(platform: Any, bandwidth: Any = None, **options: Any) -> Any:
+        return platform, bandwidth, options
+
+    door = with_door(taker)
+    assert door("motion_base") == (MOTION_BASE, None, {})
+    assert door(MOTION_BASE, bandwidth=None, seed=np.int64(4), title=5) == (MOTION_BASE, None, {"seed": 4, "title": 5})
+    assert door(MOTION_BASE, "2 kHz")[1] == 2000
+    with pytest.raises(ArgumentError, match=r"^seed is 'x'; expected a whole number"):
+        door(MOTION_BASE, seed="x")
+    with pytest.raises(ArgumentError) as caught:
+        door(MOTION_BASE, "y" * 80)
+    assert str(caught.value).startswith(f"bandwidth is '{'y' * 56}…; expected a number of Hz above 0")
+    with pytest.raises(
+        ArgumentError, match=r"^taker: missing a required argument: 'platform'; expected taker\(platform, "
+    ):
+        door()
+    with pytest.raises(ArgumentError, match=r"; expected taker\(platform, bandwidth=…\)$"):
+        door(MOTION_BASE, 1, 2)
