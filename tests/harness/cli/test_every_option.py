@@ -51,11 +51,11 @@ class Notes:
                 notes.bars.append({"description": description, **options, "done": 0})
                 return task
 
-            def update(self, task: Any, **options: Any) -> None:
-                bar = notes.bars[notes.places[id(self), task]]
+            def update(self, task_id: Any, **options: Any) -> None:
+                bar = notes.bars[notes.places[id(self), task_id]]
                 bar |= {name: value for name, value in options.items() if name != "advance"}
                 bar["done"] += options.get("advance", 0)
-                super().update(task, **options)
+                super().update(task_id, **options)
 
         monkeypatch.setattr(terminal, "Progress", Told)
 
