@@ -1,5 +1,6 @@
 """How members end: each for its own cause, while the others go on as if they were alone."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -41,19 +42,20 @@ def failing(sample: Sample) -> FloatArray:
     return FORCES
 
 
-def without_a_number(sample: Sample) -> FloatArray:
-    """One force is none from 0.15 s on."""
-    return np.where((np.arange(6) == 3) & (sample.time > 0.145), np.nan, FORCES)
+def no_number_from(start: float) -> Callable[[Sample], FloatArray]:
+    """One force is none from a time on."""
+    return lambda sample: np.where((np.arange(6) == 3) & (sample.time > start), np.nan, FORCES)
 
 
-LATE = ["jitter", "delays", "rate_limit", "noise", "feedforward"]
+LATE = ["jitter", "delays", "force_limit", "rate_limit", "noise", "feedforward"]
 
 
 def late_members() -> list[Member]:
     """The same ends, of members whose samples are late, each in its own way, behind delays and rate limits."""
     some = []
-    for k, each in enumerate(ending_members()):
-        loop = member_of(k, each.controller, LATE).loop
+    several = [replace(ending_members()[4], controller=no_number_from(start)) for start in (0.055, 0.105, 0.195, 0.225)]
+    for k, each in enumerate([*ending_members(), *several]):
+        loop = member_of(k + 1, each.controller, LATE).loop  # those at ease with a delay of one sample
         some.append(replace(each, loop=replace(loop, limits=each.loop.limits)))
     return some
 
@@ -67,7 +69,7 @@ def ending_members() -> list[Member]:
         Member(loop, law_of_member(0), fails_at=0.05),
         Member(replace(loop, limits=Limits((0.5, 1.601), "stop", 0.5)), constant(-FORCES)),
         Member(loop, failing),
-        Member(loop, without_a_number),
+        Member(loop, no_number_from(0.145)),
         Member(replace(loop, limits=Limits((0.0, 9.0), "stop", 1e-3)), constant()),
         Member(loop, law_of_member(2), 1.3),
     ]
