@@ -116,15 +116,13 @@ class Candidates:
         waiting: list[tuple[tuple[int, int], Prepared]] = []
 
         def run_waiting() -> None:
-            for at in range(0, len(waiting), SIZE):
-                some = waiting[at : at + SIZE]
-                values, ended = self._run([each for _, each in some], names)
-                for ((c, k), _), row, (status, cause) in zip(some, values, ended, strict=True):
-                    numbers[c, k], completed[c, k] = row, status == "completed"
-                    if status != "completed":
-                        reasons.setdefault(c, cause)
-                if progress is not None:
-                    progress(len(some))
+            values, ended = self._run([each for _, each in waiting], names)
+            for ((c, k), _), row, (status, cause) in zip(waiting, values, ended, strict=True):
+                numbers[c, k], completed[c, k] = row, status == "completed"
+                if status != "completed":
+                    reasons.setdefault(c, cause)
+            if progress is not None:
+                progress(len(waiting))
             waiting.clear()
 
         for (c, k), each in self._prepared(axes, points):
@@ -134,7 +132,8 @@ class Candidates:
             waiting.append(((c, k), each))
             if len(waiting) == SIZE:
                 run_waiting()
-        run_waiting()
+        if waiting:
+            run_waiting()
         for at in [at for at, name in enumerate(names) if name.startswith(MARGINS)]:
             numbers[:, :, at] = [[margin] for margin in self._margins(axes, points, names[at])]
         kept = [k for k in range(self.members.count) if k not in self._left_out]

@@ -15,6 +15,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from rich.console import Console
+from rich.progress import Progress
 
 import gough_stewart as gs
 from gough_stewart.harness.output.colours import COLOURS
@@ -581,10 +582,22 @@ def test_the_case_is_the_papers_unless_one_is_given(monkeypatch: pytest.MonkeyPa
         seen.append(case)
         raise StopError
 
+    shown: list[Console] = []
+
+    def progress(*_columns: object, console: Console, **_: Any) -> Progress:
+        shown.append(console)
+        return Progress(console=console)
+
     monkeypatch.setattr(reproduce, "run_stepping", stop)
+    monkeypatch.setattr(reproduce, "Progress", progress)
     for given in (None, UNEVEN, CASE):
         with pytest.raises(StopError):
             reproduce.reproduce(given)
+    assert all(console.quiet for console in shown)
+    loud = Console(file=StringIO())
+    with pytest.raises(StopError):
+        reproduce.reproduce(CASE, loud)
+    assert shown[3] is loud
     assert seen[0].is_published
     assert seen[0].platform.name == "liu2000"
     assert seen[1].title == case_of(UNEVEN).title

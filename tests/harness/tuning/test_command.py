@@ -1,5 +1,6 @@
 """The command `tune`: its options reach the search, and what it writes and shows is what the search found."""
 
+import inspect
 import json
 import re
 import tomllib
@@ -15,6 +16,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import TuningError
 from tests.support.commands import invoke
+from tests.support.documented_metrics import METRICS
 from tests.support.uneven import UNEVEN
 
 _FILE = """
@@ -300,9 +302,23 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     """
     out, metric = folder / "one", "step_response.z.rise_time"
     short = ("--set", "loop.duration=0.28")
+    free = gs.tune(
+        folder / "mine.toml",
+        ["controller.bandwidth=0.2..2Hz"],
+        metric,
+        {"loop.duration": 0.28, "ensemble": {}},
+        subject_to=["force.rms > 0 N"],
+        members=1,
+        fresh=1,
+        generations=1,
+        population=6,
+    ).candidates
+    forces = sorted(row["force.rms"] for row in free.to_dicts() if np.isfinite(row["value"]))
+    bound = (forces[-1] + forces[-2]) / 2
     done = invoke(
         *("tune", str(folder / "mine.toml"), "--vary", "controller.bandwidth=0.2..2Hz", "--minimise", metric),
         *("--generations", "1", "--population", "6", "--out", str(out), *short),
+        *("--subject-to", f"force.rms < {bound!r} N"),
     )
     assert done.exit_code == 0, done.stderr
     rows = polars.read_csv(out / "candidates.csv").to_dicts()
@@ -313,24 +329,30 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
         steps = {step["axis"]: step for step in gs.metrics(record)["step_response"]}
         alone = steps["z"]["rise_time"]
         assert row["value"] == pytest.approx(np.inf if alone is None else alone, rel=1e-9)
-        assert row["kept"] == (alone is not None)
+        assert row["kept"] == (alone is not None and row["force.rms"] < bound)
         assert row["failed"] == 0
     assert {row["kept"] for row in rows} == {True, False}
     written = json.loads((out / "tuning.json").read_text())
-    best = min(row["value"] for row in rows)
-    assert written["seen"] == {"value": best, "conditions": {}, "failed": 0}
+    best = min((row for row in rows if row["kept"]), key=lambda row: row["value"])
+    assert written["seen"] == {"value": best["value"], "conditions": {"force.rms": best["force.rms"]}, "failed": 0}
     assert (written["quantile"], written["members"], written["fresh"], written["fresh_members"]) == (None, 1, None, 0)
     assert written["before_fresh"] is None
-    assert f"z: rise time: {best:.4g} s in the search; not evaluated again: nothing is random" in done.stdout
+    assert f"z: rise time: {best['value']:.4g} s in the search; not evaluated again: nothing is random" in done.stdout
     assert "runs that failed" in done.stdout
     assert "\nWorth\n" in done.stdout
     kept = np.array([row["kept"] for row in rows])
     x, y = (np.array([row[name] for row in rows]) for name in ("controller.bandwidth", "value"))
     root = ET.parse(out / "search.svg").getroot()  # our own file
     right = next(g for g in root.iter(f"{_SVG}g") if g.get("id") == "axes_2")
-    dots = _marks(right)[0][0]
-    _check_along(dots[:, 0], x[kept], 1)
-    _check_along(dots[:, 1], y[kept], -1)
+    dots, crosses = (mark[0] for mark in _marks(right))
+    limit = min(y[kept].max(), np.median(y[kept]) + 4 * (np.median(y[kept]) - y[kept].min()))
+    if np.median(y[kept]) == y[kept].min():
+        limit = y[kept].max()
+    visible = np.isfinite(y) & (y <= limit)
+    places = np.concatenate([dots, crosses])
+    assert (len(dots), len(crosses)) == ((visible & kept).sum(), (visible & ~kept).sum())
+    _check_along(places[:, 0], np.concatenate([x[visible & kept], x[visible & ~kept]]), 1)
+    _check_along(places[:, 1], np.concatenate([y[visible & kept], y[visible & ~kept]]), -1)
     assert "controller.bandwidth [Hz]" in _texts(out / "search.svg")
 
 
@@ -503,3 +525,151 @@ def test_margins_of_the_nominal_loop_are_conditions() -> None:
         assert row["margins.disk"] == pytest.approx(expected.disk.alpha, rel=1e-9)
         assert row["margins.stable"] == 1
         assert row["kept"] == (expected.disk.alpha > 0.7)
+
+
+def _alone(path: Path, settings: dict[str, Any], key: str, value: float) -> list[float]:
+    """Metrics of a single run."""
+    record = gs.run(path, {**settings, key: value})
+    return [METRICS[name](record) for name in ("force.rms", "tracking.position.norm_rms", "tracking.leg_length.rms")]
+
+
+@pytest.mark.parametrize(
+    ("key", "bounds", "own"),
+    [
+        # from below the forces that hold the platform, about 50 N, to above: they are clipped in some candidates only
+        ("actuators.force_limit", "20..80 N", 25.0),
+        ("platform.parameters.platform_mass", "8..20kg", 11.5),
+        ("plant.parameters.platform_mass", "8..20kg", 11.5),
+        ("reference.phase", "0.1..1.5rad", 0.3),
+        ("loop.delay", "0..3", 1),
+        ("sensors.quantisation.leg_length", "0.1..5 mm", 1e-3),
+    ],
+)
+def test_each_candidate_starts_from_its_own_machine_and_forces(folder: Path, key: str, bounds: str, own: float) -> None:
+    """Expected: single runs, which know nothing of other candidates, from a start that depends on what varies."""
+    path = folder / "mine.toml"
+    settings: dict[str, Any] = {
+        "loop.duration": 0.1,
+        "limits.position_error": 5.0,
+        "reference": {"type": "sine", "position_amplitude": [0.02, 0.03, 0.04], "frequency": 1.3, "phase": 0.3},
+        "ensemble": {},
+        key: own,
+    }
+    shown = key.replace(".parameters", "") if key.startswith("pl") else key
+    found = gs.tune(
+        path,
+        [f"{shown}={bounds}"],
+        "force.rms",
+        settings,
+        subject_to=["tracking.position.norm_rms >= 0 mm", "tracking.leg_length.rms >= 0"],
+        members=1,
+        fresh=1,
+        generations=1,
+        population=5,
+    )
+    rows = found.candidates.to_dicts()
+    assert rows[0][shown] == own
+    for row in rows:
+        values = [row["value"], row["tracking.position.norm_rms"], row["tracking.leg_length.rms"]]
+        assert values == pytest.approx(_alone(path, settings, key, row[shown]), rel=1e-4)
+
+
+@pytest.mark.parametrize("bounds", ["4..5Hz", "1..2Hz"])
+def test_values_outside_the_bounds_are_compared_but_not_tried(folder: Path, bounds: str) -> None:
+    """Expected: no candidate has the 3 Hz of the experiment; "was" is the experiment's own value all the same."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
+    options: Any = {"members": 1, "fresh": 1, "generations": 1, "population": 5}
+    found = gs.tune(folder / "mine.toml", [f"controller.bandwidth={bounds}"], "force.rms", settings, **options)
+    low, high = (float(each) for each in bounds.removesuffix("Hz").split(".."))
+    assert found.candidates["controller.bandwidth"].is_between(low, high).all()
+    assert found.before is not None
+    assert found.before.value == pytest.approx(METRICS["force.rms"](gs.run(folder / "mine.toml", settings)), rel=1e-5)
+
+
+def test_what_the_experiment_leaves_out_was_nothing(folder: Path) -> None:
+    """Expected: no value before, shown by dashes; the values found are run all the same."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
+    options: Any = {"members": 1, "generations": 1, "population": 5}
+    key = "actuators.rate_limit"
+    found = gs.tune(folder / "mine.toml", [f"{key}=200..900N/s"], "force.rms", settings, **options)
+    assert (found.before, found.before_fresh) == (None, None)
+    alone = METRICS["force.rms"](gs.run(folder / "mine.toml", {**settings, key: found.values[key]}))
+    assert found.seen.value == pytest.approx(alone, rel=1e-5)
+    rows = {row[0]: row[1:] for row in (re.split(r"\s*[│┃]\s*", line.strip("│ ")) for line in repr(found).splitlines())}
+    assert rows["RMS force N"][0] == rows["runs that failed"][0] == "–"
+    assert float(rows["RMS force N"][1]) == pytest.approx(alone, rel=6e-4)
+    assert rows["runs that failed"][1] == "0"
+
+
+def test_one_noisy_run_is_tested_on_fresh_members(folder: Path) -> None:
+    """Expected: members of an ensemble that varies nothing, with the seed of the sensors, and the next seed."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "sensors": {"noise": {"leg_length": "1 mm"}, "seed": 6}}
+    path = folder / "noisy.toml"
+    path.write_text((folder / "mine.toml").read_text().partition("[ensemble]")[0])
+    found = gs.tune(path, [_VARY[0]], "force.rms", settings, fresh=2, generations=1, population=5, quantile=0.5)
+    worth = [
+        METRICS["force.rms"](gs.run(path, {**settings, **found.values, "ensemble": {"seed": seed}}, member=k))
+        for seed, k in ((6, 0), (7, 0), (7, 1))
+    ]
+    assert found.seen.value == pytest.approx(worth[0], rel=1e-4)
+    assert found.fresh is not None
+    assert found.fresh.value == pytest.approx(min(worth[1:]), rel=1e-4)
+    said = repr(found).splitlines()[-1]
+    assert re.fullmatch(
+        r"RMS force: \S+ N on the one run of the search; 50 % of 2 fresh members have at most \S+ N\.", said
+    )
+
+
+class Proportional:
+    """On the legs, with a gain that the experiment states."""
+
+    def __init__(self, _platform: gs.Platform, _sample_time: float, *, kp: float) -> None:
+        self.kp = kp
+
+    def __call__(self, sample: gs.Sample) -> Any:
+        return self.kp * (sample.reference["leg_length"] - sample.measured["leg_length"])
+
+
+@pytest.mark.parametrize(
+    ("now", "bounds", "kind"),
+    [(900, "700..1100", int), (900, "700.0..1100", float), (900, "700..1100.0", float), (900.0, "700..1100", float)],
+)
+def test_whole_numbers_are_searched_where_value_and_bounds_are_whole(
+    folder: Path, now: float, bounds: str, kind: type
+) -> None:
+    """Expected: as the documentation of controllers in Python says."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "controller": {"type": "python", "parameters": {"kp": now}}}
+    options: Any = {"members": 1, "fresh": 1, "generations": 1, "population": 5, "controller": Proportional}
+    found = gs.tune(folder / "mine.toml", [f"controller.parameters.kp={bounds}"], "force.rms", settings, **options)
+    column = found.candidates["controller.parameters.kp"]
+    assert column[0] == now
+    assert column.dtype == (polars.Int64 if kind is int else polars.Float64)
+    assert (column.cast(float) % 1 == 0).all() == (kind is int)
+    assert len(set(column)) == 5
+
+
+def test_designs_that_need_other_numbers_of_members_are_drawn_at_random(folder: Path) -> None:
+    """Expected: the same members as of a random design; those of Sobol's sequence are others."""
+    values = {}
+    for sampling in ("saltelli", "latin_hypercube", "random", "sobol"):
+        settings = {"loop.duration": 0.1, "ensemble.sampling": sampling, "ensemble.members": 16}
+        options: Any = {"members": 3, "fresh": 1, "generations": 1, "population": 5}
+        values[sampling] = gs.tune(folder / "mine.toml", [_VARY[0]], "force.rms", settings, **options).seen.value
+    assert values["saltelli"] == values["latin_hypercube"] == values["random"] != values["sobol"]
+
+
+def test_a_generation_has_sixteen_candidates_for_each_key_by_default(folder: Path) -> None:
+    """Expected: as the help says: 16 for each key, 25 generations, 64 members at most, or those of the experiment."""
+    seen: list[tuple[int, int]] = []
+
+    def stop(search: Any) -> None:
+        seen.append((len(search.tried), search.generation[-1]))
+        raise KeyboardInterrupt
+
+    found = gs.tune(folder / "mine.toml", _VARY, _METRIC, {"loop.duration": 0.04}, status=stop)
+    assert seen == [(32, 0)]
+    assert found.members == 9
+    assert inspect.signature(gs.tune).parameters["generations"].default == 25
+    said = invoke("tune", "--help").stdout
+    assert "25" in said
+    assert "16 per key" in said
