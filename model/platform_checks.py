@@ -132,7 +132,7 @@ def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) 
     """The centres of mass of both parts are on the leg, also on the shortest one [m] of a pose."""
     for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
         value = getattr(platform, name)
-        if not 0 <= value <= shortest:
+        if value > shortest:  # never below 0, by its bound
             raise PlatformError(
                 name,
                 f"is {value:g} m from the {end} joint; expected between 0 and the shortest leg of the {pose} pose, "

@@ -95,15 +95,21 @@ def test_as_many_internal_steps_as_are_allowed_and_not_one_more(monkeypatch: pyt
     )
 
 
-@pytest.mark.parametrize("kind", ["pole", "nan", "overflow"])
+@pytest.mark.parametrize("kind", ["pole", "nan", "overflow", "huge"])
 def test_a_tolerance_that_cannot_be_met_is_told_with_size_and_time(kind: str) -> None:
-    """Expected: x' = x² from 1 has its pole at 1 s; a rate that is not a number, or overflows, fails at the start."""
+    """Expected: x' = x² from 1 has its pole at 1 s; a rate that is not a number, or overflows, fails at the start.
+
+    A constant rate of 1e306 has no error, and is infinite after 1500 s.
+    """
 
     def wild(x: FloatArray) -> FloatArray:
-        return {"pole": x**2, "nan": x * np.nan, "overflow": x * 1e308 * 1e10}[kind]
+        return {"pole": x**2, "nan": x * np.nan, "overflow": x * 1e308 * 1e10, "huge": np.full(3, 1e306)}[kind]
 
     with pytest.raises(StepError, match="the tolerance 1e-06 cannot be met; forces too large, or pose n") as caught:
-        integrate(wild, np.ones(3), (7.3, 9.3), 1e-6, 1e-3 if kind == "nan" else None, nothing)
+        integrate(wild, np.ones(3), (7.3, 2007.3), 1e-6, {"nan": 1e-3, "huge": 1500.0}.get(kind), nothing)
     assert caught.value.quantity == "internal step size"
-    assert not caught.value.value > 1e-3
-    assert caught.value.time == pytest.approx(8.3 if kind == "pole" else 7.3, abs=1e-4)
+    if kind == "huge":
+        assert caught.value.time == 1507.3
+    else:
+        assert not caught.value.value > 1e-3
+        assert caught.value.time == pytest.approx(8.3 if kind == "pole" else 7.3, abs=1e-4)

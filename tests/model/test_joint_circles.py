@@ -301,6 +301,8 @@ def test_keys_of_circles_in_a_file_are_all_needed_but_the_pairing() -> None:
         with pytest.raises(PlatformError) as refused:
             joints_of_keys({**circles, name: 0})
         assert str(refused.value) == f"{name}: is also determined by base_radius; expected only one of the two"
+    with pytest.raises(PlatformError, match=r"^base_points: is also"):
+        joints_of_keys({**circles, **dict.fromkeys(_JOINTS, 0)})
     found = joints_of_keys({**values, **circles})
     assert set(found) == {"gravity", "name", *_JOINTS}
     np.testing.assert_array_equal(found["base_points"], joints_on_circles(**circles)["base_points"])

@@ -194,6 +194,8 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     """Expected: the pair of joints, the elements, the moments by hand; legs and elements that are not the first."""
     base, top = UNEVEN.base_points.copy(), UNEVEN.platform_points.copy()
     base[4], top[5] = base[2], top[1]
+    with pytest.raises(PlatformError, match=r"^base_points: joints 1 and 2 coincide at \(1, 2, 3\) m"):
+        changed(base_points=np.tile([1.0, 2.0, 3.0], (6, 1)))
     different = "m; expected six different points (an idealised double joint needs a small offset)"
     says(f"base_points: joints 3 and 5 coincide at (1.47, -1.32, 0.07) {different}", base_points=base)
     says(f"platform_points: joints 2 and 6 coincide at (-0.69, 0.75, 0.03) {different}", platform_points=top)

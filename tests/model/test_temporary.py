@@ -196,3 +196,54 @@ def test_without_locks_nothing_is_removed_and_files_are_written(
     write_files(tmp_path, {"b": b"2"})
     remove_leftovers(tmp_path)
     assert names(tmp_path) == {"a", "b", ".c.12345678.part"}
+
+
+def test_a_place_that_another_process_takes_before_it_is_locked_is_left_for_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: what is removed, exchanged or locked by somebody else in the moment between is not used."""
+    real_open, real_lock, happened = os.open, lock, list[str]()
+
+    def removed(path: Path, flags: int, mode: int = 0o777) -> int:
+        descriptor = real_open(path, flags, mode)
+        if flags & os.O_CREAT:
+            return descriptor
+        if len(happened) < 1:
+            happened.append("removed")
+            Path(path).unlink()
+        elif len(happened) < 2:
+            happened.append("exchanged")
+            Path(path).unlink()
+            Path(path).write_bytes(b"another's")
+        return descriptor
+
+    def refused(descriptor: int) -> bool | None:
+        if len(happened) == 2:
+            happened.append("locked")
+            return False
+        return real_lock(descriptor)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("os.open", removed)
+        patched.setattr("gough_stewart.model.temporary.lock", refused)
+        with temporary_file(tmp_path / "table") as path:
+            assert happened == ["removed", "exchanged", "locked"]
+            assert path.read_bytes() == b""
+            assert path.is_file()
+    assert not path.exists()
+
+
+def test_a_leftover_that_was_exchanged_for_a_new_one_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: between finding and locking, another process has removed it and made a new one of the same name."""
+    (tmp_path / ".a.12345678.part").write_bytes(b"old")
+    real_open = os.open
+
+    def exchanged(path: Path, flags: int) -> int:
+        descriptor = real_open(path, flags)
+        Path(path).rename(tmp_path / "aside")
+        Path(path).write_bytes(b"new")
+        return descriptor
+
+    monkeypatch.setattr("os.open", exchanged)
+    remove_leftovers(tmp_path)
+    assert (tmp_path / ".a.12345678.part").read_bytes() == b"new"

@@ -716,3 +716,34 @@ def test_a_plant_of_many_gives_arrays_of_its_members_alone(compiler: bool) -> No
     own = [np.concatenate([each.home_actuator_force, np.zeros(6)]) for each in platforms]
     fresh = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
     assert pytest.approx(np.array(own), rel=1e-9, abs=1e-9) == fresh._batch.inputs[:, :N].T
+
+
+def test_a_kernel_steps_with_or_without_signals_and_checks(compiler: bool) -> None:
+    """Expected: the same states, to the last bit; signals where they are asked for; errors only if not plain.
+
+    Plain, a member that passes a pitch of 90° goes on, and nobody has failed.
+    """
+    platforms, starts, inputs = _members(N)
+    batches, counts = [], []
+    for with_signals, plain in ((True, False), (False, False), (False, True)):
+        plant = lanes_plant(platforms, starts, substeps=2, compiler=compiler)
+        plant.set_inputs(inputs)
+        out = plant._signals if with_signals else None
+        counts.append(plant._kernel.step(plant._batch, 1e-3, 2, out, plain=plain))
+        batches.append(plant._batch)
+        if out is not None:
+            legs = leg_geometry(plant._batch.parameters_of(), *(plant._batch.states[k : k + 3].T for k in (0, 3)))
+            np.testing.assert_array_equal(out[:12], plant._batch.states)
+            np.testing.assert_allclose(out[12:18].T, legs.length, rtol=1e-12)
+    assert counts == [0, 0, 0]
+    for other in batches[1:]:
+        np.testing.assert_array_equal(other.states, batches[0].states)
+    assert (batches[0].error[:N] > 0).all()
+    np.testing.assert_array_equal(batches[1].error, batches[0].error)
+    assert not batches[2].error.any()
+    start, u = _bad("pitch")
+    for plain, failed in ((False, 1), (True, 0)):
+        plant = lanes_plant([UNEVEN], [start], substeps=2, compiler=compiler)
+        plant.set_inputs(u[None])
+        assert plant._kernel.step(plant._batch, 1e-3, 2, plain=plain) == failed
+        assert (plant._batch.states[4, 0] > 1.57) == plain
