@@ -623,7 +623,14 @@ def test_where_nothing_can_be_reached_given_ranges_stay_and_others_are_the_box()
     low, high = _box(MOTION_BASE, "x", ("x",), fixed)
     assert 0 <= low - found["x"][0] < (high - low) / 10
     assert 0 <= found["x"][1] - high < (high - low) / 10
-    parts = ("platform_mass", "platform_inertia", "leg_lower_mass", "leg_upper_mass", "leg_lower_com", "leg_upper_com")
+    parts: tuple[str, ...] = (
+        "platform_mass",
+        "platform_inertia",
+        "leg_lower_mass",
+        "leg_upper_mass",
+        "leg_lower_com",
+        "leg_upper_com",
+    )
     parts += ("leg_lower_inertia", "leg_upper_inertia")
     others = {name: getattr(PAPER, name) for name in parts}
     flat = Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=1.5, leg_length_max=1.6, **others)
