@@ -4,6 +4,7 @@ Expected: what the Python loop commanded (`simulate`: laws in NumPy, LAPACK's so
 measurements. The platform is uneven, as are gains and motions; runs start off the reference, with noise.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +100,16 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+# Motions that tests/harness/export/test_options_together.py has not; the others take their time.
+OF_CASES = ("PD along a scaled motion", "PID held, with every limit", "PD at a place", "PD, no feedforward")
+
+
+def often(names: Iterable[str], chosen: Iterable[str]) -> list[Any]:
+    """Names of cases; those that are not chosen run with the evidence."""
+    return [pytest.param(each, marks=() if each in chosen else pytest.mark.evidence) for each in names]
+
+
+@pytest.mark.parametrize("case", often(CASES, OF_CASES))
 def test_an_exported_controller_gives_the_forces_of_the_harness(case: str) -> None:
     experiment = uneven_experiment(**CASES[case])
     made, run = designed(experiment), run_in_python(experiment)
@@ -142,7 +152,10 @@ def systems() -> dict[str, LinearController]:
     }
 
 
-@pytest.mark.parametrize("name", systems())
+OF_SYSTEMS = ("errors of two signals, in an order of one's own", "references and measurements of the pose")
+
+
+@pytest.mark.parametrize("name", often(systems(), OF_SYSTEMS))
 def test_a_discrete_system_gives_the_forces_of_the_harness(name: str) -> None:
     experiment = uneven_experiment(
         reference=SINE,
@@ -162,17 +175,10 @@ def test_a_discrete_system_gives_the_forces_of_the_harness(name: str) -> None:
 
 DURATIONS = {"impulse": 0.6, "too_slow": 1.6}
 # What no case above has: references along a path, of a file, of many sines; a slow loop, and a late disturbance.
-OFTEN = ("excitation", "fastest_path", "impulse", "recorded_ride", "too_slow")
+SHIPPED = ("excitation", "fastest_path", "impulse", "recorded_ride", "too_slow")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(each, marks=() if each in OFTEN else pytest.mark.evidence)
-        for each in experiment_names()
-        if each != "paper_open_loop"
-    ],
-)
+@pytest.mark.parametrize("name", often([each for each in experiment_names() if each != "paper_open_loop"], SHIPPED))
 def test_controllers_of_shipped_experiments_give_the_forces_of_the_harness(name: str) -> None:
     # the plant's changes come later, and what is injected is not the controller's
     whole = load_experiment(name).model_copy(update={"change": [], "injection": None})

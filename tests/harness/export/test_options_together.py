@@ -336,7 +336,7 @@ def test_a_client_in_c_gets_what_the_documentation_says(row: dict[str, Any], tmp
     _assert_warnings(row, said)
 
 
-@_of("fmu", often=4)
+@_of("fmu", often=3)
 def test_an_importer_gets_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
     """Expected: forces of a sample at the next one, from a start time of 7.3 s; FMPy, both versions."""
     motion = motion_of(_options(row), HOME)(TIMES)
@@ -353,7 +353,7 @@ def test_an_importer_gets_what_the_documentation_says(row: dict[str, Any], tmp_p
     _assert_values(row, begun)
 
 
-@_of("ssp", often=3)
+@_of("ssp", often=2)
 def test_an_importer_of_the_loop_gets_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
     """Expected: the loop of the written controller around a Lagrangian's plant; FMPy, whose first inputs are zeros."""
     (file,), said = _written(row, tmp_path)

@@ -7,7 +7,6 @@ force through the gain at high frequencies, kp + kd/Tf.
 import re
 import shutil
 import subprocess
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ from gough_stewart.harness.export.laws import PidLaw
 from gough_stewart.harness.export.relative import change_of_lengths, home_of
 from gough_stewart.harness.motion.reach import legs_of
 from gough_stewart.model.kinematics import leg_geometry
-from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID, SINE, systems
+from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID, SINE, often, systems
 from tests.harness.export.test_toolchains import M4F, STRICT
 from tests.support.exported import (
     Exported,
@@ -54,12 +53,7 @@ def tolerance(made: Designed, expected: np.ndarray, gain: float = 1e4) -> float:
 
 
 # legs and task space, tables of gains, both discretisations, limits; the others take their time
-OFTEN = ("PD along a scaled motion", "PID held, with every limit", "PID in task space at its rate limit")
-
-
-def often(names: Iterable[str], chosen: Iterable[str]) -> list[Any]:
-    """Names of cases; those that are not chosen run with the evidence."""
-    return [pytest.param(each, marks=() if each in chosen else pytest.mark.evidence) for each in names]
+OFTEN = ("PD along a scaled motion", "PID in task space at its rate limit")
 
 
 @pytest.mark.parametrize("case", often(CASES, OFTEN))
