@@ -155,6 +155,18 @@ def test_a_table_in_wide_and_in_narrower_terminals_letter_by_letter() -> None:
     assert printed(untitled, 110).splitlines()[0].startswith("┏")
 
 
+def test_heads_do_not_decide_on_which_side_a_column_stands() -> None:
+    """Expected: words at the left below a number, numbers at the right below a sentence."""
+    sheet = Sheet("", ("", "3", "a head of many words, far over eighteen"))
+    sheet.add("first at", "never", "1.5")
+    sheet.add("second", "–", "22.75")
+    lines = printed(sheet, 200).splitlines()
+    assert "│ never │" in lines[3]
+    assert "│ –     │" in lines[4]
+    assert lines[3].endswith("  1.5 │")
+    assert lines[4].endswith(" 22.75 │")
+
+
 def test_a_table_of_a_page_tag_by_tag() -> None:
     """Expected: written by hand; heads of columns and rows have their scope, empty ones are no heads."""
     assert to_html(uneven()) == (
@@ -219,6 +231,9 @@ def test_room_goes_first_to_what_lacks_most() -> None:
     assert stacked_columns(columns, 100) == [[(0, 1), (1, 30), (2, 40)]]
     assert stacked_columns(columns, 56) == [[(0, 1), (1, 18), (2, 27)]]
     assert stacked_columns(columns, 61) == [[(0, 1), (1, 20), (2, 30)]]
+    # one column that is as wide as the names may still lack something
+    like_names = [["", "n" * 20], ["a", "word word word wordx"]]
+    assert stacked_columns(like_names, 100) == [[(0, 20), (1, 20)]]
     for letters, least in ((26, 26), (27, 26), (19, 19), (5, 18)):
         words = [["", "n"], ["a", "b" * letters + " and more words than fit in any line of this width"]]
         assert stacked_columns(words, 1 + 3 + 1 + 3 + least) == [[(0, 1), (1, least)]], letters

@@ -155,23 +155,24 @@ def test_maps_and_bars_line_up(space: Workspace, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
-    ("over", "ratio"),
+    ("over", "ratio", "across"),
     [
-        ({"x": (-0.1, 0.1), "y": (-0.1, 0.02)}, 0.6),
-        ({"x": (-0.1, 0.1), "y": (-1.0, 0.0)}, 4.0),
-        ({"x": (-1.0, 1.0), "y": (-0.1, 0.1)}, 0.25),
-        ({"x": (-0.1, 0.1), "yaw": (-0.1, 0.1)}, 0.85),
-        ({"roll": (-0.1, 0.1), "yaw": (-0.1, 0.2)}, 1.5),
+        ({"x": (-0.1, 0.1), "y": (-0.1, 0.02)}, 0.6, 3.3 / 0.9**0.5),
+        ({"x": (-0.1, 0.1), "y": (-1.0, 0.0)}, 4.0, 1.65),
+        ({"x": (-1.0, 1.0), "y": (-0.1, 0.1)}, 0.25, 3.3 / 0.9**0.5),
+        ({"x": (-0.1, 0.1), "yaw": (-0.1, 0.1)}, 0.85, 3.3 / 0.9**0.5),
+        ({"roll": (-0.1, 0.1), "yaw": (-0.1, 0.2)}, 1.5, 3.3 / 1.5**0.5),
     ],
 )
 def test_coordinates_of_one_unit_have_equal_scales(
-    over: dict[str, tuple[float, float]], ratio: float, monkeypatch: pytest.MonkeyPatch
+    over: dict[str, tuple[float, float]], ratio: float, across: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Expected: height over width as the ranges, from a quarter to four; lengths beside angles have a ratio of 0.85."""
     drawn = Drawn(sweep(UNEVEN, over, points=5), monkeypatch)
     _, _, width, height = drawn.box(drawn.figure.axes[0])
     assert height / width == pytest.approx(ratio)
-    assert 1 < width * height < 13
+    # the area of a square of 3.3 inches, but for flat maps, and thin ones of half its width
+    assert width == pytest.approx(across)
     assert drawn.width >= 5.5
 
 
