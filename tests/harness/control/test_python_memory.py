@@ -266,6 +266,16 @@ def test_what_is_not_six_forces_is_refused(force: Any, message: str) -> None:
         gs.run(EXPERIMENT, REST, controller=lambda _sample: force)
 
 
+def test_what_has_no_signature_is_tried_and_its_failure_told() -> None:
+    """Expected: built-in classes and functions, of which Python does not know what they take."""
+    with pytest.raises(
+        gs.GoughStewartError, match=r"class dict failed with TypeError: dict expected at most 1 argument"
+    ):
+        gs.run(EXPERIMENT, REST, controller=dict)
+    with pytest.raises(gs.GoughStewartError, match=r"the control function failed at time 0 s with (Type|Value)Error"):
+        gs.run(EXPERIMENT, REST, controller=max)
+
+
 def test_integers_are_forces() -> None:
     for force in ([1, 2, 3, 4, 5, 6], np.arange(1, 7, dtype=np.uint8), tuple(np.arange(1.0, 7))):
         record = gs.run(EXPERIMENT, REST, controller=lambda _sample, force=force: force)
