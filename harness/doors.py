@@ -193,8 +193,7 @@ def _vectors(size: int, unit: str, what: str) -> Take:
             array = np.asarray(value)
         except (ValueError, TypeError):
             raise _wrong(name, value, expected) from None
-        # symbols of CasADi are objects
-        is_number = array.dtype.kind in "iuf" or (array.dtype.kind == "O" and value is not None and array.ndim > 0)
+        is_number = array.dtype.kind in "iufO"  # symbols of CasADi are objects
         if not is_number or not array.ndim or array.shape[-1] != size:
             raise _wrong(name, value, expected)
         return array

@@ -53,7 +53,7 @@ class Design:
     groups: tuple[tuple[int, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        if self.sampling == "saltelli" and self.members % self.block:
+        if self.members % self.block:
             near = max(1, round(self.members / self.block)) * self.block
             raise ValueError(
                 f"members is {self.members}; Saltelli's design needs {self.block} per point ({len(self.groups)} inputs "

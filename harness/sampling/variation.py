@@ -87,9 +87,9 @@ class Variation(Section):
             value.
         """
         kind = self.kind
-        if kind == "factor" and self.factor is not None:
+        if self.factor is not None:
             return self._of_factor(self.factor, target)
-        if kind == "offset" and self.offset is not None:
+        if self.offset is not None:
             nominal = _nominal(target)
             inner = _only_values(self.offset, "offset").spread(replace(target, nominal=np.zeros(target.shape)))
             return replace(inner, draw=lambda u: nominal + np.asarray(inner.draw(u), dtype=float))

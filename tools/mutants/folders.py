@@ -28,7 +28,11 @@ _NEARBY = {
         "tests/harness/experiment/test_options_together.py",
         "tests/harness/experiment/test_truth_and_belief.py",
     ),
-    "harness/experiment": ("tests/harness/control/test_whole_responses.py",),
+    "harness/experiment": (
+        "tests/harness/control/test_whole_responses.py",
+        "tests/harness/ensemble/test_chunks.py",
+        "tests/harness/ensemble/test_python_controllers.py",
+    ),
     "model": ("tests/model/formulations",),
 }
 # Scripts are tested in a browser only.
