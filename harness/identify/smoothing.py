@@ -63,6 +63,8 @@ def kernel_of(sample_time: float, cutoff: float, derivative: int = 0, delay: flo
     kernel = kernels[derivative] / kernels[0].sum()
     if derivative:
         kernel -= kernel.mean()
+        # lines and parabolas have theirs exactly: samples of a kernel of few rows would miss by up to 0.15 %
+        kernel /= (kernel @ (-t) ** derivative) / math.factorial(derivative)
     return np.asarray(kernel)
 
 
