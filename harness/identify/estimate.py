@@ -82,10 +82,10 @@ class Estimate:
 
     @property
     def correlation(self) -> FloatArray:
-        """Correlation of the estimates (p, p); 0 where a variance is 0."""
+        """Correlation of the estimates (p, p); 0 where a variance is 0, NaN where there is none."""
         s = self.standard_errors
         size = np.outer(s, s)
-        return np.where(size > 0, self.covariance / np.where(size > 0, size, 1.0), np.eye(len(s)))
+        return np.where(size == 0, np.eye(len(s)), self.covariance / np.where(size == 0, 1.0, size))
 
     @property
     def condition_number(self) -> float:

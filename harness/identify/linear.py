@@ -23,15 +23,16 @@ from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded, value_of
 from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
 from gough_stewart.harness.identify.physical import BestFit, best_fit
-from gough_stewart.harness.identify.regression import Rows, joined, regression_of
+from gough_stewart.harness.identify.regression import Regression, Rows, joined, regression_of
 from gough_stewart.harness.identify.row_model import RowModel
 from gough_stewart.harness.identify.simulation import kernel_parameters
 from gough_stewart.harness.identify.whitened import Fit, Whitened, whitened
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine.
-_UNEXPLAINED = 0.5
+# Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine; if the fitted
+# rows last for less, forces hardly change but by noise and by what is not estimated [s].
+_UNEXPLAINED, _TELLING = 0.5, 1.0
 
 
 def identify_linear(
@@ -112,7 +113,7 @@ def identify_linear(
         fit = _with_instruments(model, rows_at, values, elements, scale)
     rows_at = rows_at.at(_fit_at(model, fit.values, is_fitted, used, rows_at.fit.derivatives))
     residual = model.residual(fit.values)
-    _check_explained(residual[is_fitted], F)
+    _check_explained(residual[is_fitted], F, _duration(parts, each), parts[0].log.where)
     D = rows_at.of(rows_at.fit.columns * scale).reshape(fitted, 6, -1)
     notes = [f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept for validation"]
     before = rows.regressor @ linear_parameters(elements)
@@ -222,15 +223,29 @@ def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence
     )
 
 
-def _check_explained(residual: FloatArray, force: FloatArray) -> None:
-    """Refuse a fit that leaves most of the forces unexplained: the log is not of this platform."""
-    share = rms(residual) / np.maximum(np.std(force, axis=0), 1e-300)
-    if np.median(share) > _UNEXPLAINED:
+def _duration(parts: Sequence[Part], each: Sequence[Regression]) -> float:
+    """Time for which the fitted rows of all parts last [s]."""
+    times = [of_part.rows.time[part.is_fitted(of_part.rows.time)] for part, of_part in zip(parts, each, strict=True)]
+    return sum(float(np.ptp(time)) for time in times if time.size)
+
+
+def _check_explained(residual: FloatArray, force: FloatArray, duration: float, where: str) -> None:
+    """Refuse a fit that leaves most of the forces unexplained: it is of another platform, or too short."""
+    share = float(np.median(rms(residual) / np.maximum(np.std(force, axis=0), 1e-300)))
+    if share <= _UNEXPLAINED:
+        return
+    if duration < _TELLING:
+        change = float(np.median(np.std(force, axis=0)))
         raise LogError(
-            f"the log contradicts this platform: the best fit leaves {100 * float(np.median(share)):.0f} % of the "
-            "forces' changes unexplained; check the joints, the order of the legs, the sign of the forces (positive "
-            "extends a leg), and that lengths are from joint to joint"
+            f"{where}: too short: after the filters and without the rows for validation {duration:.2g} s are left to "
+            f"fit, in which the forces change by {change:.3g} N only, and the best fit leaves {100 * share:.0f} % of "
+            "that unexplained; record some seconds of motion (gough-stewart excite designs it)"
         )
+    raise LogError(
+        f"{where}: the log contradicts this platform: the best fit leaves {100 * share:.0f} % of the forces' changes "
+        "unexplained; check the joints, the order of the legs, the sign of the forces (positive extends a leg), and "
+        "that lengths are from joint to joint"
+    )
 
 
 def _compressed(W: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,294 @@
+"""What is let pass, is told and is refused, from both sides of each limit that the documentation states."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart.harness.identify import checks, faults
+from gough_stewart.harness.identify.checks import force_of
+from gough_stewart.harness.identify.holding import Hold, hold_of, without_held_rows
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.leg_order import check_order_of_forces
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.parts import Part, on_one_axis, parts_of
+from gough_stewart.harness.identify.screening import screened
+from gough_stewart.model.kinematics import leg_geometry
+from tests.support.machine_logs import (
+    MACHINE,
+    NOMINAL,
+    Course,
+    exchanged,
+    machine_log,
+    with_spikes,
+    without_rows,
+)
+from tests.support.uneven import UNEVEN
+
+ROWS = 2000
+LOG = machine_log(course=Course(duration=2.0), seed=4)
+TIME = np.asarray(np.arange(ROWS) * 1e-3 + 7.3, dtype=float)
+LATE = replace(LOG, time=TIME, where="late.csv")
+
+
+@pytest.mark.parametrize(
+    ("spikes", "alarms", "refused"), [(9, False, False), (12, True, False), (38, True, False), (44, True, True)]
+)
+def test_interpolated_rows_are_noted_then_alarm_then_refuse(spikes: int, alarms: bool, refused: bool) -> None:
+    """Expected: docs/identify.md, more than 0.5 % of 2000 rows is an alarm, more than 2 % is refused."""
+    log = with_spikes(LATE, "leg_length", 0.02, spikes, seed=2)
+    if refused:
+        with pytest.raises(LogError, match=rf"late.csv: too many faults .* 2\.\d % of the rows .* {spikes} spikes"):
+            screened([log], NOMINAL)
+        return
+    found = screened([log], NOMINAL)
+    assert len(found.notes) == 1
+    assert f"late.csv: {spikes} spikes in the leg length of legs" in found.notes[0]
+    assert bool(found.alarms) == alarms
+    if alarms:
+        share = 100 * spikes / ROWS
+        assert found.alarms[0].startswith(f"late.csv: {share:.2g} % of the rows were interpolated and 0 % left out")
+
+
+@pytest.mark.parametrize(
+    ("missing", "alarms", "refused"), [(160, False, False), (420, True, False), (1050, True, True)]
+)
+def test_rows_left_out_are_noted_then_alarm_then_refuse(missing: int, alarms: bool, refused: bool) -> None:
+    """Expected: more than 15 % left out is an alarm, more than half is refused; a third of a log is frozen in full."""
+    length, force = LATE.leg_length.copy(), force_of(LATE).copy()
+    length[800 : 800 + missing, :], force[800 : 800 + missing, :] = length[800], force[800]
+    log = replace(LATE, leg_length=length, actuator_force=force)
+    if refused:
+        with pytest.raises(
+            LogError, match=r"too many faults .* 0 % of the rows were to be interpolated and 5\d % left"
+        ):
+            screened([log], NOMINAL)
+        return
+    found = screened([log], NOMINAL)
+    assert f"{missing - 1} frozen readings of the leg length of every leg, at 8.101 to" in found.notes[0]
+    assert bool(found.alarms) == alarms
+    assert [len(part.log) for part in found.parts] == [801, ROWS - 800 - missing]
+    assert [float(np.array(part.log.time).flat[0]) for part in found.parts] == pytest.approx(
+        [7.3, 8.1 + 1e-3 * missing]
+    )
+
+
+def test_one_spike_is_told_in_the_singular_and_many_with_their_first_times() -> None:
+    """Expected: leg 5 at row 1200, 8.5 s; four spikes apart: three times and how many more."""
+    length = LATE.leg_length.copy()
+    length[1200, 4] += 1e-3
+    one = screened([replace(LATE, leg_length=length)], NOMINAL).notes
+    assert one == [
+        "late.csv: 1 spike in the leg length of leg 5, at 8.5 s; interpolated; check the encoder and its cable"
+    ]
+    force = force_of(LATE).copy()
+    force[[300, 600, 900, 1200], [1, 1, 5, 5]] += 4e3
+    found = screened([replace(LATE, actuator_force=force)], NOMINAL)
+    assert found.notes == [
+        "late.csv: 4 spikes in the force of legs 2, 6, at 7.6 s, 7.9 s, 8.2 s and 1 more times; interpolated; check "
+        "the force sensor and its cable"
+    ]
+    mended = force_of(found.parts[0].log)
+    # noise of 1 % of about 4 kN
+    assert np.abs(mended - force_of(LATE)).max() < 6 * 0.01 * 5e3
+    assert (mended != force).sum() == 4
+
+
+@pytest.mark.parametrize(("size", "found"), [(6.0, 0), (14.0, 1)])
+def test_spikes_begin_at_eight_standard_deviations(size: float, found: int) -> None:
+    """Expected: of leg 4, whose noise is 2 µm; the other legs have ten times as much or more."""
+    rng = np.random.default_rng(8)
+    noise = 2e-6 * np.array([10, 20, 30, 1, 50, 60]) * rng.standard_normal((3000, 6))
+    values = np.sin(np.arange(3000) * 2e-3)[:, None] * 0.1 + noise
+    # clear of the reading's own noise
+    values[1500, 3] += size * 2e-6 - noise[1500, 3]
+    at, mended = faults.spikes(values, np.zeros(values.shape, dtype=bool), 1e-7)
+    assert np.argwhere(at).tolist() == [[1500, 3]] * found
+    # what is smaller than the least error that counts, or known already, is none
+    assert not faults.spikes(values, np.zeros(values.shape, dtype=bool), 1e-3)[0].any()
+    assert not faults.spikes(values, np.ones(values.shape, dtype=bool), 1e-7)[0].any()
+    assert (mended != values).sum() == found
+
+
+def test_noise_is_measured_leg_by_leg_between_both_sides() -> None:
+    """Expected: the standard deviations that made it, 5 % either way, five standard errors of a median of 6000 rows.
+
+    A quantised signal without noise has the deviation of its step, over the root of twelve.
+    """
+    rng = np.random.default_rng(9)
+    sizes = np.array([1.0, 3.0, 0.5, 2.0, 7.0, 4.0])
+    smooth = 50 * np.sin(np.arange(6000)[:, None] * np.array([1, 2, 3, 1, 2, 3]) * 1e-3)
+    assert_allclose(faults.noise_of(smooth + sizes * rng.standard_normal((6000, 6))), sizes, rtol=0.05)
+    steps = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    coarse = steps * np.rint(smooth / steps)
+    assert_allclose(faults.step_of(coarse), steps, rtol=1e-9)
+    slow = steps * np.rint(1e-3 * smooth / steps + 1e-3 * np.arange(6000)[:, None])
+    assert_allclose(faults.noise_of(slow), steps / np.sqrt(12), rtol=1e-9)
+    assert faults.step_of(np.ones((9, 6))).tolist() == [0.0] * 6
+
+
+def test_clipped_readings_are_those_at_an_end_that_is_not_the_actuators() -> None:
+    """Expected: leg 6 at the most, leg 1 at the least; none at the actuators' own limit, none of a leg that is free."""
+    t = np.arange(4000) * 1e-3
+    force = np.stack([(100 + k) * np.sin(2 * np.pi * (0.5 + 0.1 * k) * t) for k in range(6)], axis=1)
+    force += 0.2 * np.random.default_rng(1).standard_normal(force.shape)
+    force[:, 5], force[:, 0] = np.minimum(force[:, 5], 80.0), np.maximum(force[:, 0], -70.0)
+    at = faults.clipped(force, None)
+    assert at.any(axis=0).tolist() == [True, False, False, False, False, True]
+    assert at[force[:, 5] == 80.0, 5].all()
+    assert at[force[:, 0] == -70.0, 0].all()
+    assert not at[force[:, 5] < 75.0, 5].any()
+    assert not at[force[:, 0] > -65.0, 0].any()
+    assert faults.clipped(force, 80.0).any(axis=0).tolist() == [True, False, False, False, False, False]
+    assert faults.clipped(force, 90.0).any(axis=0).tolist() == [True, False, False, False, False, True]
+
+
+def test_rows_are_lost_where_all_legs_jump_by_their_own_velocity() -> None:
+    """Expected: six unequal legs, 2 rows lost before row 500; a jump of one leg alone, or a spike, is another fault."""
+    t = np.arange(1002) * 1e-3
+    smooth = np.stack([2 + 0.1 * np.sin((1 + 0.3 * k) * t + k) for k in range(6)], axis=1)
+    none = np.zeros((1000, 6), dtype=bool)
+    [found] = faults.lost_rows(np.delete(smooth, [500, 501], axis=0), none)
+    assert found.row == 500
+    assert found.number == pytest.approx(2.0, abs=0.01)
+    alone = smooth[:1000].copy()
+    alone[500:, 2] += 1e-3
+    assert not faults.lost_rows(alone, none)
+    bad = none.copy()
+    bad[501, 4] = True
+    assert not faults.lost_rows(np.delete(smooth, [500, 501], axis=0), bad)
+    assert not faults.lost_rows(smooth[:30], none[:30])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda log: replace(log, time=None), r"late\.csv: no column time; expected one"),
+        (lambda log: replace(log, leg_length=100 * log.leg_length), r"They look like cm: .*'name\[1\] \[cm\]'"),
+        (lambda log: replace(log, leg_length=1e6 * log.leg_length), r"They look like um: "),
+        (lambda log: replace(log, actuator_force=1e3 * force_of(log)), r"norm of .* N; .* They look like mN: "),
+        (lambda log: replace(log, time=7.3 + 0.11 * np.arange(ROWS)), r"rows are 0\.11 s apart; expected at most 0\.1"),
+    ],
+)
+def test_what_is_wrong_with_a_log_is_named_with_its_unit(change: Callable[[Log], Log], message: str) -> None:
+    with pytest.raises(LogError, match=message):
+        identify(change(LATE), NOMINAL, "platform_mass")
+
+
+def test_units_are_judged_between_a_third_and_three_times() -> None:
+    """Expected: docs: a leg's lengths, here the third's, within a factor of 3 of home; forces within 50."""
+    home = np.asarray(leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length)
+    rows = np.tile(home, (50, 1))
+    for factor in (0.35, 2.9):
+        rows[:, 2] = factor * home[2]
+        checks.check_lengths(Log(rows), UNEVEN)
+    for factor in (0.32, 3.1):
+        rows[:, 2] = factor * home[2]
+        with pytest.raises(LogError, match="leg 3 has a median length of"):
+            checks.check_lengths(Log(rows), UNEVEN)
+    force = np.tile(force_of(LATE)[1000], (50, 1))
+    for ratio in (1 / 40, 30.0):
+        checks.check_forces(Log(rows, actuator_force=ratio * force), replace(MACHINE, actuator_force_max=None))
+    for ratio in (1 / 100, 70.0):
+        with pytest.raises(LogError, match="expected similar forces"):
+            checks.check_forces(Log(rows, actuator_force=ratio * force), replace(MACHINE, actuator_force_max=None))
+    limit = float(np.abs(force).max())
+    checks.check_forces(Log(rows, actuator_force=-force), replace(MACHINE, actuator_force_max=limit / 2.9))
+    with pytest.raises(LogError, match="exceeds actuator_force_max"):
+        checks.check_forces(Log(rows, actuator_force=-force), replace(MACHINE, actuator_force_max=limit / 3.1))
+
+
+def test_gaps_are_counted_in_rows_and_their_sample_time_is_the_whole_log_s() -> None:
+    number, h = checks.rows_apart(without_rows(LATE, 700, 3))
+    assert number[699] == 4
+    assert (np.delete(number, 699) == 1).all()
+    assert h == pytest.approx(1e-3, rel=1e-9)
+    with pytest.raises(LogError, match=r"a gap of 0\.004 s after row 700 \(time 7\.999 s\).* and 1 more"):
+        checks.sample_time_of(without_rows(without_rows(LATE, 900, 2), 700, 3))
+
+
+@pytest.mark.parametrize("duration", [0.1, 0.2, 0.3])
+def test_a_log_too_short_to_tell_is_told_to_be_too_short(duration: float) -> None:
+    """Expected: no blame of joints, legs and signs, which are right; how long is left, and what to do.
+
+    Before, "the log contradicts this platform".
+    """
+    log = machine_log(course=Course(duration=6.0)).rows(slice(2500, 2500 + round(1000 * duration)))
+    with pytest.raises(
+        LogError, match=r"machine: too short: .* 0\.\d+ s are left to fit, .* record some seconds"
+    ) as caught:
+        identify(log, NOMINAL, "platform_mass")
+    assert "contradicts" not in str(caught.value)
+    left = float(str(caught.value).split(" s are left")[0].rsplit(" ", 1)[1])
+    # up to two lengths of both filters, and a fifth of the log, are not fitted
+    assert 0.3 * duration < left < 0.85 * duration
+
+
+@pytest.mark.parametrize("pair", [(4, 5)])
+def test_forces_of_exchanged_legs_are_refused_and_those_in_order_are_not(pair: tuple[int, int]) -> None:
+    """Expected: the two legs; by lengths exchanged as by forces, and not where nothing is exchanged."""
+    log = machine_log(course=Course(duration=4.0))
+    check_order_of_forces([Part(log)], NOMINAL)
+    with pytest.raises(LogError, match=f"the forces of legs {pair[0] + 1} and {pair[1] + 1} look exchanged"):
+        check_order_of_forces([Part(exchanged(log, *pair))], NOMINAL, 15.0)
+
+
+def test_held_readings_are_brought_to_their_own_rows() -> None:
+    """Expected: forces of row 2, 5, 8 …; lengths of legs that are read in turn are refused with their rows."""
+    values = np.random.default_rng(4).standard_normal((300, 6)).cumsum(axis=0)
+    third = values[(np.arange(300) - 2) // 3 * 3 + 2]
+    assert {hold_of(column) for column in third[2:].T} == {Hold(3, 0)}
+    time = np.asarray(np.arange(300) * 0.002, dtype=float)
+    log = Log(values, time, third, where="slow")
+    both = replace(log, leg_length=third)
+    found, notes = without_held_rows(both)
+    np.testing.assert_array_equal(found.leg_length, third[2::3])
+    assert found.time is not None
+    assert_allclose(found.time, 0.004 + 0.006 * np.arange(100))
+    assert notes == [
+        "slow: leg lengths change at every 3. row only, so sensors are read every 6 ms",
+        "slow: forces change at every 3. row only, so sensors are read every 6 ms",
+    ]
+    shifted = third.copy()
+    shifted[1:, 5] = third[:-1, 5]
+    with pytest.raises(LogError, match=r"held for 3 rows, but legs change at different rows \(1, 3\)"):
+        without_held_rows(replace(log, leg_length=shifted))
+    assert without_held_rows(replace(log, actuator_force=values))[1] == []
+
+
+def test_parts_are_fitted_up_to_their_share_and_shown_one_after_the_other() -> None:
+    """Expected: three tenths of each log at its end; the second log begins a row after the first ends."""
+    [part] = parts_of(LATE, 0.3)
+    assert part.is_fitted(np.array([7.3, 7.3 + 0.7 * 1.999 - 1e-6, 7.3 + 0.7 * 1.999 + 1e-6, 9.299])).tolist() == [
+        True,
+        True,
+        False,
+        False,
+    ]
+    assert parts_of(LATE, 0.0)[0].is_fitted(LATE.time).all()  # type: ignore[arg-type]
+    time = np.asarray(np.arange(5) * 0.1, dtype=float)
+    parts = [Part(LOG, 0.25, 0), Part(LOG, np.inf, 0), Part(LOG, 3.15, 1), Part(LOG, -np.inf, 2)]
+    found, spans = on_one_axis(parts, [time, time + 1, time + 3, np.zeros(0)])
+    assert_allclose(found, [0, 0.1, 0.2, 0.3, 0.4, 1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9])
+    assert_allclose(spans, [(0.3, 0.4), (1.7, 1.9)])
+    for wrong in (-0.1, 1.0):
+        with pytest.raises(LogError, match="expected a share of the log, 0 or more and less than 1"):
+            parts_of(LATE, wrong)
+
+
+def test_names_mean_all_of_their_elements_in_order() -> None:
+    assert expanded([" platform_inertia ", "base_tilt", "gravity[2]"], UNEVEN) == (
+        *(f"platform_inertia[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3")),
+        *("base_tilt[1]", "base_tilt[2]", "gravity[2]"),
+    )
+    assert expanded(["leg_coulomb_friction[1..6]"], UNEVEN) == tuple(f"leg_coulomb_friction[{k}]" for k in range(1, 7))
+    assert expanded(["leg_coulomb_friction", "leg_viscous_friction[3]"], UNEVEN)[0] == "leg_coulomb_friction"
+    assert len(expanded(["force_gain", "base_points"], UNEVEN)) == 6 + 18
+    with pytest.raises(IdentificationError, match="leg_coulomb_friction is repeated"):
+        expanded(["leg_coulomb_friction", "leg_coulomb_friction[6]"], UNEVEN)
+    with pytest.raises(IdentificationError, match="no names; expected parameters"):
+        expanded([], UNEVEN)

@@ -1,0 +1,508 @@
+"""What tables, files, page and figures show of one estimate in which no two numbers are alike.
+
+Expected: written out by hand from the numbers of `ESTIMATE`.
+"""
+
+import base64
+import json
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
+
+from gough_stewart.harness.identify import figures
+from gough_stewart.harness.identify.diagnosis import CommonGain, Diagnosis, Finding
+from gough_stewart.harness.identify.estimate import Estimate, Residuals
+from gough_stewart.harness.identify.files import FILES, identification_files
+from gough_stewart.harness.identify.finding_text import finding_text
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
+from gough_stewart.harness.identify.names import unit_of
+from gough_stewart.harness.identify.page import identification_page
+from gough_stewart.harness.identify.tables import sheets_of
+from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.model.platform_toml import load_preset, platform_from_toml
+from tests.support.uneven import UNEVEN
+
+NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
+NAN = float("nan")
+FINDING = Finding(
+    "gain of leg 4", "forces of leg 4 read high", ("force_gain[4]",), np.array([1.05]), np.array([[4e-6]]), 0.876
+)
+OTHER = Finding(
+    "force offsets of all legs",
+    "forces have offsets",
+    ("force_offset[1]", "force_offset[6]"),
+    np.array([3.0, -7.0]),
+    np.array([[0.25, 0.1], [0.1, 0.16]]),
+    0.432,
+)
+DIAGNOSIS = Diagnosis(
+    test=LackOfFit({"gain of forces": 1.2e-5, "joints": 0.034, "whiteness": 0.56}, 0.0042),
+    findings=(FINDING, OTHER),
+    not_separated=("force offsets of all legs", "joints: calibrate by poses (geometry)"),
+    remains=0.0031,
+    common_gain=CommonGain(0.0123, ("platform_mass", "leg_viscous_friction[2]"), np.array([17.0, 29.0])),
+    force_noise=np.array([1.1, 2.2, 3.3, 4.4, 5.5, 6.6]),
+    length_noise=7.7e-7,
+    whiteness=np.array([0.11, 0.22, 0.33, 0.44, 0.55, 0.66]),
+)
+_TIME = np.array([7.3, 7.4, 7.5, 7.9])
+_MEASURED = 100.0 * np.arange(1.0, 7.0) + np.arange(4.0)[:, None] ** 2
+_FITTED = _MEASURED - 0.1 * np.arange(1.0, 7.0) * np.array([1.0, -1.0, 2.0, 4.0])[:, None]
+_BEFORE = _MEASURED - 3.0 * np.arange(1.0, 7.0) * np.array([2.0, 5.0, -1.0, 7.0])[:, None]
+COVARIANCE = np.full((5, 5), NAN)
+COVARIANCE[np.ix_([0, 1, 4], [0, 1, 4])] = [[4.0, 1.5, 0.002], [1.5, 9.0, -0.003], [0.002, -0.003, 1e-4]]
+ESTIMATE = Estimate(
+    method="linear",
+    names=NAMES,
+    values=np.array([1516.9, 431.7, NAN, 0.0, 1.021]),
+    nominal=np.array([1200.0, 500.0, 0.15, 100.0, 1.0]),
+    covariance=COVARIANCE,
+    singular_values=np.array([800.0, 50.0, 4.0, 0.5]),
+    directions=np.array(
+        [
+            [0.9, -0.3, 0.0, 0.05, 0.31],
+            [0.0, -0.8, 0.6, 0.0, 0.0],
+            [0.0, 0.0, 0.1, 0.99, 0.0],
+            [0.02, 0.0, 0.3, 0.0, -0.95],
+        ]
+    ),
+    scale=np.array([1200.0, 250.0, 2.0, 80.0, 1.0]),
+    rank=3,
+    residuals=Residuals(
+        "force of leg",
+        "N",
+        np.array([10.01, 11.02, 12.03, 13.04, 14.05, 15.06]),
+        np.array([20.1, 21.2, 22.3, 23.4, 24.5, 25.6]),
+        np.array([1000.0, 500.0, 400.0, 300.0, 200.0, 0.0]),
+        np.array([0.91, 0.82, 0.73, 0.64, 0.55, 0.46]),
+    ),
+    notes=("a < note", "another"),
+    alarms=("an & alarm",),
+    diagnosis=DIAGNOSIS,
+    not_excited=("platform_com[3]",),
+    at_bound=("leg_coulomb_friction",),
+    details={
+        "time": _TIME,
+        "measured": _MEASURED,
+        "fitted": _FITTED,
+        "before": _BEFORE,
+        "validating": [(7.5, 7.9), (8.1, 8.6)],
+    },
+)
+NOMINAL = replace(UNEVEN, platform_mass=1200.0, leg_viscous_friction=500.0)
+# 1.959964 standard errors of 2, 3 and 0.01
+HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
+
+
+def test_tables_have_every_number_in_its_place() -> None:
+    parameters, identifiability, residuals, tests, findings = sheets_of(ESTIMATE)
+    assert parameters.title == "Parameters, with 95 % intervals"
+    assert parameters.heads == ("", "before", "found", "±", "± %")
+    assert parameters.rows == [
+        (Named("platform_mass", "kg"), "1200", "1516.9", "3.9", "0.26"),
+        (Named("leg_viscous_friction[2]", "N.s/m"), "500", "431.7", "5.9", "1.4"),
+        (Named("platform_com[3]", "m"), "0.15", "not excited", "–", "–"),
+        (Named("leg_coulomb_friction", "N"), "100", "0", "at its bound", "–"),
+        (Named("force_gain[4]", ""), "1", "1.021", "0.02", "1.9"),
+    ]
+    assert identifiability.title == "Identifiability; condition number 1.6e+03"
+    assert identifiability.heads == ("combination, relative to scale", "± %")
+    assert identifiability.rows == [
+        ("0.90 platform_mass + 0.31 force_gain[4] − 0.30 leg_viscous_friction[2]", "0.12"),
+        ("0.80 leg_viscous_friction[2] − 0.60 platform_com[3]", "2"),
+        ("0.99 leg_coulomb_friction + 0.10 platform_com[3]", "25"),
+        ("0.95 force_gain[4] − 0.30 platform_com[3]", "unobservable"),
+    ]
+    assert residuals.title == "Residuals of the force of leg"
+    assert residuals.heads == ("residual [N]", "fitted", "validation", "of signal, %", "p of whiteness")
+    assert residuals.rows == [
+        ("force of leg 1", "10.01", "20.1", "1", "0.91"),
+        ("force of leg 2", "11.02", "21.2", "2.2", "0.82"),
+        ("force of leg 3", "12.03", "22.3", "3.01", "0.73"),
+        ("force of leg 4", "13.04", "23.4", "4.35", "0.64"),
+        ("force of leg 5", "14.05", "24.5", "7.03", "0.55"),
+        ("force of leg 6", "15.06", "25.6", "–", "0.46"),
+    ]
+    assert tests.title == "What the residuals contain; all together p = 0.0042"
+    assert tests.heads == ("tested", "p")
+    assert tests.rows == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
+    assert findings.title == "Diagnosis: the first is most likely, the others are not separated from it"
+    assert findings.heads == ("", "misfit explained")
+    assert findings.rows == [("forces of leg 4 read high", "88 %"), ("forces have offsets", "43 %")]
+
+
+def test_tables_without_validation_tests_or_findings_say_so() -> None:
+    bare = replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, validation_rms=None, whiteness=None))
+    rows = sheets_of(bare)[2].rows
+    assert [row[2:] for row in rows[:2]] == [("–", "1", "–"), ("–", "2.2", "–")]
+    one = replace(bare, diagnosis=replace(DIAGNOSIS, findings=(FINDING,)))
+    assert sheets_of(one)[-1].title == "Diagnosis"
+    assert len(sheets_of(replace(bare, diagnosis=replace(DIAGNOSIS, findings=())))) == 4
+    assert len(sheets_of(replace(bare, diagnosis=replace(DIAGNOSIS, test=None)))) == 3
+    assert len(sheets_of(replace(bare, diagnosis=None))) == 3
+
+
+def test_the_file_of_numbers_has_all_of_them() -> None:
+    found = json.loads(ESTIMATE.to_json())
+    assert list(found) == [
+        *("method", "parameters", "covariance", "correlation", "singular_values", "combinations", "rank"),
+        *("not_excited", "at_bound", "residuals", "alarms", "notes", "diagnosis"),
+    ]
+    assert found["method"] == "linear"
+    assert list(found["parameters"]) == list(NAMES)
+    expected = [
+        (1516.9, 2.0, [1512.980072, 1520.819928], 1200.0, "kg"),
+        (431.7, 3.0, [425.820108, 437.579892], 500.0, "N.s/m"),
+        (None, None, [None, None], 0.15, "m"),
+        (0.0, None, [None, None], 100.0, "N"),
+        (1.021, 0.01, [1.00140036, 1.04059964], 1.0, ""),
+    ]
+    for one, (value, error, interval, nominal, unit) in zip(found["parameters"].values(), expected, strict=True):
+        assert list(one) == ["value", "standard_error", "interval", "nominal", "unit"]
+        assert (one["value"], one["nominal"], one["unit"]) == (value, nominal, unit)
+        assert one["standard_error"] == (error if error is None else pytest.approx(error))
+        assert one["interval"] == (interval if error is None else pytest.approx(interval, abs=1e-6))
+    assert found["covariance"][1] == [1.5, 9.0, None, None, -0.003]
+    assert found["correlation"][0][:2] == pytest.approx([1.0, 0.25])
+    assert found["correlation"][4][1] == pytest.approx(-0.1)
+    assert found["correlation"][2] == [None] * 5
+    assert found["singular_values"] == [800.0, 50.0, 4.0, 0.5]
+    assert found["combinations"][1] == "0.80 leg_viscous_friction[2] − 0.60 platform_com[3]"
+    assert (found["rank"], found["not_excited"], found["at_bound"]) == (3, [NAMES[2]], [NAMES[3]])
+    assert found["residuals"] == {
+        "quantity": "force of leg",
+        "unit": "N",
+        "rms": [10.01, 11.02, 12.03, 13.04, 14.05, 15.06],
+        "validation_rms": [20.1, 21.2, 22.3, 23.4, 24.5, 25.6],
+        "signal_rms": [1000.0, 500.0, 400.0, 300.0, 200.0, 0.0],
+        "whiteness": [0.91, 0.82, 0.73, 0.64, 0.55, 0.46],
+    }
+    assert (found["alarms"], found["notes"]) == (["an & alarm"], ["a < note", "another"])
+
+
+SENTENCES = [
+    "most likely: forces of leg 4 read high; this explains 88 % of the misfit",
+    "not separated from it by this log: force offsets of all legs; joints: calibrate by poses (geometry)",
+    "something else is left after that (p = 0.0031)",
+    "a gain common to all forces looks like other masses: intervals assume that it is 1. Were it unknown, this log "
+    "would give it to ± 2.4 %, and platform_mass to ± 33 kg. A known added mass or a calibrated force sensor separates "
+    "them",
+]
+
+
+def test_the_diagnosis_is_in_the_file_with_its_sentences() -> None:
+    found = json.loads(ESTIMATE.to_json())["diagnosis"]
+    errors = found["findings"][1]["parameters"]
+    assert errors["force_offset[6]"]["interval"] == pytest.approx([-7.7839856, -6.2160144])
+    del errors["force_offset[6]"]["interval"], errors["force_offset[1]"]["interval"]
+    first = found["findings"][0]["parameters"]["force_gain[4]"]
+    assert first.pop("interval") == pytest.approx([1.04608007, 1.05391993])
+    assert found == {
+        "alarm": True,
+        "p_value": 0.0042,
+        "p_values": {"gain of forces": 1.2e-5, "joints": 0.034, "whiteness": 0.56},
+        "findings": [
+            {
+                "hypothesis": "gain of leg 4",
+                "text": "forces of leg 4 read high",
+                "improvement": 0.876,
+                "parameters": {"force_gain[4]": {"value": 1.05, "standard_error": 0.002, "unit": ""}},
+            },
+            {
+                "hypothesis": "force offsets of all legs",
+                "text": "forces have offsets",
+                "improvement": 0.432,
+                "parameters": {
+                    "force_offset[1]": {"value": 3.0, "standard_error": 0.5, "unit": "N"},
+                    "force_offset[6]": {"value": -7.0, "standard_error": 0.4, "unit": "N"},
+                },
+            },
+        ],
+        "not_separated": ["force offsets of all legs", "joints: calibrate by poses (geometry)"],
+        "p_value_of_the_rest": 0.0031,
+        "common_force_gain": {
+            "standard_error": 0.0123,
+            "standard_errors_with_it": {"platform_mass": 17.0, "leg_viscous_friction[2]": 29.0},
+        },
+        "noise": {"force": [1.1, 2.2, 3.3, 4.4, 5.5, 6.6], "length": 7.7e-7},
+        "sentences": SENTENCES,
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "alarms", "sentences"),
+    [
+        (
+            {},
+            (
+                "the log contradicts the model (p = 0.0042; 5 of 100 right logs seem to); values and intervals are not "
+                "valid. Most likely: forces of leg 4 read high",
+            ),
+            tuple(SENTENCES),
+        ),
+        (
+            {"test": LackOfFit({}, 0.0002), "findings": (), "remains": 1e-9, "common_gain": None},
+            (
+                "the log contradicts the model (p < 0.0003; 5 of 100 right logs seem to); values and intervals are not "
+                "valid",
+            ),
+            (),
+        ),
+        (
+            {"remains": 0.02, "not_separated": (), "common_gain": CommonGain(0.1, ("delay",), np.array([1.0]))},
+            None,
+            (SENTENCES[0],),
+        ),
+        (
+            {"findings": (replace(FINDING, name="coloured noise"),), "not_separated": (), "common_gain": None},
+            None,
+            ("most likely: forces of leg 4 read high",),
+        ),
+        (
+            {"test": LackOfFit({}, 0.051), "findings": (), "common_gain": None},
+            (),
+            ("the residuals are those of noise (p = 0.051 of lack of fit)",),
+        ),
+        (
+            {"test": None, "untested": "too few rows", "findings": (), "common_gain": None},
+            (),
+            ("not tested whether the model fits: too few rows",),
+        ),
+    ],
+)
+def test_the_diagnosis_says_what_it_knows(
+    change: dict[str, Any], alarms: tuple[str, ...] | None, sentences: tuple[str, ...]
+) -> None:
+    """Expected: whole sentences; 5 % is the level of an alarm, 1 % that of what is left."""
+    found = replace(DIAGNOSIS, **change)
+    assert found.sentences == sentences
+    if alarms is not None:
+        assert found.alarms == alarms
+        assert found.alarm == bool(alarms)
+
+
+def test_a_diagnosis_without_findings_has_no_rest() -> None:
+    found = replace(DIAGNOSIS, findings=(), common_gain=None, test=None).to_dict()
+    assert (found["p_value_of_the_rest"], found["common_force_gain"], found["p_value"]) == (None, None, None)
+    assert (found["alarm"], found["p_values"], found["findings"]) == (False, {}, [])
+
+
+@pytest.mark.parametrize(
+    ("family", "names", "values", "errors", "text"),
+    [
+        ("gain of forces", ["force_gain[3]"], [1.0202], [0.0003], "forces of leg 3 read 2.020 ± 0.059 % high"),
+        ("gain of forces", ["force_gain[6]"], [0.97], [0.01], "forces of leg 6 read 3.0 ± 2.0 % low"),
+        (
+            "gain of forces",
+            ["force_gain[1]", "force_gain[5]"],
+            [1.02, 0.985],
+            [0.001, 0.01],
+            "forces read high or low, relative to the mean of the legs, in %: leg 1 +2.00 ± 0.20, leg 5 −1.5 ± 2.0",
+        ),
+        ("delay of forces", ["delay"], [1.25e-3], [5e-5], "forces are 1.250 ± 0.098 ms late, relative to lengths"),
+        ("delay of forces", ["delay"], [-2e-3], [1e-3], "forces are 2.0 ± 2.0 ms early, relative to lengths"),
+        ("offset of forces", ["force_offset[2]"], [31.0], [10.0], "forces of leg 2 read 31 ± 20 N too high"),
+        ("offset of forces", ["force_offset[4]"], [-3.5], [0.5], "forces of leg 4 read 3.50 ± 0.98 N too low"),
+        (
+            "offset of forces",
+            ["force_offset[1]", "force_offset[2]"],
+            [12.0, -7.0],
+            [1.0, 2.0],
+            "forces have offsets, in N: leg 1 +12.0 ± 2.0, leg 2 −7.0 ± 3.9",
+        ),
+        (
+            "tilt of the base",
+            ["base_tilt[1]", "base_tilt[2]"],
+            [0.01, -0.02],
+            [0.001, 0.002],
+            "the base is tilted by +0.57 ± 0.11° about X, −1.15 ± 0.22° about Y",
+        ),
+        (
+            "friction of each leg",
+            ["leg_viscous_friction[2]", "leg_viscous_friction[3]", "leg_coulomb_friction[2]"],
+            [480.0, 530.0, 91.0],
+            [5.0, 10.0, 2.0],
+            "friction differs among legs: viscous leg 2 480.0 ± 9.8, leg 3 530 ± 20 N.s/m; Coulomb leg 2 91.0 ± 3.9 N",
+        ),
+        (
+            "friction of each leg",
+            ["leg_coulomb_friction[6]"],
+            [91.0],
+            [2.0],
+            "friction differs among legs: Coulomb leg 6 91.0 ± 3.9 N",
+        ),
+        (
+            "offset of lengths",
+            ["leg_length_offset[1]", "leg_length_offset[4]"],
+            [1e-3, -2.5e-3],
+            [1e-4, 2e-4],
+            "lengths have offsets, in mm: leg 1 +1.00 ± 0.20, leg 4 −2.50 ± 0.39; calibrate by poses (geometry)",
+        ),
+        ("delay of forces", ["delay"], [1e-3], [0.0], "forces are 1.000 ± 0.000 ms late, relative to lengths"),
+    ],
+)
+def test_a_finding_says_which_leg_how_much_and_which_way(
+    family: str, names: list[str], values: list[float], errors: list[float], text: str
+) -> None:
+    """Expected: 1.96 standard errors, in the unit that is said, with two digits."""
+    assert finding_text(family, names, np.array(values), np.array(errors)) == text
+
+
+def _packed(data: Any, shape: tuple[int, ...]) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(data["bdata"]), data["dtype"]).reshape(shape)
+
+
+def _page(estimate: Estimate, more: tuple[Sheet, ...] = ()) -> tuple[str, dict[str, Any]]:
+    text = identification_page(estimate, replace(NOMINAL, name="my <base>"), more).decode()
+    found = re.search(r'<script[^>]*id="data"[^>]*>(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    return text, json.loads(found[1])
+
+
+def test_the_page_has_the_numbers_that_its_charts_show() -> None:
+    text, data = _page(ESTIMATE, (Sheet("Before and after", ("", "x"), [("row", "17.25")]),))
+    assert data["names"] == list(NAMES)
+    change = 100 * np.array([316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
+    assert data["change"][2] is data["half"][2] is data["half"][3] is None
+    assert_allclose(np.array(data["change"], dtype=float), change, rtol=1e-12)
+    assert_allclose(np.array(data["half"], dtype=float), 100 * HALF / ESTIMATE.scale, rtol=1e-6)
+    assert data["correlation"][1][0] == pytest.approx(0.25)
+    assert data["correlation"][1][2] is None
+    assert_allclose(_packed(data["time"], (4,)), _TIME, rtol=1e-6)
+    assert data["channels"] == 6
+    for key, values in (("measured", _MEASURED), ("fitted", _FITTED), ("before", _BEFORE)):
+        np.testing.assert_array_equal(_packed(data[key], (4, 6)), values)
+    assert data["aside"] == [[7.5, 7.9], [8.1, 8.6]]
+    assert (data["quantity"], data["unit"]) == ("force of leg", "N")
+    # a thousandth of a newton, or a millionth of the largest value, 609 N
+    assert data["least"] == pytest.approx(1e-3)
+    assert len(set(data["colours"])) >= 6
+    body = text[: text.index("<footer")]
+    assert "Parameters of my &lt;base&gt;" in body
+    assert "method linear" in body
+    assert '<li class="alarm"><strong>Alarm:</strong> an &amp; alarm</li><li>a &lt; note</li><li>another</li>' in body
+    assert body.index("Before and after") < body.index("Parameters, with 95 % intervals")
+    for said in ("17.25", "1516.9", "not excited", "at its bound", "0.12", "24.5", "forces have offsets"):
+        assert said in body
+    assert "Intervals hold 95 % of the time if the model structure is right and the forces are calibrated." in text
+
+
+def test_a_page_of_poses_has_no_charts_over_time_and_no_list_without_remarks() -> None:
+    text, data = _page(replace(ESTIMATE, details={"poses": 1}, notes=(), alarms=()))
+    assert data["time"] is None
+    assert "measured" not in data
+    assert '<ul class="remarks">' not in text
+
+
+def test_a_page_says_notes_without_an_alarm() -> None:
+    text, _ = _page(replace(ESTIMATE, alarms=()))
+    assert '<ul class="remarks"><li>a &lt; note</li><li>another</li></ul>' in text
+
+
+def test_the_figure_of_parameters_shows_changes_and_correlation() -> None:
+    figure = Figure()
+    figures._parameters(figure, ESTIMATE)
+    left, right = figure.axes[:2]
+    points = left.containers[0]
+    change = 100 * np.array([316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
+    assert_allclose(points[0].get_xdata(), change)
+    assert_allclose(points[0].get_ydata(), np.arange(5))
+    lengths = np.array([np.ptp(line[:, 0]) if len(line) else NAN for line in points[2][0].get_segments()])
+    half = 100 * HALF / ESTIMATE.scale
+    assert_allclose(lengths[[0, 1, -1]], 2 * half[[0, 1, -1]], rtol=1e-6)
+    assert [tick.get_text() for tick in left.get_yticklabels()] == list(NAMES)
+    assert left.yaxis_inverted()
+    assert left.get_xlabel() == "identified − nominal [% of scale]"
+    assert any(np.array_equal(line.get_xdata(), [0.0, 0.0]) for line in left.lines)
+    image = right.images[0]
+    assert image.get_clim() == (-1, 1)
+    np.testing.assert_array_equal(np.ma.filled(np.ma.asarray(image.get_array()), NAN), ESTIMATE.correlation)
+    assert [tick.get_text() for tick in right.get_xticklabels()] == list(NAMES)
+
+
+@pytest.mark.parametrize(("unit", "shown", "factor"), [("N", "N", 1.0), ("m", "µm", 1e6)])
+def test_the_figure_of_the_fit_shows_every_leg_before_and_after(unit: str, shown: str, factor: float) -> None:
+    figure = Figure()
+    figures._fit(figure, replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, unit=unit)))
+    above, middle, below = figure.axes
+    for k in range(6):
+        lines: list[Any] = list(above.lines[2 * k : 2 * k + 2])
+        assert lines[0].get_label() == str(k + 1)
+        for line, values in zip(lines, (_MEASURED, _FITTED), strict=True):
+            assert_allclose(line.get_xdata(), _TIME)
+            assert_allclose(line.get_ydata(), values[:, k])
+            assert line.get_color() == lines[0].get_color()
+        assert_allclose(np.asarray(middle.lines[k].get_ydata()), factor * (_MEASURED - _BEFORE)[:, k])
+        assert_allclose(np.asarray(below.lines[k].get_ydata()), factor * (_MEASURED - _FITTED)[:, k])
+    assert len({line.get_color() for line in below.lines}) == 6
+    assert [axes.get_ylabel() for axes in figure.axes] == [f"[{unit}]", f"[{shown}]", f"[{shown}]"]
+    titles = ["measured, fitted", "residuals, nominal platform", "residuals, identified platform"]
+    assert [axes.get_title() for axes in figure.axes] == titles
+    assert (above.get_xlabel(), below.get_xlabel()) == ("", "time [s]")
+    for axes in figure.axes:
+        spans = [patch.get_extents().transformed(axes.transData.inverted()) for patch in axes.patches]
+        assert_allclose([(span.x0, span.x1) for span in spans], [(7.5, 7.9), (8.1, 8.6)])
+    assert figure.get_suptitle() == "Force of leg: measured (lines) and fitted (dots); residuals"
+
+
+def test_files_are_those_that_are_announced_and_the_platform_is_the_one_that_was_found() -> None:
+    """Expected: found values, nominal ones of what is not excited, and none of the instruments'."""
+    estimate = replace(ESTIMATE, details={})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gough_stewart.harness.identify.files.identification_figures", lambda _e: {"fit.png": b"x"})
+        files = identification_files(estimate, NOMINAL)
+    assert list(files) == ["platform.toml", "estimate.json", "fit.png", "identify.html"]
+    assert set(FILES) == {"platform.toml", "estimate.json", "identify.html", "fit.png", "fit.svg"} | {
+        "parameters.png",
+        "parameters.svg",
+    }
+    assert files["estimate.json"] == estimate.to_json()
+    found = platform_from_toml(files["platform.toml"].decode())
+    assert found.platform_mass == 1516.9
+    assert found.platform_com[2] == NOMINAL.platform_com[2]
+    assert found.leg_coulomb_friction == 0.0
+    own = 500.0 * np.array(NOMINAL.leg_viscous_friction_factor)
+    own[1] = 431.7
+    assert_allclose(found.leg_viscous_friction * np.array(found.leg_viscous_friction_factor), own, rtol=1e-12)
+
+
+def test_an_estimate_gives_its_elements_by_name() -> None:
+    assert ESTIMATE["leg_viscous_friction[2]"].tolist() == [431.7]
+    assert ESTIMATE["leg_viscous_friction"].tolist() == [431.7]
+    assert ESTIMATE["platform_inertia"].size == 0
+    assert ESTIMATE.condition_number == 1600.0
+    assert replace(ESTIMATE, singular_values=np.array([3.0, 0.0])).condition_number == float("inf")
+
+
+def test_units_are_those_of_the_interface() -> None:
+    """Expected: docs/identify.md and the table of parameters."""
+    units = {"delay": "s", "base_tilt[2]": "rad", "force_offset[3]": "N", "leg_length_offset[6]": "m"}
+    units |= {"platform_inertia[1,2]": "kg.m2", "leg_friction_velocity": "m/s", "gravity[3]": "m/s2"}
+    assert {name: unit_of(name) for name in units} == units
+
+
+def test_figures_are_drawn_over_time_only_where_there_is_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[tuple[Any, ...]] = []
+
+    def noted(name: str, _draw: Any, width: float, height: float) -> dict[str, bytes]:
+        drawn.append((name, width, height))
+        return {f"{name}.png": b"", f"{name}.svg": b""}
+
+    monkeypatch.setattr(figures, "pictures", noted)
+    assert list(figures.identification_figures(replace(ESTIMATE, details={"poses": 1}))) == [
+        "parameters.png",
+        "parameters.svg",
+    ]
+    assert list(figures.identification_figures(ESTIMATE))[2:] == ["fit.png", "fit.svg"]
+    # a row of 0.28 inches for each parameter
+    assert drawn[0] == ("parameters", 10.0, pytest.approx(1.6 + 5 * 0.28))
+
+
+def test_nominal_presets_have_the_names_of_their_pages() -> None:
+    text = identification_page(replace(ESTIMATE, details={}), load_preset("liu2000")).decode()
+    assert "Parameters of liu2000" in text
