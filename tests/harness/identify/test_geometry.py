@@ -273,3 +273,110 @@ def test_the_command_calibrates_from_a_table_of_poses(tmp_path: Path) -> None:
     )
     assert other.exit_code == 1
     assert "pose_frame is an option of method geometry only" in other.output
+
+
+def dense(
+    machine_log: Log, deviation: np.ndarray, free: np.ndarray, *, own: bool = False
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Values, JᵀJ of the free numbers with all else eliminated, and the cost, by SciPy's fit of everything."""
+    assert machine_log.position is not None
+    assert machine_log.orientation is not None
+    n = len(machine_log)
+    nominal = np.concatenate([NOMINAL.base_points.ravel(), NOMINAL.platform_points.ravel(), np.zeros(6)])
+    seen = Rotation.from_euler("xyz", machine_log.orientation)
+    turned, at = (X.inv() * seen * Y.inv(), machine_log.position) if own else (seen, machine_log.position)
+    if own:
+        at = X.inv().apply(at - X_T) - turned.apply(Y_T)
+    frames = 12 if own else 0
+
+    def gap(v: np.ndarray) -> np.ndarray:
+        numbers = nominal.copy()
+        numbers[free] += v[: len(free)]
+        base, top, offset = numbers[:18].reshape(6, 3), numbers[18:36].reshape(6, 3), numbers[36:]
+        poses = v[len(free) + frames :].reshape(n, 6)
+        R, t = Rotation.from_rotvec(poses[:, 3:]) * turned, at + poses[:, :3]
+        L = np.stack([np.linalg.norm(t + R.apply(p) - b, axis=1) for p, b in zip(top, base, strict=True)], axis=1)
+        shown, place = R, t
+        if own:
+            f = v[len(free) : len(free) + 12]
+            of_world, of_target = Rotation.from_rotvec(f[:3]) * X, Rotation.from_rotvec(f[3:6]) * Y
+            shown = of_world * R * of_target
+            place = X_T + f[6:9] + of_world.apply(t + R.apply(Y_T + f[9:]))
+        rows = [machine_log.leg_length - L - offset, machine_log.position - place, (seen * shown.inv()).as_rotvec()]
+        return np.asarray((np.concatenate(rows, axis=1) / deviation).ravel())
+
+    units = np.concatenate([np.full(len(free), 1e-3), np.full(frames, 1e-3), np.full(6 * n, 1e-3)])
+    found = least_squares(gap, np.zeros(len(units)), x_scale=units, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    J, k = np.asarray(found.jac), len(free)
+    Q = np.linalg.qr(J[:, k:])[0]
+    left = J[:, :k] - Q @ (Q.T @ J[:, :k])
+    return nominal[free] + found.x[:k], left.T @ left, float(2 * found.cost)
+
+
+def test_everything_of_a_calibration_is_that_of_a_dense_least_squares() -> None:
+    """Expected: SciPy's fit of geometry and poses at once, its Jacobian by differences; residuals written out."""
+    log = Machine(5).log(8, n=15)
+    assert log.position is not None
+    assert log.orientation is not None
+    names, scale = ["platform_points", "leg_length_offset[4]", "base_points[6,3]", "base_points[2,1]"], 2e-3
+    accuracy = PoseAccuracy(2e-6, 7e-5, 1.1e-4)
+    found = identify_geometry(log, NOMINAL, names, accuracy=accuracy, nominal_error=scale)
+    free = np.array([*range(18, 36), 39, 17, 3])
+    deviation = np.repeat([2e-6, 7e-5, 1.1e-4], [6, 3, 3])
+    values, information, cost = dense(log, deviation, free)
+    assert found.rank == 21
+    np.testing.assert_allclose(found.values, values, atol=2e-8)
+    before = np.concatenate(
+        [NOMINAL.platform_points.ravel(), [0, NOMINAL.base_points[5, 2], NOMINAL.base_points[1, 0]]]
+    )
+    np.testing.assert_allclose(found.nominal, before)
+    freedom = 15 * 6 - 21
+    assert found.details["equations"] == 15 * 6
+    assert found.details["factor"] == pytest.approx(np.sqrt(cost / freedom), rel=1e-4)
+    expected = cost / freedom * np.linalg.inv(information)
+    sizes = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found.covariance / np.outer(sizes, sizes), expected / np.outer(sizes, sizes), atol=2e-3)
+    np.testing.assert_allclose(found.singular_values, scale * np.sqrt(np.linalg.eigvalsh(information)[::-1]), rtol=2e-3)
+    np.testing.assert_array_equal(found.scale, scale)
+    residuals = found.residuals
+    assert (residuals.quantity, residuals.unit, residuals.whiteness) == ("length of leg", "m", None)
+
+    def lengths_left(numbers: np.ndarray, rows: slice) -> np.ndarray:
+        whole = np.concatenate([NOMINAL.base_points.ravel(), NOMINAL.platform_points.ravel(), np.zeros(6)])
+        whole[free] = numbers
+        turn = Rotation.from_euler("xyz", log.orientation[rows])  # type: ignore[index]
+        ends = [log.position[rows] + turn.apply(p) for p in whole[18:36].reshape(6, 3)]  # type: ignore[index]
+        L = [np.linalg.norm(end - b, axis=1) for end, b in zip(ends, whole[:18].reshape(6, 3), strict=True)]
+        return np.asarray(np.sqrt(((log.leg_length[rows] - np.stack(L, 1) - whole[36:]) ** 2).mean(axis=0)))
+
+    np.testing.assert_allclose(residuals.rms, lengths_left(values, slice(None)), rtol=1e-3)
+    # of the last fifth of the rows, by a fit of the others
+    first = dense(log.rows(slice(0, 12)), deviation, free)[0]
+    assert residuals.validation_rms is not None
+    np.testing.assert_allclose(residuals.validation_rms, lengths_left(first, slice(12, None)), rtol=1e-3)
+    np.testing.assert_allclose(residuals.signal_rms, log.leg_length.std(axis=0))
+    np.testing.assert_allclose(found.details["nominal_rms"], lengths_left(before, slice(None)), rtol=1e-9)
+
+
+def test_the_cost_in_an_own_frame_is_that_of_a_dense_least_squares() -> None:
+    """Expected: SciPy's fit with both frames free, over as many degrees of freedom as there are equations too many."""
+    log = in_own_frame(Machine(6).log(9, n=16))
+    accuracy = PoseAccuracy(3e-6, 6e-5)
+    found = identify_geometry(log, NOMINAL, accuracy=accuracy, pose_frame="own", nominal_error=0.5)
+    deviation = np.repeat([3e-6, 6e-5, 6e-5 / SIZE], [6, 3, 3])
+    cost = dense(log, deviation, np.arange(42), own=True)[2]
+    # of twelve numbers of frames, all are seen beside thirty of the geometry
+    assert found.rank == 30
+    assert found.details["factor"] == pytest.approx(np.sqrt(cost / (16 * 6 - 30 - 12)), rel=1e-3)
+
+
+def test_a_row_at_fault_is_named_among_partial_poses() -> None:
+    """Expected: the row in which the tracker saw 4 mm too much in z; of rows with positions only."""
+    log = Machine(2).log(3, n=30)
+    assert log.position is not None
+    position = log.position.copy()
+    position[29, 2] += 4e-3
+    found = identify_geometry(replace(log, position=position, orientation=None), NOMINAL, ["leg_length_offset"])
+    named = [note for note in found.notes if note.startswith("the residuals of row")]
+    assert [note.split()[4] for note in named] == ["30"]
+    assert "times those of most rows; remove it if it was not at rest" in named[0]
