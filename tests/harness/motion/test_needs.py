@@ -151,3 +151,68 @@ def test_where_legs_cannot_hold_a_pose_there_are_no_forces() -> None:
     assert np.isnan(needs["motoring_energy"]).all()
     assert np.isfinite(needs["leg_length_max"]).all()
     assert np.isfinite(needs["leg_velocity_rms"]).all()
+
+
+def test_every_figure_has_its_unit_and_goes_with_the_speed_and_force_of_its_time() -> None:
+    """Expected: names and units written out; at a peak, the row of the other quantities by Newton–Euler."""
+    time = np.linspace(7.3, 8.1, 161)
+    needs, h = needs_along(UNEVEN, time, SWAY(time)), 1e-6
+    peaks = {
+        "leg_velocity": ("m/s", ["force"]),
+        "leg_acceleration": ("m/s2", ["velocity", "force"]),
+        "actuator_force": ("N", ["velocity"]),
+        "actuator_power": ("W", ["velocity", "force"]),
+        "motoring_power": ("W", ["velocity", "force"]),
+        "regenerated_power": ("W", ["velocity", "force"]),
+        "base_joint_angle": ("rad", ["velocity"]),
+        "platform_joint_angle": ("rad", ["velocity"]),
+    }
+    units = dict.fromkeys(("leg_length_min", "leg_length_max", "stroke", "stroke_rms", "distance"), "m")
+    units |= {"actuator_force_push": "N", "actuator_force_pull": "N"}
+    units |= {"motoring_energy": "J", "regenerated_energy": "J"}
+    for name, (unit, others) in peaks.items():
+        units |= {f"{name}_peak": unit, f"{name}_rms": unit, f"{name}_peak_time": "s"}
+        units |= {f"{name}_peak_{other}": {"velocity": "m/s", "force": "N"}[other] for other in others}
+    assert {name: need.unit for name, need in needs.of.items()} == units
+    length = [lengths(UNEVEN, SWAY(time + k * h)) for k in (-1, 0, 1)]
+    velocity = (length[2] - length[0]) / (2 * h)
+    wide = [lengths(UNEVEN, SWAY(time + k * 1e-4)) for k in (-1, 0, 1)]
+    acceleration = (wide[2] - 2 * wide[1] + wide[0]) / 1e-8
+    force = forces_by_newton_euler(UNEVEN, SWAY, time)
+    values = {"leg_acceleration": acceleration, "actuator_power": force * velocity}
+    np.testing.assert_allclose(needs["stroke"], np.ptp(length[1], axis=0), rtol=1e-9)
+    weights = np.full(161, 0.005)
+    weights[[0, -1]] /= 2
+    for name, of in values.items():
+        row, leg = np.abs(of).argmax(axis=0), np.arange(6)
+        np.testing.assert_allclose(needs[f"{name}_peak"], of[row, leg], rtol=1e-4)
+        np.testing.assert_array_equal(needs[f"{name}_peak_time"], time[row])
+        np.testing.assert_allclose(needs[f"{name}_peak_velocity"], velocity[row, leg], atol=1e-7)
+        np.testing.assert_allclose(needs[f"{name}_peak_force"], force[row, leg], rtol=1e-6)
+        np.testing.assert_allclose(needs[f"{name}_rms"], np.sqrt(weights @ of**2 / 0.8), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "absent"),
+    [
+        ({"leg_viscous_friction": 0.0}, None),
+        ({"leg_coulomb_friction": 0.0}, None),
+        ({"leg_viscous_friction": 0.0, "leg_coulomb_friction": 0.0}, "the platform states no friction, so"),
+        ({"leg_armature": 0.0}, "the platform states no inertia of motors and screws (leg_armature), so"),
+    ],
+)
+def test_only_what_is_missing_is_said_to_be(change: dict[str, float], absent: str | None) -> None:
+    time = np.linspace(7.3, 7.5, 41)
+    notes = needs_along(replace(UNEVEN, **change), time, SWAY(time)).notes
+    assert len(notes) == (1 if absent is None else 2)
+    assert absent is None or notes[1].startswith(absent)
+
+
+def test_one_row_has_figures_too() -> None:
+    """Expected: its own values; no distance, energy or deviation from a mean."""
+    time = np.array([7.4])
+    needs, motion = needs_along(UNEVEN, time, SWAY(time)), SWAY(time)
+    np.testing.assert_allclose(needs["leg_length_max"], lengths(UNEVEN, motion)[0], rtol=1e-12)
+    np.testing.assert_allclose(needs["leg_velocity_rms"], np.abs(needs_velocity(motion))[0], rtol=1e-5, atol=1e-7)
+    for name in ("stroke", "stroke_rms", "distance", "motoring_energy", "regenerated_energy"):
+        np.testing.assert_array_equal(needs[name], np.zeros(6))

@@ -15,6 +15,7 @@ from gough_stewart.harness.motion.plausible_speed import check_speed
 from gough_stewart.harness.motion.shares import Limited
 from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.model.rotations import matrix_from_orientation
+from tests.support.uneven import UNEVEN
 
 A = np.array([-2.5, -1.0, 0.0, 1e-12, 0.7, 3.0])
 B = np.array([1.0, -1.0, 0.3, 0.0, 0.7, -2.0])
@@ -222,3 +223,32 @@ def test_poses_of_a_path_may_be_lists_or_arrays_of_numbers_or_quantities() -> No
         with pytest.raises(gs.GoughStewartError, match="margin and ramp need timing = 'fastest'"):
             gs.ViaPath(poses=rows, timing=1.5, **alone)
         assert gs.ViaPath(poses=rows, timing="fastest", **alone).timing == "fastest"
+
+
+@pytest.mark.parametrize(("slow", "size"), [(2.0, 2.0), (2.0, 1.0), (1.0, 2.0), (0.5, -0.3)])
+def test_a_table_is_scaled_in_time_and_size_alike_or_not(slow: float, size: float) -> None:
+    """Expected: rows by hand, about the pose at time 0; unchanged only if both scales are 1."""
+    time = np.linspace(-0.4, 1.1, 16)
+    pose = np.stack([np.sin((k + 1) * time) / (k + 2) for k in range(6)], axis=1)
+    table = FromTable(time, pose[:, :3] + 0.1, pose[:, 3:] - 0.2)
+    found = table.scaled(slow, size)
+    centre = table(np.zeros(1))
+    np.testing.assert_allclose(found.time, slow * time)
+    np.testing.assert_allclose(found.position, centre.position + size * (table.position - centre.position), atol=1e-15)
+    turned = centre.orientation + size * (table.orientation - centre.orientation)
+    np.testing.assert_allclose(found.orientation, turned, atol=1e-15)
+    assert table.scaled(1.0, 1.0) is table
+    assert table.from_time(0.0) is table
+    np.testing.assert_allclose(table.from_time(0.3).time, time - 0.3)
+    np.testing.assert_array_equal(table.from_time(0.3).position, table.position)
+
+
+@pytest.mark.parametrize("order", [[1, 2], [2, 1]])
+def test_the_first_pose_that_is_out_of_reach_is_named_whatever_its_fault(order: list[int]) -> None:
+    """Expected: pose 2, whether it is the one too far away or the one turned too far."""
+    home = [*UNEVEN.home_position.tolist(), *UNEVEN.home_orientation.tolist()]
+    far, turned = [*home[:2], 4.3, *home[3:]], [*home[:5], 1.4]
+    poses = [home, *([far, turned][k - 1] for k in order)]
+    fault = {1: "the length of leg", 2: "the (angle|condition|length)"}[order[0]]
+    with pytest.raises(MotionError, match=f"pose 2 of the path cannot be reached: {fault}"):
+        gs.ViaPath(poses=poses, timing=2.0).about(UNEVEN)
