@@ -93,7 +93,7 @@ def draw_limits(axes: Axes, workspace: Workspace, plane: Plane) -> None:
     if margin is not None and not beyond.all():
         left = np.asarray(margin[plane.part] * shown_length(workspace).factor)
         high = float(left[~beyond].max())
-        levels = [level for level in MaxNLocator(5).tick_values(0, high) if 0 < level < high]
+        levels = [level for level in MaxNLocator(5).tick_values(0, high) if level > 0]
         _clip(axes, plane, _lines(axes, workspace, plane, left, levels, "#8A8A8A"))
     _border(axes, plane)
 

@@ -1,6 +1,7 @@
 """Everything that a page of runs is made of, recomputed from the columns of uneven records at uneven settings."""
 
 import base64
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -536,6 +537,9 @@ def test_the_texts_of_a_page_of_one_run() -> None:
     text = " ".join(elements(view_page([described], ["x"]), "//header")[0].text_content().split())
     assert "made up for tests — platform uneven" in text
     assert "plant" not in text
+    unknown = {key: value for key, value in RUN.metadata.items() if key != "experiment"}
+    text = " ".join(elements(view_page([Record(RUN.table, unknown)], ["x"]), "//header")[0].text_content().split())
+    assert "made up for tests — platform uneven, plant fmu3" in text
 
 
 def _more() -> Sheet:
@@ -563,6 +567,16 @@ def test_the_texts_of_a_page_of_several_runs() -> None:
     assert "each of 133 intervals" in footer
     summaries = [" ".join(s.text_content().split()) for s in elements(page, "//details/summary")]
     assert summaries[:3] == [f"{name}: all metrics, run, parameters, versions" for name in ("one <1>", "two", "three")]
+    errors = elements(
+        page, "//details//caption[text()='Tracking error']/../tbody/tr[starts-with(th, '|position|')]/td[2]/text()"
+    )
+    peaks = [metrics(each)["tracking"]["position"]["norm_peak"] for each in (RUN, second, record_of(0.025))]
+    assert [float(text) for text in errors] == pytest.approx([1e3 * peak for peak in peaks], rel=1e-3)
+    data = json.loads(elements(page, "//script[@id='data']")[0].text)
+    assert data["colours"] == list(COLOURS)
+    assert [share for share, _ in data["nearness"]["stops"]] == [0.0, 0.5, 0.8, 1.0]
+    assert [scene["name"] for scene in data["scenes"]] == ["one <1>", "two", "three"]
+    assert data["chart"]["shown"] == list(SHOWN)
     outcomes = elements(page, "//caption[text()='Run']/../tbody/tr[th='outcome']/td/text()")
     assert outcomes == ["completed at 0.3 s", "diverged at 7.6 s: far <away>", "completed at 0.3 s"]
 
@@ -620,6 +634,26 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
     ]
     assert starts == sorted(starts)
     assert not any(word in name for name in rows for word in (" at", "first exceeded"))
+    step = {"axis": "z", "from": 1.0, "to": 1.05, "at": 7.4, "overshoot_percent": 12.5, "rise_time": 0.1}
+    stepped = {**found[0], "step_response": [{**step, "settling_time": 0.3, "final_error": 1.5e-3}]}
+    whole: Any = lxml.html.fromstring(comparison_table([records[0]], [stepped], ["a"]))
+    texts = {r.xpath("th")[0].text_content(): r.xpath("td")[0].text_content() for r in whole.xpath("tbody/tr")}
+    of_axes = [
+        f"{what} error, {kind} {unit}"
+        for what, unit in (("position", "mm"), ("orientation", "mrad"))
+        for kind in ("RMS", "peak")
+    ]
+    assert list(texts) == [
+        "outcome", *of_axes, "leg error, RMS mm", "leg error, peak mm",
+        "z: overshoot %", "z: rise time s", "z: settling time s", "z: final error mm",
+        "peak force N", "RMS force N", "peak power W", "mean power W", "work, absolute J", "work, net J",
+        "force limited %", "rate limited %", "stroke margin mm", "beyond stroke %",
+        "leg velocity, of its limit %", "actuator force, of its limit %", "actuator power, of its limit %",
+    ]  # fmt: skip
+    assert [texts[f"z: {name}"] for name in ("overshoot %", "rise time s", "settling time s", "final error mm")] == [
+        "12.5", "0.1", "0.3", "1.5",
+    ]  # fmt: skip
+    assert texts["rate limited %"] == f"{100 * found[0]['saturation']['rate_limited']['any']:.4g}"
     later = Record(records[1].table, {**records[1].metadata, "duration": 0.4})
     unlike = comparison_table([records[0], later], found[:2], ["a", "b"])
     assert "★" not in unlike
