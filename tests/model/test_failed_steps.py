@@ -193,3 +193,18 @@ def test_the_side_of_singular_poses_is_remembered_and_forgotten_with_what_is_set
     model.set_many({"actuator_force": np.zeros(6), "position": STATE.position})
     model.do_step(0.0, 1e-3)
     assert model.time == 1e-3
+
+
+def test_a_pose_that_is_restored_beyond_a_limit_fails_at_its_own_time() -> None:
+    """Expected: 7.3 s and the leg's length there; the same model goes on from a pose within the limits."""
+    model = SteppingModel(UNEVEN)
+    model.do_step(0.0, 1e-3)
+    snapshot = replace(model.save_state(), time=7.3)
+    joint = UNEVEN.base_points[3] - UNEVEN.platform_points[3] + np.array([0.0, 0.0, 2e-4])
+    model.restore_state(replace(snapshot, x=(*joint.tolist(), *[0.0] * 9)))
+    error = refused(model, lambda: model.do_step(7.3, 1e-3), StepError, r"^leg_length\[4\] = 0.0002 at time 7.3 s")
+    assert isinstance(error, StepError)
+    assert error.time == 7.3
+    model.restore_state(snapshot)
+    model.do_step(7.3, 1e-3)
+    assert model.time == 7.3 + 1e-3
