@@ -1,6 +1,7 @@
 """What motions need of each leg, against Newton–Euler, differences of lengths and the work–energy theorem."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -201,7 +202,7 @@ def test_every_figure_has_its_unit_and_goes_with_the_speed_and_force_of_its_time
         ({"leg_armature": 0.0}, "the platform states no inertia of motors and screws (leg_armature), so"),
     ],
 )
-def test_only_what_is_missing_is_said_to_be(change: dict[str, float], absent: str | None) -> None:
+def test_only_what_is_missing_is_said_to_be(change: dict[str, Any], absent: str | None) -> None:
     time = np.linspace(7.3, 7.5, 41)
     notes = needs_along(replace(UNEVEN, **change), time, SWAY(time)).notes
     assert len(notes) == (1 if absent is None else 2)
