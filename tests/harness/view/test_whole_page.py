@@ -637,23 +637,23 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
     step = {"axis": "z", "from": 1.0, "to": 1.05, "at": 7.4, "overshoot_percent": 12.5, "rise_time": 0.1}
     stepped = {**found[0], "step_response": [{**step, "settling_time": 0.3, "final_error": 1.5e-3}]}
     whole: Any = lxml.html.fromstring(comparison_table([records[0]], [stepped], ["a"]))
-    texts = {r.xpath("th")[0].text_content(): r.xpath("td")[0].text_content() for r in whole.xpath("tbody/tr")}
+    cells = {r.xpath("th")[0].text_content(): r.xpath("td")[0].text_content() for r in whole.xpath("tbody/tr")}
     of_axes = [
         f"{what} error, {kind} {unit}"
         for what, unit in (("position", "mm"), ("orientation", "mrad"))
         for kind in ("RMS", "peak")
     ]
-    assert list(texts) == [
+    assert list(cells) == [
         "outcome", *of_axes, "leg error, RMS mm", "leg error, peak mm",
         "z: overshoot %", "z: rise time s", "z: settling time s", "z: final error mm",
         "peak force N", "RMS force N", "peak power W", "mean power W", "work, absolute J", "work, net J",
         "force limited %", "rate limited %", "stroke margin mm", "beyond stroke %",
         "leg velocity, of its limit %", "actuator force, of its limit %", "actuator power, of its limit %",
     ]  # fmt: skip
-    assert [texts[f"z: {name}"] for name in ("overshoot %", "rise time s", "settling time s", "final error mm")] == [
+    assert [cells[f"z: {name}"] for name in ("overshoot %", "rise time s", "settling time s", "final error mm")] == [
         "12.5", "0.1", "0.3", "1.5",
     ]  # fmt: skip
-    assert texts["rate limited %"] == f"{100 * found[0]['saturation']['rate_limited']['any']:.4g}"
+    assert cells["rate limited %"] == f"{100 * found[0]['saturation']['rate_limited']['any']:.4g}"
     later = Record(records[1].table, {**records[1].metadata, "duration": 0.4})
     unlike = comparison_table([records[0], later], found[:2], ["a", "b"])
     assert "★" not in unlike
