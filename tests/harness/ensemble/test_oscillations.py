@@ -1,0 +1,82 @@
+"""Members whose loops oscillate or grow by themselves, against the same members run alone."""
+
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+
+import gough_stewart as gs
+from tests.support.commands import invoke
+from tests.support.ensembles import ensemble_of
+
+# With a delay of 60 samples an eigenvalue is outside of the unit circle, with 1 none.
+MIXED = {
+    "loop.duration": 1.4,
+    "controller.bandwidth": 4.0,
+    "ensemble": {
+        "members": 6,
+        "seed": 3,
+        "loop.delay": {"choice": [1, 22, 35]},
+        "platform_mass": {"uniform": [1200, 1600]},
+    },
+}
+
+
+def test_every_member_is_judged_as_its_own_run_is() -> None:
+    """Expected: what `gs.metrics` says of each member's record: some are sound, some oscillate."""
+    found = gs.ensemble("heave_step", MIXED, workers=1)
+    kinds = found.members["oscillation"].to_list()
+    for k, row in enumerate(found.members.iter_rows(named=True)):
+        own = gs.metrics(gs.run("heave_step", MIXED, member=k))["outcome"]["oscillation"]
+        if own is None:
+            assert (row["oscillation"], row["oscillation.amplitude"], row["oscillation.frequency"]) == (None,) * 3
+        else:
+            assert row["oscillation"] == ("growing" if own["is_growing"] else "oscillating")
+            assert row["oscillation.amplitude"] == pytest.approx(own["amplitude"], rel=1e-9)
+            assert row["oscillation.frequency"] == pytest.approx(own["frequency"], rel=1e-9)
+    assert None in kinds
+    assert len(set(kinds)) >= 2
+    counts = {kind: kinds.count(kind) for kind in kinds if kind is not None}
+    assert found.metadata["oscillations"] == counts
+    words = " and ".join(f"{counts[kind]} {kind}" for kind in ("oscillating", "growing") if kind in counts)
+    assert f"6 members: 6 completed ({words} by themselves)" in str(found)
+    assert "oscillation.amplitude" not in found.metrics
+
+
+@pytest.mark.parametrize(("duration", "is_thinned"), [(1.4, False), (2.2, True)])
+def test_the_command_counts_them_and_names_the_largest(duration: float, is_thinned: bool, tmp_path: Path) -> None:
+    """Expected: numbers of the table; exit 0, for some are sound; no frequency where rows are left out."""
+    options = ("--set", f"loop.duration={duration}", "--set", "controller.bandwidth=4", "--workers", "1")
+    varied = ("--set", "ensemble.loop.delay={ choice = [1, 35] }", "--set", "ensemble.worst=0")
+    done = invoke(
+        "ensemble", "heave_step", *options, *varied, "--members", "6", "--seed", "3", "--out", str(tmp_path / "out")
+    )
+    assert done.exit_code == 0, done.output
+    members = polars.read_parquet(tmp_path / "out" / "members.parquet")
+    said = " ".join(done.stderr.split())
+    for kind, verb in (("oscillating", "oscillate"), ("growing", "grow")):
+        some = members.filter(polars.col("oscillation") == kind).sort("oscillation.amplitude", descending=True)
+        if some.height:
+            amplitude = f"{1e3 * some['oscillation.amplitude'][0]:.3g} mm"
+            first = f"member {some['member'][0]} has the largest amplitude, {amplitude}"
+            assert f"the loops of {some.height} of 6 members {verb} by themselves; {first}" in said
+        assert not is_thinned or some["oscillation.frequency"].null_count() == some.height
+    assert (members["oscillation"].is_null() == (members["varied.loop.delay"] == 1)).all()
+    assert 0 < members["oscillation"].null_count() < 6
+
+
+def test_an_ensemble_of_which_all_grow_misses_its_purpose(tmp_path: Path) -> None:
+    """Expected: exit 3, as `run` has for its nominal machine, which the shipped experiment says is unstable."""
+    options = ("--set", "loop.duration=1.6", "--set", 'ensemble.platform_mass={ normal = "1 kg" }')
+    few = ("--members", "2", "--workers", "1", "--set", "ensemble.worst=0")
+    done = invoke("ensemble", "too_slow", *options, *few, "--out", str(tmp_path / "out"))
+    said = " ".join(done.stderr.split())
+    assert done.exit_code == 3, done.output
+    assert "no member completed its run with a loop that does not grow: the loops of 2 of 2 members grow" in said
+    assert polars.read_parquet(tmp_path / "out" / "members.parquet")["oscillation"].to_list() == ["growing"] * 2
+
+
+def test_a_result_of_an_older_version_is_shown_without_them() -> None:
+    """Expected: the counts of outcomes alone."""
+    assert "5 members: 5 completed\n" in str(ensemble_of(np.zeros((5, 4))))

@@ -1,0 +1,459 @@
+"""All that is said of one ensemble, number by number, against the records of its members.
+
+An uneven machine in trouble, of which masses, joints, friction, gains, delays, limits, noise, reference and disturbance
+differ; some members complete, some diverge, each at its own time, and some are impossible.
+"""
+
+import base64
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from lxml import html
+from typer.testing import Result
+
+import gough_stewart as gs
+from gough_stewart.model.vectors import FloatArray
+from tests.harness.results.test_whole_run import MACHINE, tables_in
+from tests.support.commands import invoke
+from tests.support.metric_definitions import as_one_number, defined_metrics
+
+TOML = """
+title = "machines in trouble"
+[platform]
+file = "uneven.toml"
+[plant]
+parameters = { platform_mass = 13.9, platform_com = [0.02, -0.07, 0.11] }
+[reference]
+type = "point_to_point"
+position_change = [0.061, -0.047, 0.083]
+orientation_change = [0.071, -0.064, 0.095]
+at = 0.03
+duration = 0.1
+[controller]
+type = "pid"
+proportional_gain = [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0]
+derivative_gain = [110.0, 140.0, 95.0, 125.0, 150.0, 105.0]
+integral_gain = [900.0, 1500.0, 700.0, 1100.0, 2000.0, 800.0]
+feedforward = "gravity"
+[loop]
+duration = 0.3
+sample_time = 0.005
+plant_step = 0.0025
+delay = 1
+[sensors.noise]
+leg_length = "0.3 mm"
+[actuators]
+force_limit = 110.0
+rate_limit = 1500.0
+[limits]
+reference = "warn"
+position_error = 0.075
+[[disturbance]]
+at = 0.06
+duration = 0.05
+force = [40.0, -30.0, 55.0]
+torque = [9.0, -7.0, 5.0]
+[ensemble]
+members = 14
+seed = 11
+worst = 14
+worst_by = "force.rms"
+margins = true
+signals = SIGNALS
+platform_mass = { normal = [12, 8] }
+base_points = { normal = "2 mm" }
+leg_viscous_friction = { lognormal = 0.5 }
+loop.delay = { choice = [0, 1, 3] }
+controller.proportional_gain = { factor = { uniform = [0.7, 1.3] } }
+actuators.force_limit = { uniform = [85, 120] }
+reference.position_change = { factor = { uniform = [0.5, 1.0] } }
+sensors.noise.leg_length = { uniform = [1e-4, 5e-4] }
+disturbance.1.force = { normal = "20 N" }
+platform.leg_length_max = { uniform = [3.37, 3.55] }
+platform.actuator_power_max = { uniform = [10, 30] }
+[[ensemble.correlation]]
+of = ["platform_mass", "leg_viscous_friction"]
+matrix = [[1.0, 0.6], [0.6, 1.0]]
+"""
+NORMS = ("error.position.norm", "error.orientation.norm")
+SIGNALS = [
+    *("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity", "actuator_force"),
+    *("error.position", "error.orientation", "error.leg_length", *NORMS),
+]
+LEVELS = {"q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95}
+
+
+@dataclass(frozen=True)
+class Done:
+    """The command's output, its folder, and what it has of every member."""
+
+    result: Result
+    folder: Path
+    members: polars.DataFrame
+    records: Mapping[int, gs.Record]
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What the script of its page reads."""
+        page = (self.folder / "report.html").read_text()
+        found: dict[str, Any] = json.loads(
+            re.findall(r'<script type="application/json" id="data">(.*?)</script>', page)[0]
+        )
+        return found
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
+    """The ensemble; all members that can run are among the worst, so that each has a record."""
+    folder = tmp_path_factory.mktemp("whole")
+    gs.save_platform(MACHINE, folder / "uneven.toml")
+    (folder / "differ.toml").write_text(TOML.replace("SIGNALS", json.dumps(SIGNALS)))
+    out = folder / "out"
+    result = invoke("ensemble", str(folder / "differ.toml"), "--workers", "1", "--out", str(out))
+    members = polars.read_parquet(out / "members.parquet")
+    numbers = [int(path.name.removeprefix("member-")) for path in (out / "worst").iterdir()]
+    return Done(result, out, members, {k: gs.read_record(out / "worst" / f"member-{k}") for k in sorted(numbers)})
+
+
+def test_members_end_in_all_ways(done: Done) -> None:
+    """Members that are alike would hide what is mixed up: here six complete, three diverge, and five cannot run."""
+    assert done.result.exit_code == 0, done.result.output
+    outcome = done.members["outcome"].to_list()
+    assert {each: outcome.count(each) for each in set(outcome)} == {"completed": 6, "diverged": 3, "impossible": 5}
+    assert list(done.records) == [k for k, each in enumerate(outcome) if each != "impossible"]
+    assert len(set(done.members["ended"].drop_nulls().to_list())) >= 3
+
+
+def test_every_number_of_a_member_is_that_of_its_record(done: Done) -> None:
+    """Expected: metrics by definition, from the rows of each record and the limits of its own nominal platform."""
+    other = {"member", "outcome", "ended", "cause", "integration_error", "margins.stable", "margins.disk"}
+    other |= {"oscillation", "oscillation.amplitude", "oscillation.frequency"}
+    metrics = [name for name in done.members.columns if name not in other and not name.startswith("varied.")]
+    known = set[str]()
+    for k, record in done.records.items():
+        row = done.members.row(k, named=True)
+        outcome = record.metadata["outcome"]
+        assert (row["member"], row["outcome"], row["ended"], row["cause"]) == (
+            k,
+            outcome["status"],
+            outcome["time"],
+            outcome["cause"],
+        )
+        platform = record.metadata["platform"]
+        assert platform["leg_length_max"] == row["varied.platform.leg_length_max"]
+        expected = as_one_number(defined_metrics(record.table, platform))
+        known |= set(expected)
+        for name in metrics:
+            value = expected.get(name)
+            assert row[name] == (None if value is None else pytest.approx(value, rel=1e-11, abs=1e-13)), (k, name)
+    assert known == set(metrics)
+    for k in set(range(14)) - set(done.records):
+        row = done.members.row(k, named=True)
+        assert row["cause"]
+        assert {row[name] for name in (*metrics, "ended", "margins.disk", "oscillation", "integration_error")} == {None}
+
+
+def test_what_varies_is_what_the_members_ran_with(done: Done) -> None:
+    """Expected: the values of the table, in metadata and rows of the records; where they are not drawn, as believed."""
+    varied = {name.removeprefix("varied.") for name in done.members.columns if name.startswith("varied.")}
+    for k, record in done.records.items():
+        row = done.members.row(k, named=True)
+        machine, platform, experiment = (record.metadata[name] for name in ("machine", "platform", "experiment"))
+        for name in ("platform_mass", "leg_viscous_friction"):
+            assert machine[name] == row[f"varied.{name}"]
+        points = [[row[f"varied.base_points[{i},{j}]"] for j in (1, 2, 3)] for i in range(1, 7)]
+        assert machine["base_points"] == points
+        assert (platform["platform_mass"], platform["base_points"]) == (
+            MACHINE.platform_mass,
+            MACHINE.base_points.tolist(),
+        )
+        assert machine["platform_com"] == [0.02, -0.07, 0.11]
+        assert experiment["loop"]["delay"] == row["varied.loop.delay"]
+        assert experiment["sensors"]["noise"]["leg_length"] == row["varied.sensors.noise.leg_length"]
+        assert record.metadata["force_limit"] == row["varied.actuators.force_limit"]
+        assert platform["actuator_power_max"] == row["varied.platform.actuator_power_max"]
+        gains = row["varied.controller.proportional_gain.factor"] * np.array([1100, 1450, 900, 1250, 1600, 1000])
+        np.testing.assert_allclose(experiment["controller"]["proportional_gain"], gains, rtol=1e-14)
+        change = row["varied.reference.position_change.factor"] * np.array([0.061, -0.047, 0.083])
+        moved = record["reference.position"][-1] - record["reference.position"][0]
+        if row["outcome"] == "completed":
+            np.testing.assert_allclose(moved, change, atol=1e-12)
+        pushed = record["external_force"][np.searchsorted(record["time"], 0.0625)]
+        np.testing.assert_allclose(pushed, [row[f"varied.disturbance.1.force[{i}]"] for i in (1, 2, 3)])
+    joints = {f"base_points[{i},{j}]" for i in range(1, 7) for j in range(1, 4)}
+    assert varied == joints | {f"disturbance.1.force[{i}]" for i in (1, 2, 3)} | {
+        *("platform_mass", "leg_viscous_friction", "loop.delay", "controller.proportional_gain.factor"),
+        *("actuators.force_limit", "reference.position_change.factor", "sensors.noise.leg_length"),
+        *("platform.leg_length_max", "platform.actuator_power_max"),
+    }
+
+
+def test_a_member_alone_is_the_same_in_the_ensemble_in_a_run_and_by_hand(done: Done) -> None:
+    """Expected: its record bit for bit from `run --member`; the stepping model to 1e-7 m, with its values typed in."""
+    file = done.folder.parent / "differ.toml"
+    k, record = next((k, each) for k, each in done.records.items() if done.members["outcome"][k] == "completed")
+    assert gs.run(file, {"ensemble.worst": 1}, member=k).table.equals(record.table)
+    row = done.members.row(k, named=True)
+    machine = record.metadata["machine"]
+    settings = {
+        "sensors.noise.leg_length": 0.0,
+        "plant.parameters": {"platform_com": [0.02, -0.07, 0.11]}
+        | {name: machine[name] for name in ("platform_mass", "base_points", "leg_viscous_friction")},
+        "platform.parameters": {
+            name: row[f"varied.platform.{name}"] for name in ("leg_length_max", "actuator_power_max")
+        },
+        "loop.delay": row["varied.loop.delay"],
+        "actuators.force_limit": row["varied.actuators.force_limit"],
+        "controller.proportional_gain": (
+            row["varied.controller.proportional_gain.factor"] * np.array([1100, 1450, 900, 1250, 1600, 1000])
+        ).tolist(),
+        "reference.position_change": (
+            row["varied.reference.position_change.factor"] * np.array([0.061, -0.047, 0.083])
+        ).tolist(),
+        "disturbance": [
+            {
+                "at": 0.06,
+                "duration": 0.05,
+                "force": [row[f"varied.disturbance.1.force[{i}]"] for i in (1, 2, 3)],
+                "torque": [9.0, -7.0, 5.0],
+            }
+        ],
+    }
+    # the noise of a member is its own: without it both are the same machine
+    quiet = gs.run(file, {"ensemble.sensors.noise.leg_length": {"uniform": [1e-15, 2e-15]}}, member=k)
+    by_hand = gs.run(file, settings)
+    np.testing.assert_allclose(by_hand["position"], quiet["position"], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(by_hand["actuator_force"], quiet["actuator_force"], rtol=0, atol=1e-3)
+
+
+def test_bands_are_quantiles_of_the_members_rows(done: Done) -> None:
+    """Expected: NumPy's quantiles of the records' columns, row by row, over the members that have the row."""
+    bands = polars.read_parquet(done.folder / "bands.parquet")
+    rows = 121
+    expected: dict[str, list[FloatArray]] = {}
+    for record in done.records.values():
+        for name in SIGNALS:
+            for column in [name] if name in NORMS else record.columns_of(name):
+                gap = record[column.removesuffix(".norm")]
+                values = np.linalg.norm(gap, axis=1) if column in NORMS else gap
+                expected.setdefault(column, []).append(values)
+    assert bands["signal"].unique(maintain_order=True).to_list() == list(expected)
+    assert bands.height == rows * len(expected)
+    for column, all_values in expected.items():
+        found = bands.filter(polars.col("signal") == column)
+        np.testing.assert_allclose(found["time"].to_numpy(), 0.0025 * np.arange(rows), atol=1e-12)
+        whole = np.full((len(all_values), rows), np.nan)
+        for k, values in enumerate(all_values):
+            whole[k, : len(values)] = values
+        assert found["running"].to_list() == np.isfinite(whole).sum(axis=0).tolist()
+        for name, level in (LEVELS | {"lowest": 0.0, "highest": 1.0}).items():
+            np.testing.assert_allclose(
+                found[name].to_numpy(), np.nanquantile(whole, level, axis=0), rtol=1e-12, atol=1e-13, err_msg=name
+            )
+
+
+# Rows of the printed table: metric, unit's factor.
+PRINTED = {
+    "position error, RMS mm": ("tracking.position.norm_rms", 1e3),
+    "position error, peak mm": ("tracking.position.norm_peak", 1e3),
+    "orientation error, RMS mrad": ("tracking.orientation.norm_rms", 1e3),
+    "orientation error, peak mrad": ("tracking.orientation.norm_peak", 1e3),
+    "leg error, peak mm": ("tracking.leg_length.peak", 1e3),
+    **{
+        f"{axis}: {words}": (f"step_response.{axis}.{name}", 1.0)
+        for axis in ("x", "y", "z", "roll", "pitch", "yaw")
+        for name, words in (
+            ("overshoot_percent", "overshoot %"),
+            ("rise_time", "rise time s"),
+            ("settling_time", "settling time s"),
+        )
+    },
+    "peak force N": ("force.peak", 1.0),
+    "peak power W": ("power.peak", 1.0),
+    "work, absolute J": ("energy.absolute_total", 1.0),
+    "stroke margin mm": ("stroke.margin", 1e3),
+    "force limited %": ("saturation.force_limited.any", 100.0),
+    "rate limited %": ("saturation.rate_limited.any", 100.0),
+    "beyond stroke %": ("stroke.exceeded.any", 100.0),
+    "stable": ("margins.stable", 1.0),
+    "disk margin": ("margins.disk", 1.0),
+}
+
+
+def test_the_table_is_of_members_that_completed_and_says_how_many_are_left_out(done: Done) -> None:
+    """Expected: NumPy's quantiles of the table's columns, of completed members; margins of all that have them."""
+    tables = tables_in(done.result.stdout)
+    title = "14 members: 6 completed, 3 diverged, 5 impossible; quantiles without the 8 not completed"
+    assert next(iter(tables)) == title
+    rows = dict(tables[title])
+    assert rows.pop("") == ["5 %", "25 %", "50 %", "75 %", "95 %", "of"]
+    completed = done.members.filter(polars.col("outcome") == "completed")
+    shown = set[str]()
+    for name, (metric, factor) in PRINTED.items():
+        some = done.members if metric.startswith("margins.") else completed
+        values = some[metric].drop_nulls().to_numpy()
+        if not len(values) or (metric.startswith(("saturation", "stroke.exc")) and not values.any()):
+            continue
+        shown.add(name)
+        expected = factor * np.quantile(values.astype(float), list(LEVELS.values()))
+        assert [float(cell) for cell in rows[name][:5]] == [pytest.approx(v, rel=6e-3, abs=1e-3) for v in expected], (
+            name
+        )
+        assert rows[name][5] == str(len(values))
+    assert set(rows) == shown
+    assert len(completed) == 6 < done.members["margins.stable"].drop_nulls().len() == 9
+    failures = tables["Not completed"]
+    assert {name: cells[0] for name, cells in failures.items() if name} == {"impossible": "5", "diverged": "3"}
+    first = done.members["outcome"].to_list().index("diverged")
+    assert failures["diverged"][2] == str(first)
+    assert str(done.members["cause"][first]).startswith(failures["diverged"][1][:20])
+
+
+def test_the_worst_members_come_in_order(done: Done) -> None:
+    """Expected: those that ended early by time, then by the RMS of the force, largest first; no impossible one."""
+    early = done.members.filter(polars.col("outcome") == "diverged").sort("ended")["member"].to_list()
+    rest = done.members.filter(polars.col("outcome") == "completed").sort("force.rms", descending=True)["member"]
+    page = (done.folder / "report.html").read_text()
+    named = re.findall(r'<a href="worst/member-(\d+)/report.html">\1, in 3-D</a>', page)
+    assert [int(member) for member in named] == [*early, *rest.to_list()]
+
+
+def packed(content: Mapping[str, str]) -> FloatArray:
+    """Numbers as the page's script unpacks them."""
+    return np.frombuffer(base64.b64decode(content["bdata"]), f"<{content['dtype']}").astype(float)
+
+
+def test_the_page_has_every_number_in_its_unit(done: Done) -> None:
+    """Expected: columns of the table and of the bands in mm, mrad and %; quantiles of completed members as marks."""
+    data, members = done.data, done.members
+    assert data["by"] == "force.rms"
+    assert packed(data["member"]).tolist() == list(range(14))
+    assert packed(data["completed"]).tolist() == [float(each == "completed") for each in members["outcome"]]
+    completed = members.filter(polars.col("outcome") == "completed")
+    units = {"mm": 1e3, "mrad": 1e3, "%": 100.0}
+    for each in data["metrics"]:
+        factor = 1.0 if "percent" in each["name"] else units.get(each["unit"], 1.0)
+        values = members[each["name"]].cast(polars.Float64).fill_null(np.nan).to_numpy()
+        np.testing.assert_allclose(packed(each["values"]), factor * values, rtol=1e-6, err_msg=each["name"])
+        some = members if each["name"].startswith("margins.") else completed
+        known = some[each["name"]].cast(polars.Float64).drop_nulls().to_numpy()
+        marks = [(mark["text"], mark["value"]) for mark in each["marks"]]
+        quantiles = np.quantile(known, [0.05, 0.5, 0.95]) if len(known) else []
+        expected = zip(("5 %", "50 %", "95 %"), quantiles, strict=False)
+        assert marks == [(text, pytest.approx(factor * value)) for text, value in expected]
+    shown = {each["name"]: (each["text"], each["unit"]) for each in data["metrics"]}
+    for words, (metric, _) in PRINTED.items():
+        if metric in shown:
+            assert " ".join(filter(None, shown[metric])) == words
+    assert shown["tracking.leg_length.rms"] == ("leg error, RMS", "mm")
+    assert shown["tracking.position.rms"] == ("position error, RMS of an axis", "mm")
+    assert shown["tracking.orientation.peak"] == ("orientation error, peak of an axis", "mrad")
+    assert shown["force.rms"] == ("RMS force", "N")
+    assert shown["power.mean"] == ("mean power", "W")
+    assert shown["energy.net_total"] == ("work, net", "J")
+    assert shown["step_response.z.final_error"] == ("z: final error", "mm")
+    assert shown["step_response.yaw.final_error"] == ("yaw: final error", "mrad")
+    assert shown["step_response.x.at"] == ("x: step at", "s")
+    assert shown["limits.actuator_power_max.used"] == ("actuator power, of its limit", "%")
+
+
+def test_the_page_has_every_input_and_signal(done: Done) -> None:
+    """Expected: columns of the table in SI units; those of the bands in the units that they are shown in."""
+    data, members, units = done.data, done.members, {"mm": 1e3, "mrad": 1e3}
+    inputs = {each["name"]: each for each in data["inputs"]}
+    varied = [name.removeprefix("varied.") for name in members.columns if name.startswith("varied.")]
+    assert list(inputs) == varied
+    for name in varied:
+        drawn = members[f"varied.{name}"].to_numpy().astype(float)
+        np.testing.assert_allclose(packed(inputs[name]["values"]), drawn, rtol=1e-6)
+    units_of = {name: inputs[name]["unit"] for name in ("platform_mass", "base_points[2,3]", "leg_viscous_friction")}
+    assert units_of == {"platform_mass": "kg", "base_points[2,3]": "m", "leg_viscous_friction": "N.s/m"}
+    assert inputs["platform.actuator_power_max"]["unit"] == "W"
+    bands = polars.read_parquet(done.folder / "bands.parquet")
+    np.testing.assert_allclose(packed(data["time"]), 0.0025 * np.arange(121), rtol=1e-6)
+    assert [each["name"] for each in data["signals"]] == bands["signal"].unique(maintain_order=True).to_list()
+    for each in data["signals"]:
+        part = bands.filter(polars.col("signal") == each["name"])
+        factor = units.get(each["unit"], 1.0)
+        for name in (*LEVELS, "lowest", "highest"):
+            np.testing.assert_allclose(packed(each[name]), factor * part[name].to_numpy(), rtol=1e-6, atol=1e-30)
+    words = {each["name"]: (each["text"], each["unit"]) for each in data["signals"]}
+    assert words["position[3]"] == ("z", "m")
+    assert words["orientation[2]"] == ("pitch", "rad")
+    assert words["leg_velocity[4]"] == ("leg velocity 4", "m/s")
+    assert words["actuator_force[6]"] == ("actuator force 6", "N")
+    assert words["error.position[1]"] == ("error of x", "mm")
+    assert words["error.orientation.norm"] == ("error of orientation, norm", "mrad")
+    assert words["error.leg_length[5]"] == ("error of leg length 5", "mm")
+
+
+def test_the_page_says_what_its_numbers_are_of(done: Done) -> None:
+    """Expected: members, seed and sampling; what quantiles and bands leave out; the worst with what they ran with."""
+    page = (done.folder / "report.html").read_text()
+    text = re.sub("<[^>]*>", " ", page.partition("<script")[0])
+    assert "14 members, seed 11, sampling random" in text
+    assert "Quantiles of metrics leave out the 8 members that did not complete; margins count for all." in text
+    tables = html.fromstring(page).iter("table")
+    table = next(each for each in tables if "Worst members" in str(each.findtext("caption")))
+    assert table.findtext("caption") == "Worst members by RMS force"
+    heads, *rows = [["".join(map(str, cell.itertext())) for cell in row.iterchildren()] for row in table.iter("tr")]
+    varied = [name for name in done.members.columns if name.startswith("varied.")][:8]
+    assert [head.partition(" [")[0] for head in heads] == [
+        *("member", "outcome", "RMS force"),
+        *(name.removeprefix("varied.") for name in varied),
+    ]
+    assert heads[2] == "RMS force [N]"
+    for cells in rows:
+        row = done.members.row(int(cells[0].partition(",")[0]), named=True)
+        assert cells[1] == row["outcome"]
+        assert [float(cell) for cell in cells[2:]] == [
+            pytest.approx(row[name], rel=6e-4, abs=1e-12) for name in ("force.rms", *varied)
+        ]
+
+
+def test_ensemble_json_counts_what_happened(done: Done) -> None:
+    """Expected: counts of the table, seeds and names of the experiment file, in groups that vary together."""
+    said = json.loads((done.folder / "ensemble.json").read_text())
+    assert said["outcomes"] == {"completed": 6, "diverged": 3, "impossible": 5}
+    assert (said["title"], said["members"], said["seed"], said["sampling"]) == ("machines in trouble", 14, 11, "random")
+    assert said["oscillations"] == {}
+    causes = done.members["cause"].drop_nulls().to_list()
+    assert said["causes"] == {cause: causes.count(cause) for cause in causes}
+    assert said["integration_error"] == done.members["integration_error"].max()
+    assert said["tolerance"] == 1e-8
+    groups = {frozenset(group) for group in said["groups"]}
+    assert frozenset({"platform_mass", "leg_viscous_friction"}) in groups
+    assert frozenset({"loop.delay"}) in groups
+    assert sum(map(len, said["groups"])) == sum(name.startswith("varied.") for name in done.members.columns)
+
+
+def test_margins_are_those_of_a_loop_around_each_machine(done: Done) -> None:
+    """Expected: `gs.margins` of an experiment that believes in the machine, of a stable one and of one that is not."""
+    stable = done.members.filter(polars.col("margins.stable") == 1.0)
+    assert stable["margins.disk"].null_count() == 0
+    unstable = done.members.filter(polars.col("margins.stable") == 0.0)
+    assert unstable["margins.disk"].null_count() == len(unstable) > 0
+    for member in (int(stable["member"][-1]), int(unstable["member"][0])):
+        row, record = done.members.row(member, named=True), done.records[member]
+        machine, controller = record.metadata["machine"], record.metadata["experiment"]["controller"]
+        # margins are those of the nominal model: here the machine is one
+        settings = {
+            "platform.parameters": {"platform_com": [0.02, -0.07, 0.11]}
+            | {name: machine[name] for name in ("platform_mass", "base_points", "leg_viscous_friction")},
+            "plant.parameters": {},
+            "loop.delay": row["varied.loop.delay"],
+            "controller.proportional_gain": controller["proportional_gain"],
+        }
+        file = done.folder.parent / "differ.toml"
+        if row["margins.stable"]:
+            assert gs.margins(file, settings).disk.alpha == pytest.approx(row["margins.disk"], rel=1e-6)
+        else:
+            with pytest.raises(gs.GoughStewartError, match="unstable"):
+                gs.margins(file, settings)
