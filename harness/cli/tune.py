@@ -143,11 +143,11 @@ def _quantile(text: str | None) -> float:
     """From `quantile=0.95`."""
     if text is None:
         return 0.95
-    name, equals, number = (part.strip() for part in text.partition("="))
+    name, _, number = (part.strip() for part in text.partition("="))
     try:
         quantile = float(number)
     except ValueError:
         quantile = 0.0
-    if name != "quantile" or not equals or not 0 < quantile <= 1:
+    if name != "quantile" or not 0 < quantile <= 1:
         raise UsageError(f"--over-ensemble {text}: expected quantile=Q with Q above 0, up to 1, such as quantile=0.95")
     return quantile

@@ -296,6 +296,16 @@ def _check_differences(found: dict[str, Any], name: str, records: Sequence[Recor
             assert x[-1] == pytest.approx(min(time[-1] for time in times))
 
 
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_lines_of_very_short_runs_have_a_point_for_each_row(rows: int) -> None:
+    """Expected: as many points as rows, but for what rests, which has its two ends."""
+    chart = chart_of([record_of(rows=rows)], [MACHINE])
+    lines = chart["signals"]["position from home"]["curves"]["lines"][0]
+    assert [len(numbers(line["x"])) for line in lines] == [rows] * len(lines)
+    (resting,) = chart["signals"]["external_torque"]["curves"]["lines"][0][:1]
+    assert len(numbers(resting["x"])) == min(rows, 2)
+
+
 def test_clocks_that_agree_but_for_rounding_have_the_same_rows() -> None:
     """Expected: tenths as multiples and as sums differ in the last bits; equal flags have no difference at any row."""
     one, other = np.linspace(0.0, 1.1, 12), np.cumsum(np.full(12, 0.1)) - 0.1
