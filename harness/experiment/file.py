@@ -48,7 +48,7 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
         return shipped_experiment(str(name), settings)
     text, where = experiment_text(name)
     values = with_settings(_parsed(text, where), settings)
-    return experiment_from(values, where).from_file(where, Path(name).parent)
+    return experiment_from(values, where, Path(name).parent)
 
 
 def experiment_text(name: Path | str) -> tuple[str, str]:
@@ -99,7 +99,7 @@ def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) 
     if not settings:
         return experiment
     values = with_settings(experiment.model_dump(mode="json", exclude_unset=True), settings)
-    return experiment_from(values, experiment.where).from_file(experiment.where, experiment.folder)
+    return experiment_from(values, experiment.where, experiment.folder)
 
 
 def experiment_names() -> tuple[str, ...]:
@@ -130,11 +130,18 @@ def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
     """
     where = f"experiment '{name}'"
     values = with_settings(_parsed(shipped_text(name), where), settings)
-    return experiment_from(values, where).from_file(where, Path())
+    return experiment_from(values, where)
 
 
-def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Experiment:
+def experiment_from(values: Mapping[str, Any], where: str = "experiment", folder: Path = Path()) -> Experiment:
     """An experiment from plain values, as in a TOML file.
+
+    Parameters
+    ----------
+    where
+        The file or name of the experiment, for messages.
+    folder
+        Resolves file names.
 
     Raises
     ------
@@ -142,7 +149,7 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment") -> Exp
         A key that is unknown, missing, or has an invalid value; names place, value and remedy, one line each.
     """
     try:
-        return Experiment.built().model_validate(dict(values))
+        return Experiment.built().model_validate(dict(values)).from_file(where, folder)
     except ValidationError as error:
         raise ExperimentError(where, "", complaints(error, Experiment, values)) from None
 

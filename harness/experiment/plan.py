@@ -136,7 +136,7 @@ def plan_without_substeps(experiment: Experiment, controller: Any = None) -> Pla
 @lru_cache(2)
 def _members_of(text: str, given: Given | None) -> Members:
     plan = plan_from(text)
-    experiment = experiment_from(plan.experiment, plan.where).from_file(plan.where, Path(plan.folder))
+    experiment = experiment_from(plan.experiment, plan.where, Path(plan.folder))
     if (found := digests(experiment)) != plan.files:
         names = sorted(name for name in {*found, *plan.files} if found.get(name) != plan.files.get(name))
         raise ExperimentError(plan.where, "", f"names {', '.join(names)}, which has changed since the run began")

@@ -51,7 +51,7 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
     chosen = [*settings]
     for some in settings:
         expected = with_settings(expected, some)
-    experiment = experiment_from(expected, where).from_file(where, origin)
+    experiment = experiment_from(expected, where, origin)
     if folder is not None:
         names = {".".join(key): name for key, name in names_from(experiment, folder).items()}
         chosen.append(names)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -264,8 +265,15 @@ def test_the_bode_figure_shows_the_loops_of_the_legs(said: Said) -> None:
         assert (seen_ones == (np.abs(loop) > 1e-4)).all()
         assert np.abs(turns - np.round(turns))[seen_ones].max() < 1e-5
         assert np.abs(np.diff(degrees[seen_ones])).max() < 180
-    assert len({(line.get_color(), line.get_linestyle()) for line in gain.get_lines()[:]}) >= 6
+    _check_styles(gain)
+    _check_styles(phase)
     worst = int(np.argmin([leg["phase"] for leg in legs]))
+    arrows = [line for line in gain.get_lines() if line.get_linewidth() == 1.4]
+    arrows += [line for line in phase.get_lines() if line.get_linewidth() == 1.4]
+    at = sorted(data_of(arrow)[0][0] for arrow in arrows)
+    for axes in (gain, phase):
+        dotted = [data_of(line)[0] for line in axes.get_lines() if line.get_linestyle() == ":"]
+        assert np.sort(dotted, axis=0) == pytest.approx(np.column_stack([at, at]))
     (up,), (turn,) = ([line for line in axes.get_lines() if line.get_linewidth() == 1.4] for axes in (gain, phase))
     hertz, ends = data_of(up)
     assert ends == pytest.approx([1 / legs[worst]["gain_up"], 1])
@@ -277,6 +285,14 @@ def test_the_bode_figure_shows_the_loops_of_the_legs(said: Said) -> None:
     assert np.degrees(np.angle(leg_loop(LOOP.response(2 * np.pi * hertz), worst)))[0] % 360 == pytest.approx(
         end % 360, abs=0.1
     )
+
+
+def _check_styles(axes: Any) -> None:
+    """Six colours, and dashes for those who do not see them."""
+    lines = [lines_labelled(axes, f"leg {k + 1}")[0] for k in range(6)]
+    assert len({to_hex(line.get_color()) for line in lines}) == 6
+    assert len({line.get_linestyle() for line in lines}) == 3
+    assert all(a.get_linestyle() != b.get_linestyle() for a, b in pairwise(lines))
 
 
 def test_the_bode_figure_shows_both_sensitivities(said: Said) -> None:
@@ -305,6 +321,7 @@ def test_the_step_figure_shows_each_legs_own_answer(said: Said) -> None:
     (axes,) = figure.axes
     assert axes.get_title(loc="left") == "share of the disturbance that the controller compensates"
     assert axes.get_xlabel() == "time [s]"
+    _check_styles(axes)
     A, B, C = (np.asarray(getattr(said.found.loop, name)) for name in "ABC")
     assert not np.asarray(said.found.loop.D).any()  # there is a delay
     for k in range(6):

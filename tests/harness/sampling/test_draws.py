@@ -302,3 +302,35 @@ def test_what_is_no_variation_says_what_is_expected(what: str) -> None:
     with pytest.raises(ExperimentError) as caught:
         gs.run("heave_step", {"ensemble": table}, member=0)
     assert message in str(caught.value)
+
+
+class Modal:
+    """A controller of two kinds of parameters."""
+
+    def __init__(self, _platform: gs.Platform, _sample_time: float, mode: Any = None, levels: Any = None) -> None:
+        self.mode, self.levels = mode, levels
+
+    def __call__(self, _sample: gs.Sample) -> FloatArray:
+        """No force."""
+        return np.zeros(6)
+
+
+def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
+    """Expected: values of their own types, also where some are numbers and some are not; lists as lists."""
+    settings = {
+        "loop.duration": 4e-3,
+        "controller": {"type": "python", "parameters": {"mode": "slow", "levels": [1.0, 2.0]}},
+        "ensemble": {
+            "members": 12,
+            "controller": {"parameters": {
+                "mode": {"choice": ["fast", 3.5, True]},
+                "levels": {"choice": [[0.5, 4], [1, 2]]},
+            }},
+        },
+    }  # fmt: skip
+    found = []
+    for member in range(12):
+        record = gs.run("heave_step", settings, member=member, controller=Modal)
+        found.append(record.metadata["experiment"]["controller"]["parameters"])
+    assert {(type(each["mode"]), each["mode"]) for each in found} == {(str, "fast"), (float, 3.5), (bool, True)}
+    assert {tuple(each["levels"]) for each in found} == {(0.5, 4), (1, 2)}
