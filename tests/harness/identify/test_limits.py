@@ -10,9 +10,11 @@ from numpy.testing import assert_allclose
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify import checks, faults
 from gough_stewart.harness.identify.checks import force_of
+from gough_stewart.harness.identify.fit_of_log import scales
 from gough_stewart.harness.identify.holding import Hold, hold_of, without_held_rows
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.leg_order import check_order_of_forces
+from gough_stewart.harness.identify.linear_parameters import dependences
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.parts import Part, on_one_axis, parts_of
@@ -292,3 +294,63 @@ def test_names_mean_all_of_their_elements_in_order() -> None:
         expanded(["leg_coulomb_friction", "leg_coulomb_friction[6]"], UNEVEN)
     with pytest.raises(IdentificationError, match="no names; expected parameters"):
         expanded([], UNEVEN)
+
+
+def test_rows_are_lost_in_whole_numbers_only() -> None:
+    """Expected: 1.4 and 1.6 rows are a time that the legs cannot have moved for; 1 and 2 are."""
+    t = np.arange(1000) * 1e-3
+    for rows, number in ((1.0, 1), (1.4, 0), (1.6, 0), (2.0, 1)):
+        late = np.where(np.arange(1000) < 500, t, t + rows * 1e-3)
+        legs = np.stack([2 + 0.1 * np.sin((6 + 1.3 * k) * late + k) for k in range(6)], axis=1)
+        assert len(faults.lost_rows(legs, np.zeros((1000, 6), dtype=bool))) == number
+
+
+def test_a_leg_that_rests_while_others_move_is_frozen_only_up_to_the_end() -> None:
+    """Expected: of smooth motions one that pauses for a while and goes on from there has not jumped."""
+    t = np.arange(1200) * 1e-3
+    length = np.stack([2 + 0.1 * np.sin((3 + k) * t + k) for k in range(6)], axis=1)
+    none = np.zeros(length.shape, dtype=bool)
+    pausing = length.copy()
+    pausing[500:600, 3] = pausing[500, 3]
+    pausing[600:, 3] = length[500:1100, 3]
+    assert not faults.frozen(pausing, True, none).any()
+    resting = length.copy()
+    resting[900:, 3] = resting[900, 3]
+    assert np.argwhere(faults.frozen(resting, True, none)).tolist() == [[k, 3] for k in range(901, 1200)]
+    assert not faults.frozen(resting, False, none).any()
+
+
+def test_sizes_of_changes_are_those_of_the_platform_and_of_the_log() -> None:
+    """Expected: written out for 40 N of changes and 0.25 m/s, from the platform's own numbers."""
+    size = UNEVEN.characteristic_length
+    expected = {
+        "platform_mass": 11.5,
+        "platform_com[2]": size,
+        "platform_inertia[1,3]": 11.5 * size**2,
+        "leg_armature": 11.5 / 6 + 1.2,
+        "leg_viscous_friction": 160.0,
+        "leg_viscous_friction[4]": 160.0,
+        "leg_coulomb_friction[6]": 40.0,
+        "force_gain[2]": 1.0,
+        "force_offset[3]": 40.0,
+        "delay": 0.01,
+        "base_tilt[2]": 0.1,
+        "base_points[1,2]": size,
+        "platform_points[6,3]": size,
+        "gravity[1]": float(np.linalg.norm([0.9, -1.3, -9.4])),
+        "leg_upper_com": 0.58,
+        "leg_friction_velocity": 0.06,
+    }
+    assert_allclose(scales(UNEVEN, list(expected), 40.0, 0.25), list(expected.values()), rtol=1e-12)
+
+
+def test_what_depends_on_others_is_named_with_all_of_them() -> None:
+    """Expected: the combination by which the last column was made, with either sign, without those it does not have."""
+    rng = np.random.default_rng(3)
+    columns = rng.standard_normal((50, 3)) * np.array([3.0, 2.0, 2.5])
+    made = np.column_stack([columns, 0.3 * columns[:, 0] - 0.4 * columns[:, 2]])
+    found, text = dependences(made, ["a", "b", "c", "d"])
+    assert found == ["d"]
+    said = text.removeprefix("d has the same effect as a combination of ")
+    assert sorted(said.split(", ")) == ["a", "c"]
+    assert dependences(columns, ["a", "b", "c"]) == ([], "")
