@@ -125,11 +125,11 @@ class Variation(Section):
         if all(np.array_equal(value, parsed[0]) for value in parsed):
             raise ValueError(f"{kind} is {values!r}, without a spread; expected at least two values that differ")
         whole = all(isinstance(value, int) for value in values)
-        distribution = Choice(values if whole or target.unit is None else parsed)
+        distribution = Choice(values if whole else parsed)
 
         def draw(u: FloatArray) -> Any:
             found = distribution.quantile(u)
-            return found if whole or target.unit is None else np.asarray(found)
+            return found if target.unit is None else np.asarray(found)
 
         return Spread(1, draw, len(values) if kind == "grid" else None)
 

@@ -307,8 +307,8 @@ def test_what_is_no_variation_says_what_is_expected(what: str) -> None:
 class Modal:
     """A controller of two kinds of parameters."""
 
-    def __init__(self, _platform: gs.Platform, _sample_time: float, mode: Any = None, levels: Any = None) -> None:
-        self.mode, self.levels = mode, levels
+    def __init__(self, _platform: gs.Platform, _sample_time: float, mode: Any, levels: Any, steps: int) -> None:
+        self.mode, self.levels, self.steps = mode, levels, steps
 
     def __call__(self, _sample: gs.Sample) -> FloatArray:
         """No force."""
@@ -319,12 +319,13 @@ def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
     """Expected: values of their own types, also where some are numbers and some are not; lists as lists."""
     settings = {
         "loop.duration": 4e-3,
-        "controller": {"type": "python", "parameters": {"mode": "slow", "levels": [1.0, 2.0]}},
+        "controller": {"type": "python", "parameters": {"mode": "slow", "levels": [1.0, 2.0], "steps": 3}},
         "ensemble": {
             "members": 12,
             "controller": {"parameters": {
                 "mode": {"choice": ["fast", 3.5, True]},
                 "levels": {"choice": [[0.5, 4], [1, 2]]},
+                "steps": {"choice": [2, 5]},
             }},
         },
     }  # fmt: skip
@@ -333,4 +334,5 @@ def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
         record = gs.run("heave_step", settings, member=member, controller=Modal)
         found.append(record.metadata["experiment"]["controller"]["parameters"])
     assert {(type(each["mode"]), each["mode"]) for each in found} == {(str, "fast"), (float, 3.5), (bool, True)}
+    assert {(type(each["steps"]), each["steps"]) for each in found} == {(int, 2), (int, 5)}
     assert {tuple(each["levels"]) for each in found} == {(0.5, 4), (1, 2)}
