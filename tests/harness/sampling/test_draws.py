@@ -336,3 +336,18 @@ def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
     assert {(type(each["mode"]), each["mode"]) for each in found} == {(str, "fast"), (float, 3.5), (bool, True)}
     assert {(type(each["steps"]), each["steps"]) for each in found} == {(int, 2), (int, 5)}
     assert {tuple(each["levels"]) for each in found} == {(0.5, 4), (1, 2)}
+
+
+def test_only_a_hypercube_is_drawn_as_a_whole() -> None:
+    """Expected: of ten million members with three numbers each the last one, which is what it is among fewer."""
+    few, many = (
+        gs.run("heave_step", {"loop.duration": 4e-3, "ensemble": {"members": n, "gravity": {"normal": 0.1}}}, member=77)
+        for n in (78, 10_000_000)
+    )
+    assert many.metadata["machine"] == few.metadata["machine"]
+    last = gs.run(
+        "heave_step",
+        {"loop.duration": 4e-3, "ensemble": {"members": 10_000_000, "gravity": {"normal": 0.1}}},
+        member=9_999_999,
+    )
+    assert last.metadata["machine"]["gravity"] != few.metadata["machine"]["gravity"]
