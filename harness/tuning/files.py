@@ -21,7 +21,7 @@ from gough_stewart.harness.tuning.search import Search
 from gough_stewart.harness.tuning.tune import Tuning
 
 TUNED = "tuned.toml"
-FILES = (TUNED, "tuning.json", "candidates.csv", "search.png", "search.svg")
+FILES = frozenset({TUNED, "tuning.json", "candidates.csv", "search.png", "search.svg"})
 
 
 def tuning_files(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> dict[str, bytes]:
