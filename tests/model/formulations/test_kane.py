@@ -193,6 +193,9 @@ def test_a_simulation_has_the_asked_times_or_its_own_steps() -> None:
     assert (own.time[0], own.time[-1]) == (0.0, 0.01)
     assert own.time.tolist() != times.tolist()
     assert asked.evaluations >= 2 + 6 * 2
+    # own steps are as long as the tolerance allows, whatever times are named
+    many = kane_simulation.simulate(UNEVEN, STATE, INPUTS, np.linspace(0, 0.04, 41), rtol=1e-3, own_steps=True)
+    assert len(many.time) < 20
     same = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, (10.0, 10.0), 1e-6)
     assert np.array_equal(same.speeds, asked.speeds)
     first, last = asked.platform, own.platform
