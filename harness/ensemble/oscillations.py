@@ -1,6 +1,6 @@
 """Members whose loops oscillate or grow by themselves, judged by their rows as `run` judges a record."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import ceil
 from typing import Any
 
@@ -13,7 +13,14 @@ from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.observing import Row
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.results.oscillation import LegRows, Oscillation, last_change, least_amplitude, own_motion
+from gough_stewart.harness.results.oscillation import (
+    LegRows,
+    Oscillation,
+    last_change,
+    least_amplitude,
+    may_move,
+    own_motion,
+)
 from gough_stewart.model.vectors import FloatArray
 
 # Rows that are kept of each member: 100 kB, 50 MB in a chunk.
@@ -43,10 +50,10 @@ def oscillations(
 
     Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
     """
-    found = [
-        _own_motion(each, kept.time, kept.errors[:, k], kept.every) if outcome.status == "completed" else None
-        for k, (each, outcome) in enumerate(zip(prepared, outcomes, strict=True))
-    ]
+    completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
+    found: list[Oscillation | None] = [None] * len(prepared)
+    for k in _candidates(prepared, completed, kept):
+        found[k] = _own_motion(prepared[k], kept.time, kept.errors[:, k], kept.every)
     return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
 
 
@@ -71,20 +78,37 @@ def _own_motion(prepared: Prepared, time: FloatArray, error: FloatArray, every: 
     length = float(np.mean(reference - error))
     sensors = loop.sensors
     least = least_amplitude(length, prepared.platform.platform_points, _one(sensors.noise), _one(sensors.quantisation))
-    return own_motion(LegRows(time, error, reference, _rest_begins(loop, reference, every), least))
+    return own_motion(LegRows(time, error, reference, _rest_begins(loop, last_change(reference), every), least))
+
+
+def _candidates(prepared: Sequence[Prepared], members: Sequence[int], kept: LegErrors) -> Iterator[int]:
+    """Members that may oscillate or grow; those that share a reference are looked at together."""
+    ends, alike = dict[int, int](), dict[tuple[int, int], list[int]]()
+    for k in members:
+        loop = prepared[k].loop
+        if loop.reference is not None and prepared[k].controller is not None:
+            same = id(loop.reference)
+            if same not in ends:
+                ends[same] = last_change(loop.reference[:: kept.every, _LENGTHS])
+            alike.setdefault((same, _rest_begins(loop, ends[same], kept.every)), []).append(k)
+    for (_, begins), group in alike.items():
+        reference = prepared[group[0]].loop.reference
+        assert reference is not None
+        may = may_move(kept.errors[:, group], kept.time, reference[:: kept.every, _LENGTHS], begins)
+        yield from (k for k, is_one in zip(group, may.tolist(), strict=True) if is_one)
 
 
 def _one(values: Any) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
 
 
-def _rest_begins(loop: Loop, reference: FloatArray, every: int) -> int:
-    """The kept row after the last at which something that acts on the loop changes."""
+def _rest_begins(loop: Loop, reference: int, every: int) -> int:
+    """The kept row after the last at which something that acts on the loop changes, the reference at this one."""
     rows = [_row_of(change.time, loop) for change in loop.changes]
     if loop.injection is not None:
         rows.append(last_change(loop.injection) * loop.timing.steps_a_sample)
     known = [ceil(row / every) for row in rows if row <= loop.timing.steps]
-    return max([last_change(reference), *known])
+    return max([reference, *known])
 
 
 def _row_of(time: float, loop: Loop) -> int:

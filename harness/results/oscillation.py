@@ -6,11 +6,12 @@ moves to the end, only frequencies far above its own are judged, where it can ha
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.vectors import FloatArray
@@ -102,6 +103,69 @@ def own_motion(rows: LegRows) -> Oscillation | None:
     return _in_motion(rows)
 
 
+def may_move(errors: FloatArray, time: FloatArray, reference: FloatArray, rest_begins: int) -> NDArray[np.bool_]:
+    """Members (N,) of which `own_motion` may say something: a quick look at all that have the same reference.
+
+    Parameters
+    ----------
+    errors
+        Of the leg lengths (n, N, 6) [m].
+    time, reference, rest_begins
+        As of `LegRows`, for all members.
+    """
+    n = len(time)
+    if n < _ROWS:
+        return np.zeros(errors.shape[1], dtype=bool)
+    at_rest = n - rest_begins >= max(_ROWS, _REST * n)
+    begin = rest_begins + (n - rest_begins) // 3 if at_rest else n // 3
+    if at_rest:
+        lowest, rest = 0, _without(errors[begin:], _basis(n - begin))
+        may = _may_grow(errors[rest_begins:], _step(reference, rest_begins))
+    else:
+        motion = _Motion.of(reference[begin:], time[begin:])
+        if motion is None:
+            return np.zeros(errors.shape[1], dtype=bool)
+        lowest = motion.lowest
+        columns = [_without(errors[begin:, :, k], motion.bases[k]) for k in range(6)]
+        rest = np.stack(columns, axis=-1)
+        may = np.zeros(errors.shape[1], dtype=bool)
+    # as `_line`, with bounds a little wider
+    half = len(rest) // 2
+    late, early = (np.mean(each**2, axis=0) for each in (rest[half:], rest[:half]))
+    lasts = np.ones(len(may), dtype=bool)
+    if lowest < 2:
+        leg = late.argmax(axis=1)[:, None]
+        both = (np.take_along_axis(each, leg, axis=1)[:, 0] for each in (late, early))
+        lasts = np.greater_equal(next(both), (0.95 * _LASTS) ** 2 * next(both))
+    at = np.flatnonzero(lasts & ~may)
+    if at.size:
+        window = np.hanning(len(rest))[:, None, None]
+        power = (np.abs(np.fft.rfft(rest[:, at] * window, axis=0)) ** 2).sum(axis=2)
+        power[: max(lowest, 1)] = 0
+        peak = power.argmax(axis=0)
+        near = np.clip(peak + np.arange(-2, 3)[:, None], max(lowest, 1), len(power) - 1)
+        share = np.take_along_axis(power, near, axis=0).sum(axis=0)
+        least = max(lowest + 3, _CYCLES_MOVING) if lowest else _CYCLES
+        may[at] = (peak >= least - 1) & (share >= 0.95 * _LINE * power.sum(axis=0))
+    return may
+
+
+def _may_grow(errors: FloatArray, step: float) -> NDArray[np.bool_]:
+    """Members (N,) whose error (n, N, 6) at rest may grow; as `_at_rest` and `_rising`, with bounds a little wider."""
+    n, every = len(errors), np.arange(errors.shape[1])
+    from_rest = np.abs(errors - errors[-(n // 3) :].mean(axis=0))
+    leg = from_rest.max(axis=0).argmax(axis=1)
+    one = from_rest[:, every, leg]
+    late, early = one[-(n // 3) :].max(axis=0), one[: n // 4].max(axis=0)
+    grows = late >= 0.99 * _GROWS * early
+    if step > 0:
+        grows |= late >= 0.99 * _GROWS * step
+    means = np.stack([block.mean(axis=0) for block in np.array_split(errors, _BLOCKS)])
+    changes = np.diff(means[:, every, np.abs(means[-1] - means[0]).argmax(axis=1)], axis=0)
+    rises = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.14 * np.abs(changes[:-1]))
+    return np.asarray(grows | rises.all(axis=0))
+
+
 def least_amplitude(
     length: float, platform_points: Any, noise: Mapping[str, float], quantisation: Mapping[str, float]
 ) -> Callable[[float], float]:
@@ -165,7 +229,7 @@ def _at_rest(rows: LegRows) -> Oscillation | None:
     begin, least = rows.rest_begins, rows.least
     error, time, step = rows.error[begin:], rows.time[begin:], _step(rows.reference, begin)
     since, n = float(time[0]), len(error)
-    line = _line(_detrended(error[n // 3 :]), time[n // 3 :], least, 0, _CYCLES)
+    line = _line(_without(error[n // 3 :], _basis(n - n // 3)), time[n // 3 :], least, 0, _CYCLES)
     steady = None if line is None else Oscillation(False, line.leg, line.amplitude, line.frequency, None, since)
     if line is not None and line.ratio < _STEADY:
         return steady
@@ -201,17 +265,34 @@ def _rising(error: FloatArray, since: float, least: float) -> Oscillation | None
     return None
 
 
+class _Motion(NamedTuple):
+    """What a moving reference explains of an error."""
+
+    bases: tuple[FloatArray, ...]  # of each leg: orthonormal columns that span line, length, velocity, acceleration
+    lowest: int  # the first bin of the spectrum in which the motion has no part
+
+    @classmethod
+    def of(cls, legs: FloatArray, time: FloatArray) -> "_Motion | None":
+        """Of lengths of the legs (n, 6); None without accelerations."""
+        velocity = np.gradient(legs, time, axis=0)
+        acceleration = np.gradient(velocity, time, axis=0)
+        line = _basis(len(time))
+        own = np.cumsum(_spectrum(_without(acceleration, line)).sum(axis=1))
+        if own[-1] <= 0:
+            return None
+        highest = int(np.searchsorted(own, _POWER * own[-1]))
+        bases = tuple(_basis(len(time), [each[:, k] for each in (legs, velocity, acceleration)]) for k in range(6))
+        return cls(bases, math.ceil(_ABOVE * max(highest, 1)))
+
+
 def _in_motion(rows: LegRows) -> Oscillation | None:
     part = slice(len(rows.time) // 3, None)
-    time, legs = rows.time[part], rows.reference[part]
-    motion = [legs, np.gradient(legs, time, axis=0)]
-    acceleration = np.gradient(motion[1], time, axis=0)
-    error = _detrended(rows.error[part], [*motion, acceleration])
-    own = np.cumsum(_spectrum(_detrended(acceleration)).sum(axis=1))
-    if own[-1] <= 0:
+    time = rows.time[part]
+    motion = _Motion.of(rows.reference[part], time)
+    if motion is None:
         return None
-    highest = int(np.searchsorted(own, _POWER * own[-1]))
-    found = _line(error, time, rows.least, math.ceil(_ABOVE * max(highest, 1)), _CYCLES_MOVING)
+    error = np.stack([_without(rows.error[part, k], motion.bases[k]) for k in range(6)], axis=1)
+    found = _line(error, time, rows.least, motion.lowest, _CYCLES_MOVING)
     if found is None:
         return None
     earlier = found.amplitude / found.ratio if found.ratio >= _STEADY else None
@@ -280,16 +361,15 @@ def _between(power: FloatArray, peak: int) -> float:
     return float(peak + 0.5 * (low - high) / (low - 2 * middle + high))
 
 
-def _detrended(values: FloatArray, explained_by: "list[FloatArray] | None" = None) -> FloatArray:
-    """Values (n, 6) without a straight line, and without what signals (n, 6) of the same leg explain."""
-    n = len(values)
-    line = np.stack([np.ones(n), np.linspace(-1, 1, n)], axis=1)
-    if not explained_by:
-        return np.asarray(values - line @ np.linalg.lstsq(line, values, rcond=None)[0])
-    rest = np.empty_like(values)
-    for k in range(values.shape[1]):
-        basis = np.column_stack([line, *(each[:, k] for each in explained_by)])
-        scale = np.abs(basis).max(axis=0)
-        basis = basis[:, scale > 0] / scale[scale > 0]
-        rest[:, k] = values[:, k] - basis @ np.linalg.lstsq(basis, values[:, k], rcond=None)[0]
-    return rest
+def _basis(n: int, signals: Iterable[FloatArray] = ()) -> FloatArray:
+    """Orthonormal columns (n, k) that span a straight line and signals (n,), as far as these are independent."""
+    columns = np.column_stack([np.ones(n), np.linspace(-1, 1, n), *signals])
+    scale = np.abs(columns).max(axis=0)
+    U, singular, _ = np.linalg.svd(columns[:, scale > 0] / scale[scale > 0], full_matrices=False)
+    return np.asarray(U[:, singular > n * np.finfo(float).eps * singular[0]])
+
+
+def _without(values: FloatArray, basis: FloatArray) -> FloatArray:
+    """Values (n, ...) without what a basis (n, k) explains."""
+    flat = values.reshape(len(values), -1)
+    return np.asarray(flat - basis @ (basis.T @ flat)).reshape(values.shape)

@@ -12,7 +12,7 @@ import pytest
 from scipy import signal
 
 import gough_stewart as gs
-from gough_stewart.harness.results.oscillation import Oscillation, oscillation
+from gough_stewart.harness.results.oscillation import LegRows, Oscillation, may_move, oscillation, own_motion
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.model.vectors import FloatArray
 from tests.harness.cli.test_terminal import invoke
@@ -322,3 +322,34 @@ def test_a_run_says_how_its_loop_ends(arguments: tuple[str, ...], code: int, say
     assert done.exit_code == code
     assert re.search(says, done.stderr)
     assert ("by itself" in done.stderr) == bool(says)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_the_quick_look_at_many_members_passes_over_none_that_moves(moving: bool) -> None:
+    """Expected: every member of which the whole judgement says something; and most sound ones are passed over."""
+    rng = np.random.default_rng(17)
+    n, members = 600, 160
+    time = 7.3 + 2e-3 * np.arange(n)
+    shape = np.array([1.0, -0.7, 0.4, 0.9, -1.2, 0.6])
+    turns = 2 * np.pi * (time - time[0])
+    reference = 2.0 + 0.1 * np.outer(np.sin(0.5 * turns) if moving else turns >= 0.8, shape)
+    begins = n - 1 if moving else int(np.argmax(turns >= 0.8))
+    decay, rate = rng.uniform(-3, 4, members), rng.uniform(5, 300 if moving else 60, members)
+    phase = rng.uniform(0, 6, (members, 6))
+    waves = np.cos(rate[None, :, None] * turns[:, None, None] + phase) * shape
+    envelope = np.exp(-np.outer(time - time[0], decay))[..., None]
+    noise = rng.normal(size=(n, members, 6)) * 10.0 ** rng.uniform(-7, -3, members)[:, None]
+    errors = 1e-3 * envelope * waves * (rng.random(members) < 0.6)[:, None] + noise
+    errors += (
+        1e-4
+        * np.exp(np.outer(time - time[0], 6 * rng.random(members)))[..., None]
+        * (rng.random(members) < 0.2)[:, None]
+    )
+    found = [
+        own_motion(LegRows(time, errors[:, k], reference, begins, lambda _frequency: 1e-6)) is not None
+        for k in range(members)
+    ]
+    may = may_move(errors, time, reference, begins)
+    assert not (np.array(found) & ~may).any()
+    assert 20 < sum(found) < 140
+    assert (~may).sum() > 20
