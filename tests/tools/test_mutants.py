@@ -57,21 +57,6 @@ def test_what_the_tests_look_at_is_killed_and_what_they_only_call_survives(
     assert sorted(path.name for path in toy.iterdir()) == [".git", "tests", "toy"]
 
 
-def test_a_survivor_has_met_every_test_that_runs_its_file_and_no_other(
-    toy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Expected: a test of another file that would fail on any second run is not run again, and counts for nothing."""
-    (toy / "toy/other.py").write_text("def one():\n    return 1\n")
-    marker = toy / "ran"
-    (toy / "tests/toy/test_other.py").write_text(
-        "from pathlib import Path\nfrom toy.other import one\n\n\ndef test_once():\n"
-        f"    marker = Path({str(marker)!r})\n    assert one() and not marker.exists()\n    marker.touch()\n"
-    )
-    assert main(["toy", "--file", "rectangle.py", "--least", "0"], toy, libraries=()) == 0
-    assert "toy: 1 of 2 token mutants killed" in capsys.readouterr().out
-    assert marker.exists()
-
-
 def test_draws_of_both_kinds_share_one_run_and_do_not_try_a_mutant_twice(
     toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -48,10 +48,12 @@ class Evidence:
         """Tests in the order of how soon they are likely to detect a mutant; all other tests come after them.
 
         First the tests that killed mutants of this file, then those that run the line: quick tests, then slow ones, by
-        module. Code that runs once per process is attributed to the first test only, so all tests of the file follow.
+        module. Code that runs once per process is attributed to the first test only, so no test is left out.
         """
         file = mutant.file.as_posix()
-        seen = self.lines.get((file, mutant.line_number), set()) or self.of_file(file)
+        seen = self.lines.get((file, mutant.line_number), set()) or {
+            test for (name, _), tests in self.lines.items() if name == file for test in tests
+        }
         candidates = (seen or set(self.seconds)) | {test for (name, test) in self.kills if name == file}
         modules: dict[tuple[bool, str], float] = {}
         for test in candidates:
@@ -63,10 +65,6 @@ class Evidence:
             return -self.kills.get((file, test), 0), slow, modules[group], module, self.seconds[test]
 
         return sorted(candidates, key=place)
-
-    def of_file(self, file: str) -> set[str]:
-        """Tests that run any line of a file; none of a file whose lines are not followed, such as C."""
-        return {test for (name, _), tests in self.lines.items() if name == file for test in tests}
 
     def limits(self) -> dict[str, float]:
         """Time limit of a test [s]; whichever test runs first also builds the shared fixtures."""
@@ -139,19 +137,15 @@ class Bench:
     def _pytest_in_two_parts(
         self, mutant: Mutant, tests: Iterable[str], evidence: Evidence
     ) -> tuple[int, str, dict[str, Any]]:
-        """Run the modules with tests that are likely to detect the mutant first, then all others that run its file."""
+        """Run the modules with tests that are likely to detect the mutant first, then the other tests."""
         first = evidence.first(mutant)
         plan = {"first": first, "skipped": [], "limits": evidence.limits(), "limit": 600}
         options, environment = ["-x"], {"PYTHONDONTWRITEBYTECODE": "1"}
         modules = sorted({test.partition("::")[0] for test in first})
         code, printed, result = self._pytest(modules, options, plan, environment)
-        if code != 0:
+        if code != 0 or len(result["seconds"]) == len(evidence.seconds):
             return code, printed, result
-        everything = set(evidence.seconds)
-        rest = (evidence.of_file(mutant.file.as_posix()) or everything) - set(result["seconds"])
-        if not rest:
-            return code, printed, result
-        plan["skipped"] = sorted(everything - rest)
+        plan["skipped"] = list(result["seconds"])
         return self._pytest(tests, options, plan, environment)
 
     def stop(self) -> None:
