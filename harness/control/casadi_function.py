@@ -1,23 +1,31 @@
 """A CasADi function from named signals to forces as a controller in a run, as it is exported."""
 
-from typing import TYPE_CHECKING
+import sys
+from typing import TYPE_CHECKING, Any, TypeGuard
 
-import casadi
 import numpy as np
 
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
+    import casadi
+
     from gough_stewart.harness.control.laws import Sample
 
 # Names of its inputs and outputs, besides signals and `time`.
 MEMORY, MEMORY_NEXT, FORCE, OF_REFERENCE = "memory", "memory_next", "actuator_force", "reference_"
 
 
+def is_casadi_function(controller: Any) -> "TypeGuard[casadi.Function]":
+    """Whether an object is one; without an import, since who has one has imported CasADi."""
+    loaded = sys.modules.get("casadi")
+    return loaded is not None and isinstance(controller, loaded.Function)
+
+
 class CasadiFunction:
     """A control function that calls a CasADi function; its memory begins at zero."""
 
-    def __init__(self, function: casadi.Function) -> None:
+    def __init__(self, function: "casadi.Function") -> None:
         self._function, names = function, function.name_in()
         self._memory = np.zeros(function.numel_in(names.index(MEMORY)) if MEMORY in names else 0)
 

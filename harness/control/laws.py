@@ -7,11 +7,10 @@ from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any, Literal, NamedTuple, Protocol, cast
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.casadi_function import CasadiFunction
+from gough_stewart.harness.control.casadi_function import CasadiFunction, is_casadi_function
 from gough_stewart.harness.control.linear_law import N_LEGS, LegLaw, TaskLaw
 from gough_stewart.harness.control.makers import Copied, Design, Made, Maker, is_maker, name_of
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
@@ -279,7 +278,7 @@ class FunctionLaw:
     used = signals.NAMES
 
     def __init__(self, function: ControlFunction, known: Known | None = None) -> None:
-        self._function = CasadiFunction(function) if isinstance(function, casadi.Function) else function
+        self._function = CasadiFunction(function) if is_casadi_function(function) else function
         self._known = known
         self._command = _NO_FORCE
 

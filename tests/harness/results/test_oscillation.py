@@ -345,6 +345,7 @@ def test_the_quick_look_at_many_members_passes_over_none_that_moves(moving: bool
         * np.exp(np.outer(time - time[0], 6 * rng.random(members)))[..., None]
         * (rng.random(members) < 0.2)[:, None]
     )
+    errors, reference = np.asarray(errors, dtype=float), np.asarray(reference, dtype=float)
     found = [
         own_motion(LegRows(time, errors[:, k], reference, begins, lambda _frequency: 1e-6)) is not None
         for k in range(members)
