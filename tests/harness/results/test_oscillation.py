@@ -329,7 +329,7 @@ def test_the_quick_look_at_many_members_passes_over_none_that_moves(moving: bool
     """Expected: every member of which the whole judgement says something; and most sound ones are passed over."""
     rng = np.random.default_rng(17)
     n, members = 600, 160
-    time = 7.3 + 2e-3 * np.arange(n)
+    time: FloatArray = np.asarray(7.3 + 2e-3 * np.arange(n), dtype=float)
     shape = np.array([1.0, -0.7, 0.4, 0.9, -1.2, 0.6])
     turns = 2 * np.pi * (time - time[0])
     reference = 2.0 + 0.1 * np.outer(np.sin(0.5 * turns) if moving else turns >= 0.8, shape)
@@ -345,12 +345,13 @@ def test_the_quick_look_at_many_members_passes_over_none_that_moves(moving: bool
         * np.exp(np.outer(time - time[0], 6 * rng.random(members)))[..., None]
         * (rng.random(members) < 0.2)[:, None]
     )
-    errors, reference = np.asarray(errors, dtype=float), np.asarray(reference, dtype=float)
+    wanted: FloatArray = np.asarray(reference, dtype=float)
+    rows: FloatArray = np.asarray(errors, dtype=float)
     found = [
-        own_motion(LegRows(time, errors[:, k], reference, begins, lambda _frequency: 1e-6)) is not None
+        own_motion(LegRows(time, rows[:, k], wanted, begins, lambda _frequency: 1e-6)) is not None
         for k in range(members)
     ]
-    may = may_move(errors, time, reference, begins)
+    may = may_move(rows, time, wanted, begins)
     assert not (np.array(found) & ~may).any()
     assert 20 < sum(found) < 140
     assert (~may).sum() > 20
