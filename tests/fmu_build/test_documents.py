@@ -12,21 +12,25 @@ from functools import cache
 from importlib.metadata import metadata
 from pathlib import Path
 
+import casadi
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import cached
+from gough_stewart.fmu_build import cached, codegen, dependencies
 from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.builder import Unit, chosen_versions, number_of_steps, unit_of
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.formulas import mathml, to_html
 from gough_stewart.fmu_build.lanes import lanes_sources
+from gough_stewart.fmu_build.layout import Role, laid_out
 from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files
 from gough_stewart.fmu_build.sources import standard_license
 from gough_stewart.fmu_build.targets import BY_NAME, chosen_targets, native
 from gough_stewart.model import interface
+from gough_stewart.model.interface import Variable
 from tests.support.random_platforms import random_state
 from tests.support.uneven import UNEVEN
 
@@ -354,6 +358,7 @@ def test_the_table_of_the_page_has_every_variable_with_its_numbers(version: str)
     assert rows["gravity"][2] == f"{interface.BY_NAME['gravity'].variability} parameter"
     assert rows["external_force"][6] == ["0"]  # three equal numbers are one
     assert rows["leg_length"][2:5] == ["output", "m", ""]
+    assert version == "2.0" or rows["time"][1:5] == ["scalar", "independent", "s", ""]
     text = " ".join("".join(page.itertext()).split())
     assert UNEVEN.name in text
     assert "the platform stands still" not in text  # its start values are others
@@ -473,3 +478,42 @@ def test_the_vector_library_has_its_files_and_sizes() -> None:
     assert "#include" in units["legs.c"]
     assert "void kernel_legs(" in units["legs.c"]
     assert "condition" in units["conditioning.c"]
+
+
+def test_rows_in_order_end_before_time_and_what_was_added_later_follows_it() -> None:
+    """Expected: names and slots by hand."""
+    force = Variable("force", (2,), "N", "input", "continuous", "")
+    later = Variable("later", (), "s", "parameter", "fixed", "")
+    layout = laid_out([force], {}, [later])
+    assert [(row.variable.name, row.reference, row.first) for row in layout.rows] == [
+        ("force", 0, 0),
+        ("time", 1, 2),
+        ("later", 2, 3),
+    ]
+    assert [row.variable.name for row in layout.in_order] == ["force"]
+    assert [row.variable.name for row in layout.described("2.0")] == ["force", "later"]
+    assert layout.n_slots == 4
+
+
+def test_a_variable_depends_constantly_only_if_every_element_does() -> None:
+    """Expected: of three elements, one dependent; of another known, none."""
+    first = {name: PLANT.by_name[name].first for name in ("acceleration", "velocity", "position", "external_force")}
+    slots = {
+        first["acceleration"]: {first["velocity"]: "constant", first["position"] + 1: "constant"},
+        first["acceleration"] + 1: {first["velocity"] + 2: "dependent", first["position"]: "constant"},
+        first["acceleration"] + 2: {first["velocity"] + 1: "constant", first["external_force"]: "dependent"},
+    }
+    changed = replace(component(), dependencies=slots)
+    found = dependencies.of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT, Role.STATE))
+    kinds = {row.variable.name: found[row.reference] for row in PLANT.rows if row.reference in found}
+    assert kinds == {"external_force": "dependent", "position": "constant", "velocity": "dependent"}
+    assert list(found) == sorted(found)
+    assert set(dependencies.of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT,)).values()) == {"dependent"}
+
+
+def test_infinity_has_the_type_of_the_arithmetic() -> None:
+    x = casadi.SX.sym("x")
+    function = casadi.Function("f", [x], [casadi.vertcat(x, casadi.inf)], ["x"], ["y"])
+    assert "((float)HUGE_VAL)" in codegen.function_source(function, "void ", codegen.Types("float"))
+    assert "HUGE_VAL" in (text := codegen.function_source(function))
+    assert "(double)HUGE_VAL" not in text
