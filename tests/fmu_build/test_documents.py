@@ -19,7 +19,7 @@ import pytest
 from gough_stewart.fmu_build import cached, codegen, dependencies
 from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.builder import Unit, chosen_versions, number_of_steps, unit_of
-from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.component import Component, Kind
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.formulas import mathml, to_html
 from gough_stewart.fmu_build.lanes import lanes_sources
@@ -498,7 +498,7 @@ def test_rows_in_order_end_before_time_and_what_was_added_later_follows_it() -> 
 def test_a_variable_depends_constantly_only_if_every_element_does() -> None:
     """Expected: of three elements, one dependent; of another known, none."""
     first = {name: PLANT.by_name[name].first for name in ("acceleration", "velocity", "position", "external_force")}
-    slots = {
+    slots: dict[int, dict[int, Kind]] = {
         first["acceleration"]: {first["velocity"]: "constant", first["position"] + 1: "constant"},
         first["acceleration"] + 1: {first["velocity"] + 2: "dependent", first["position"]: "constant"},
         first["acceleration"] + 2: {first["velocity"] + 1: "constant", first["external_force"]: "dependent"},
