@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable
 from io import BytesIO
+from textwrap import wrap
 from typing import Any
 
 import matplotlib.style as mpl_style
@@ -58,8 +59,11 @@ def panel(figure: Figure, title: str) -> Axes:
 
 
 def entitle(figure: Figure, title: str) -> None:
-    """Set the title of a figure without TeX: a name may have a dollar sign."""
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, fontweight="bold", parse_math=False)
+    """Set the title of a figure, on as many lines as it needs, without TeX: a name may have a dollar sign."""
+    size = 10.5
+    # a letter is some 0.6 of its size wide
+    lines = wrap(title, int(72 * figure.get_figwidth() / (0.6 * size)))
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=size, fontweight="bold", parse_math=False)
 
 
 def label(axes: Axes, title: str, unit: str, horizontal: str = "time [s]") -> None:

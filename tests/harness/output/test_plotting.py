@@ -8,6 +8,7 @@ from typing import Any
 import matplotlib as mpl
 import pytest
 from lxml import etree
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -99,3 +100,16 @@ def test_titles_of_figures() -> None:
     axes = panel(figure, "another")
     assert figure.axes == [axes]
     assert re.fullmatch("another", figure._suptitle.get_text())  # type: ignore[attr-defined]
+
+
+def test_a_long_title_is_on_the_paper_as_a_whole() -> None:
+    """Expected: within the width by matplotlib's own measure of its letters, and every word of it."""
+    figure = Figure(figsize=(8, 3))
+    title = "heave step on a thousand machines: position error, peak [mm] against what varies; 12 of 42 inputs"
+    entitle(figure, title)
+    (drawn,) = figure.texts
+    FigureCanvasAgg(figure).draw()
+    box = drawn.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.x1
+    assert drawn.get_text().split() == title.split()
