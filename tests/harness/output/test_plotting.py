@@ -108,7 +108,7 @@ def test_a_long_title_is_on_the_paper_as_a_whole() -> None:
     title = "heave step on a thousand machines: position error, peak [mm] against what varies; 12 of 42 inputs"
     entitle(figure, title)
     (drawn,) = figure.texts
-    FigureCanvasAgg(figure).draw()
+    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
     box = drawn.get_window_extent()
     assert box.x0 >= 0
     assert box.x1 <= figure.bbox.x1
