@@ -134,9 +134,8 @@ def may_move(errors: FloatArray, time: FloatArray, reference: FloatArray, rest_b
     late, early = (np.mean(each**2, axis=0) for each in (rest[half:], rest[:half]))
     lasts = np.ones(len(may), dtype=bool)
     if lowest < 2:
-        leg = late.argmax(axis=1)[:, None]
-        both = (np.take_along_axis(each, leg, axis=1)[:, 0] for each in (late, early))
-        lasts = np.greater_equal(next(both), (0.95 * _LASTS) ** 2 * next(both))
+        every, leg = np.arange(len(may)), late.argmax(axis=1)
+        lasts = late[every, leg] >= (0.95 * _LASTS) ** 2 * early[every, leg]
     at = np.flatnonzero(lasts & ~may)
     if at.size:
         window = np.hanning(len(rest))[:, None, None]
