@@ -16,7 +16,7 @@ MIXED = {
     "controller.bandwidth": 4.0,
     "ensemble": {
         "members": 6,
-        "seed": 3,
+        "seed": 5,  # sound members are not where they would be in reverse
         "loop.delay": {"choice": [1, 22, 35]},
         "platform_mass": {"uniform": [1200, 1600]},
     },
