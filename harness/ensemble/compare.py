@@ -61,7 +61,7 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
         a,
         b,
         names,
-        polars.DataFrame(rows, infer_schema_length=None, nan_to_null=True) if rows else polars.DataFrame(),
+        polars.DataFrame(rows, infer_schema_length=None) if rows else polars.DataFrame(),
         int(both.sum()),
         int((completed_a & ~completed_b).sum()),
         int((completed_b & ~completed_a).sum()),
@@ -109,7 +109,7 @@ def difference(found: Comparison) -> Ensemble:
 
 
 def _check_same(a: Ensemble, b: Ensemble) -> None:
-    if a.members.height != b.members.height or a.members[MEMBER].to_list() != b.members[MEMBER].to_list():
+    if a.members[MEMBER].to_list() != b.members[MEMBER].to_list():
         raise RecordError(
             f"{a.members.height} and {b.members.height} members; expected the same members in both, "
             "for instance by the same --members and --seed"
@@ -135,9 +135,11 @@ def _difference(x: FloatArray, y: FloatArray) -> dict[str, float | int | None]:
         return {"pairs": 0}
     mean, median = float(gap.mean()), float(np.median(gap))
     row: dict[str, float | int | None] = {"pairs": n, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
-    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * gap.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
     low, high = _median_interval(gap)
-    row |= {"mean": mean, "mean_low": mean - half, "mean_high": mean + half}
+    row |= {"mean": mean, "mean_low": None, "mean_high": None}
+    if n > 1:
+        half = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * gap.std(ddof=1) / np.sqrt(n))
+        row |= {"mean_low": mean - half, "mean_high": mean + half}
     return row | {"median": median, "median_low": low, "median_high": high, "less_b": float((gap < 0).mean())}
 
 

@@ -15,14 +15,15 @@ _SAVE = Figure.savefig
 
 
 @contextmanager
-def figures_drawn() -> Iterator[list[Figure]]:
-    """The figures that are saved meanwhile, once each, in order."""
+def figures_drawn(is_rendered: bool = True) -> Iterator[list[Figure]]:
+    """The figures that are saved meanwhile, once each, in order; their files are empty unless they are rendered."""
     found: list[Figure] = []
 
     def noted(figure: Figure, *arguments: Any, **options: Any) -> None:
         if not any(figure is each for each in found):
             found.append(figure)
-        _SAVE(figure, *arguments, **options)
+        if is_rendered:
+            _SAVE(figure, *arguments, **options)
 
     with patch.object(Figure, "savefig", noted):
         yield found

@@ -1,0 +1,355 @@
+"""Tables, pages and warnings of ensembles from closed forms: of large ones, of one pair, with and without failures."""
+
+import base64
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from lxml import html
+
+import gough_stewart as gs
+from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
+from gough_stewart.harness.ensemble.figures import ensemble_figures
+from gough_stewart.harness.ensemble.files import worst_by
+from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
+from gough_stewart.harness.ensemble.statistics import (
+    failures,
+    oscillation_warning,
+    quantiles,
+    works,
+    worst_members,
+)
+from gough_stewart.harness.ensemble.tables import ensemble_sheets, failure_sheet, sensitivity_sheet, worst_sheet
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.output.tables import Named
+from gough_stewart.model.vectors import FloatArray
+from tests.support.ensembles import INPUTS, ensemble_of
+from tests.support.figures import figures_drawn
+
+PEAK = "tracking.position.norm_peak"
+
+
+def normal(n: int, seed: int = 2) -> FloatArray:
+    return np.random.default_rng(seed).normal(size=(n, 4))
+
+
+def with_columns(ensemble: Ensemble, **columns: Any) -> Ensemble:
+    """The same with other columns; `__` in a name is a dot."""
+    series = [polars.Series(name.replace("__", "."), values) for name, values in columns.items()]
+    return Ensemble(ensemble.members.with_columns(series), ensemble.bands, ensemble.metadata)
+
+
+def data_of(page: bytes) -> dict[str, Any]:
+    """What the script of a page reads."""
+    text = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page.decode())[0]
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def words_of(page: bytes) -> str:
+    return " ".join(re.sub("<[^>]*>", " ", page.decode().partition("<script")[0]).split())
+
+
+def unpacked(content: Mapping[str, str]) -> list[float]:
+    return list(np.frombuffer(base64.b64decode(content["bdata"]), f"<{content['dtype']}").astype(float).tolist())
+
+
+NAMES = tuple(f"input {k}" for k in range(17))
+SHARES = np.roll(0.9 - 0.05 * np.arange(17), 5)
+SOBOL = Sensitivity(PEAK, "sobol", NAMES, SHARES / 3, SHARES / 30, SHARES, SHARES / 20, None, 1900, 19)
+BETA = Sensitivity(
+    "stroke.margin",
+    "regression",
+    NAMES,
+    np.where(np.arange(17) % 2, 1, -1) * SHARES,
+    SHARES / 9,
+    None,
+    None,
+    0.4,
+    99,
+    0,
+)
+ORDER = [*range(5, 17), *range(5)]
+
+
+def test_tables_of_sensitivity_have_every_number_at_its_place() -> None:
+    """Expected: the given numbers to two digits, the largest total index or the largest |β| first, eight of 17."""
+    sheet = sensitivity_sheet(SOBOL)
+    assert sheet.title == "What makes the position error, peak vary: 8 of 17 inputs; 19 members left out"
+    assert sheet.heads == ("", "alone", "±", "in total", "±")
+    assert [row[0] for row in sheet.rows] == [NAMES[k] for k in ORDER[:8]]
+    for k, row in zip(ORDER, sheet.rows, strict=False):
+        expected = [SHARES[k] / 3, SHARES[k] / 30, SHARES[k], SHARES[k] / 20]
+        assert [float(str(cell)) for cell in row[1:]] == pytest.approx(expected, rel=0.05)
+    sheet = sensitivity_sheet(BETA, most=17)
+    assert sheet.title == "What makes the stroke margin vary"
+    assert sheet.heads == ("", "β", "±")
+    assert [row[0] for row in sheet.rows] == [NAMES[k] for k in ORDER]
+    for k, row in zip(ORDER, sheet.rows, strict=True):
+        expected = [SHARES[k] * (1 if k % 2 else -1), SHARES[k] / 9]
+        assert [float(str(cell)) for cell in row[1:]] == pytest.approx(expected, rel=0.05)
+
+
+def test_the_page_has_the_bars_of_both_kinds_of_sensitivity() -> None:
+    """Expected: the given numbers of the 15 most influential inputs, by their names; what the axis shows."""
+    data = data_of(ensemble_page(ensemble_of(normal(40)), PEAK, {}, [SOBOL, BETA]))["sensitivity"]
+    assert list(data) == [PEAK, "stroke.margin"]
+    sobol, beta = data.values()
+    assert sobol["inputs"] == beta["inputs"] == [NAMES[k] for k in ORDER[:15]]
+    assert sobol["axis"] == "share of the variance"
+    assert beta["axis"] == "standardised regression coefficient β"
+    assert [each["name"] for each in sobol["bars"]] == ["alone", "in total"]
+    assert [each["name"] for each in beta["bars"]] == ["β"]
+    some = np.array(ORDER[:15])
+    assert sobol["bars"][0]["values"] == (SHARES / 3)[some].tolist()
+    assert sobol["bars"][0]["confidence"] == (SHARES / 30)[some].tolist()
+    assert sobol["bars"][1]["values"] == SHARES[some].tolist()
+    assert sobol["bars"][1]["confidence"] == (SHARES / 20)[some].tolist()
+    assert beta["bars"][0]["values"] == BETA.main[some].tolist()
+    assert (
+        "Sobol' indices of 1900 members; left out: 19 not completed or without a value, or at a point"
+        in (sobol["remark"])
+    )
+    assert "R² = 0.40, of 99 members; whiskers" in beta["remark"]
+    assert "far from linear" in beta["remark"]
+
+
+@pytest.fixture(scope="module")
+def large() -> Ensemble:
+    """More members than a page has points; the last hundred diverge, and a letter varies that is no number."""
+    n = 10_100
+    outcome = ["completed"] * 10_000 + ["diverged"] * 100
+    found = ensemble_of(normal(n), outcome, ["the loop diverged" if each != "completed" else None for each in outcome])
+    return with_columns(found, varied__controller__file=["a"] * n)
+
+
+def test_the_page_of_a_large_ensemble_says_what_it_does_not_show(large: Ensemble) -> None:
+    """Expected: points of the first 10,000, marks and tables of all that completed; 5 ± 100 √(0.05 · 0.95/10⁴) %."""
+    page = ensemble_page(large, PEAK, {})
+    data, said = data_of(page), words_of(page)
+    assert unpacked(data["member"]) == list(range(10_000))
+    assert unpacked(data["completed"]) == [1.0] * 10_000
+    assert [each["name"] for each in data["inputs"]] == list(INPUTS)
+    assert len(unpacked(data["inputs"][3]["values"])) == 10_000
+    peak = next(each for each in data["metrics"] if each["name"] == PEAK)
+    expected = 1e3 * large.values(PEAK)
+    np.testing.assert_allclose(unpacked(peak["values"]), expected[:10_000], rtol=1e-6)
+    assert [mark["value"] for mark in peak["marks"]] == pytest.approx(
+        np.quantile(expected[:10_000], [0.05, 0.5, 0.95]).tolist()
+    )
+    margin = next(each for each in data["metrics"] if each["name"] == "margins.disk")
+    assert margin["marks"][0]["value"] == pytest.approx(np.quantile(large.values("margins.disk"), 0.05))
+    assert (peak["unit"], peak["least"], margin["least"]) == ("mm", 1e-3, 1e-3)
+    assert "10100 members, seed 7, sampling random" in said
+    assert "leave out the 100 members that did not complete; margins count for all." in said
+    assert "over the first 10000 members (the 5 % line is at 4.8 to 5.2 % of all members), extremes over all" in said
+    assert "Points and histograms show the first 10000 members, tables all." in said
+    assert "Worst members" not in said
+    small = words_of(ensemble_page(ensemble_of(normal(30)), PEAK, {}))
+    assert not re.search("leave out|first 10000|Not completed", small)
+
+
+def test_a_page_without_seed_and_of_another_design_says_so() -> None:
+    """Expected: the name of the design in words, no seed; further tables first."""
+    found = ensemble_of(normal(30), sampling="latin_hypercube")
+    bare = Ensemble(found.members, found.bands, {k: v for k, v in found.metadata.items() if k != "seed"})
+    more = sensitivity_sheet(SOBOL)
+    page = ensemble_page(bare, PEAK, {}, (), [more])
+    assert "30 members, sampling latin hypercube" in words_of(page)
+    captions = [str(table.findtext("caption")) for table in html.fromstring(page.decode()).iter("table")]
+    assert captions == [more.title, "30 members: 30 completed"]
+
+
+def test_the_worst_members_are_found_by_their_numbers() -> None:
+    """Expected: of members 100 to 139 in reverse, each row has the numbers of its own member."""
+    found = ensemble_of(normal(40), ["completed"] * 39 + ["diverged"])
+    numbers = np.arange(139, 99, -1)
+    found = with_columns(found, member=numbers)
+    worst = worst_members(found.members, "margins.disk", 3)
+    disk = found.values("margins.disk")
+    assert worst == [100, *numbers[:39][np.argsort(disk[:39])][:2].tolist()]
+    sheet = worst_sheet(found, worst, "stroke.margin")
+    assert sheet.title == "Worst members by stroke margin"
+    heads = ("platform_mass [kg]", "controller.bandwidth", "base_points[1,2] [m]", "leg_coulomb_friction [N]")
+    assert sheet.heads == ("member", "outcome", "stroke margin [mm]", *heads)
+    for member, row in zip(worst, sheet.rows, strict=True):
+        k = 139 - member
+        assert row[:2] == (str(member), "diverged" if member == 100 else "completed")
+        expected = [1e3 * found.values("stroke.margin")[k], *(found.values(name)[k] for name in INPUTS)]
+        assert [float(str(cell)) for cell in row[2:]] == pytest.approx(expected, rel=1e-3)
+    page = ensemble_page(found, "stroke.margin", {worst[0]: "", worst[1]: "b&c/r.html"}).decode()
+    assert f'<a href="b&amp;c/r.html">{worst[1]}, in 3-D</a>' in page
+    assert f'<th scope="row">{worst[0]}</th>' in page
+
+
+def test_worst_members_that_complete_have_the_largest_value_and_no_value_is_the_best() -> None:
+    """Expected: sorted by hand; of small margins, deviations and unstable loops the smallest; impossible never."""
+    outcome = ["completed"] * 4 + ["stopped", "impossible", "diverged"]
+    merit = [5.0, None, 9.0, 7.0, 1.0, 2.0, 3.0]
+    found = with_columns(
+        ensemble_of(normal(7), outcome), ended=[2.0, 2.0, 2.0, 2.0, 0.7, None, 0.3], force__peak=merit,
+        stroke__margin=merit, margins__stable=[1.0, None, 0.0, 1.0, 1.0, 1.0, 1.0],
+    )  # fmt: skip
+    assert worst_members(found.members, "force.peak", 9) == [6, 4, 2, 3, 0, 1]
+    assert worst_members(found.members, "stroke.margin", 5) == [6, 4, 0, 3, 2]
+    assert worst_members(found.members, "margins.stable", 3) == [6, 4, 2]
+
+
+def test_the_metric_of_the_worst_is_the_experiments_or_the_error_or_the_force() -> None:
+    """Expected: `worst_by`, also by its short name; otherwise the first of the two that there is."""
+
+    def ranked(worst: str | None, without: tuple[str, ...] = ()) -> str:
+        found = ensemble_of(normal(9), experiment={"ensemble": {"worst_by": worst}})
+        return worst_by(Ensemble(found.members.drop(without), found.bands, found.metadata))
+
+    assert ranked(None) == PEAK
+    assert ranked("stroke.margin") == "stroke.margin"
+    assert ranked("disk_margin") == "margins.disk"
+    assert ranked(None, (PEAK,)) == "force.peak"
+
+
+def test_failures_beyond_the_most_frequent_are_one_row() -> None:
+    """Expected: three causes of 3, 2 and 1 members; the others are counted together."""
+    outcome = ["completed"] * 4 + ["diverged"] * 3 + ["stopped"] * 2 + ["impossible"] * 2 + ["diverged"]
+    cause = [*[None] * 4, "at 1 s", "at 2 s", "at 7.5e-3 s", "by hand", "by hand", "no path", "no pose", None]
+    found = ensemble_of(normal(12), outcome, cause)
+    assert [(each.outcome, each.cause, each.members) for each in failures(found.members)] == [
+        *[("diverged", "at 1 s", (4, 5, 6)), ("stopped", "by hand", (7, 8)), ("impossible", "no path", (9,))],
+        *[("impossible", "no pose", (10,)), ("diverged", "", (11,))],
+    ]
+    sheet = failure_sheet(found, most=2)
+    assert sheet.heads == ("", "members", "cause of the first", "first")
+    assert sheet.rows == [("diverged", "3", "at 1 s", "4"), ("stopped", "2", "by hand", "7"), ("other", "3", "", "")]
+    assert len(failure_sheet(found).rows) == 5
+
+
+def test_all_metrics_are_shown_or_the_usual_ones() -> None:
+    """Expected: usual ones in their order, none that is 0 for all or of no member; without them, all of the columns."""
+    found = with_columns(
+        ensemble_of(normal(40)), saturation__rate_limited__any=np.zeros(40), stroke__exceeded__any=np.zeros(40),
+        tracking__leg_length__peak=np.full(40, np.nan), step_response__z__final_error=np.ones(40),
+        force__rms=np.ones(40), margins__stable=np.zeros(40),
+    )  # fmt: skip
+    (usual,) = ensemble_sheets(found)
+    assert [row[0] for row in usual.rows] == [
+        *(Named("position error, RMS", "mm"), Named("position error, peak", "mm")),
+        *(Named("orientation error, peak", "mrad"), Named("z: overshoot", "%"), Named("z: settling time", "s")),
+        *(Named("peak force", "N"), Named("peak power", "W"), Named("work, absolute", "J")),
+        *(Named("stroke margin", "mm"), Named("force limited", "%"), Named("stable", ""), Named("disk margin", "")),
+    ]
+    (every,) = ensemble_sheets(found, usual=False)
+    assert len(every.rows) == len(found.metrics) == len(found.members.columns) - 4 - 4 - 2
+    assert every.heads == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "of")
+    cells = next(row for row in every.rows if row[0] == Named("z: settling time", "s"))
+    values = found.members["step_response.z.settling_time"].drop_nulls().to_numpy()
+    assert [float(str(cell)) for cell in cells[1:6]] == pytest.approx(
+        np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95]).tolist(), rel=6e-3
+    )
+    assert cells[6] == str(len(values)) < "40"
+
+
+@pytest.mark.parametrize("n", [1, 2, 9])
+def test_quantiles_have_mean_deviation_and_extremes(n: int) -> None:
+    """Expected: NumPy's, of members that completed; no deviation of one."""
+    found = ensemble_of(normal(n + 1), ["completed"] * n + ["diverged"])
+    row = quantiles(found.members).filter(polars.col("metric") == PEAK).row(0, named=True)
+    values = found.values(PEAK)[:n]
+    assert row["deviation"] == (pytest.approx(np.std(values, ddof=1)) if n > 1 else None)
+    assert (row["defined"], row["mean"], row["lowest"], row["highest"]) == (
+        *(n, pytest.approx(values.mean())),
+        *(values.min(), values.max()),
+    )
+
+
+def test_members_that_oscillate_are_counted_by_kind_with_the_largest() -> None:
+    """Expected: the sentence by hand; the largest amplitude is neither first nor last; growing ones do not work."""
+    kinds = [None, "growing", "oscillating", "oscillating", None, "oscillating", "growing", None]
+    amplitude = [None, 0.1, 3e-4, 7.25e-3, None, 1e-3, 0.25, None]
+    frequency = [None, 9.0, 11.0, 12.34, None, 13.0, None, None]
+    found = with_columns(
+        ensemble_of(normal(8), ["completed"] * 7 + ["stopped"]),
+        oscillation=kinds, oscillation__amplitude=amplitude, oscillation__frequency=frequency,
+    )  # fmt: skip
+    assert oscillation_warning(found) == (
+        "the loops of 3 of 8 members oscillate by themselves; member 3 has the largest amplitude, 7.25 mm at 12.3 Hz; "
+        "the loops of 2 of 8 members grow by themselves; member 6 has the largest amplitude, 250 mm. "
+        "`run --member K` shows one"
+    )
+    assert works(found.members).tolist() == [True, False, True, True, True, True, False, False]
+    sheet = ensemble_sheets(found)[0]
+    assert sheet.title.startswith(
+        "8 members: 7 completed, 1 stopped (3 oscillating and 2 growing by themselves); quant"
+    )
+    sound = with_columns(found, oscillation=[None] * 3 + ["oscillating"] + [None] * 4)
+    assert "7 completed, 1 stopped (1 oscillating by themselves)" in ensemble_sheets(sound)[0].title
+    assert oscillation_warning(with_columns(found, oscillation=polars.Series([None] * 8, dtype=polars.String))) == ""
+    assert oscillation_warning(ensemble_of(normal(8))) == ""
+
+
+def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
+    """Expected: the difference of the one member that completed in both; of other numbers of members a refusal."""
+    a = ensemble_of(normal(3), ["completed", "completed", "diverged"])
+    b = ensemble_of(normal(3), ["diverged", "completed", "completed"])
+    b = with_columns(b, force__peak=a.values("force.peak") - [1.0, 20.0, 300.0])
+    found = compare(a, b, ("one", "two"))
+    assert (found.both_completed, found.only_a, found.only_b, found.neither) == (1, 1, 1, 0)
+    row = found.differences.filter(polars.col("metric") == "force.peak").row(0, named=True)
+    assert (row["pairs"], row["mean"], row["median"], row["less_b"]) == (1, pytest.approx(-20), pytest.approx(-20), 1.0)
+    assert row["mean_low"] is None
+    assert row["mean_high"] is None
+    gap = difference(found)
+    assert gap.members["outcome"].to_list() == ["not in both", "completed", "not in both"]
+    assert gap.members["ended"].to_list() == a.members["ended"].to_list()
+    assert gap.varied == INPUTS
+    assert gap.values("platform_mass").tolist() == a.values("platform_mass").tolist()
+    assert gap.values("force.peak") == pytest.approx([-1, -20, -300])
+    assert gap.title == "two − one"
+    usual, every = (compare_sheets(found, usual=usual)[1] for usual in (True, False))
+    assert len(usual.rows) <= len(every.rows) == len(found.differences)
+    cells = next(row for row in usual.rows if row[0] == Named("peak force", "N"))
+    assert float(str(cells[3])) == pytest.approx(-20, rel=6e-3)
+    assert cells[4] == "– to –"
+    renumbered = with_columns(b, member=[0, 1, 7])
+    with pytest.raises(RecordError, match="3 and 3 members; expected the same members in both"):
+        compare(a, renumbered)
+    never = ensemble_of(normal(3), ["diverged"] * 3)
+    assert compare(never, b).differences.is_empty()
+
+
+def test_inputs_that_are_no_numbers_are_the_same_in_both() -> None:
+    """Expected: names of files that vary have no value as numbers, which is no difference."""
+    a = with_columns(ensemble_of(normal(5)), varied__controller__file=["a", "b", "c", "d", "e"])
+    assert compare(a, a).both_completed == 5
+
+
+def test_a_metric_without_a_unit_is_drawn_without_one() -> None:
+    with figures_drawn(is_rendered=False) as figures:
+        ensemble_figures(ensemble_of(normal(30)), "margins.disk")
+    assert figures[-1].get_suptitle() == "closed forms: disk margin against what varies"
+
+
+def test_each_step_of_an_ensemble_is_told(tmp_path: Any) -> None:
+    """Expected: what it does, in order; a resumed one that is finished only plans."""
+    keys = {"loop.duration": 0.01}
+    said, done = list[str](), list[tuple[int, int]]()
+
+    def run(resume: bool) -> gs.Ensemble:
+        return gs.ensemble(
+            "heave_tolerances", keys, members=3, seed=4, out=tmp_path / "out", workers=1, resume=resume,
+            status=said.append, progress=lambda k, of: done.append((k, of)),
+        )  # fmt: skip
+
+    first = run(resume=True)
+    assert said == ["planning", "checking finished chunks", "running", "tables"]
+    assert done == [(3, 3)]
+    assert run(resume=True).members.equals(first.members)
+    assert said[4:] == ["planning"]
+    said.clear()
+    run(resume=False)
+    assert said == ["planning", "running", "running", "tables"]
