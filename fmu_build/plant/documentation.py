@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
+from math import log10
 
 import numpy as np
 
@@ -239,7 +240,5 @@ platform's six coordinates.</p>
 
 
 def _power(value: float) -> str:
-    """A number such as 1e-08 as a power of ten in HTML."""
-    mantissa, exponent = f"{value:.0e}".split("e")
-    factor = "" if mantissa == "1" else f"{mantissa}·"
-    return f"{factor}10<sup>{str(int(exponent)).replace('-', '−')}</sup>"
+    """A power of ten, in HTML."""
+    return f"10<sup>{round(log10(value))}</sup>".replace("-", "−")

@@ -107,7 +107,7 @@ def icon_svg(platform: Platform) -> bytes:
 
 def icon_png(platform: Platform) -> bytes:
     """The icon as PNG with a transparent background, `ICON_SIZE` pixels square."""
-    image = Image.new("RGBA", (_OVERSAMPLING * ICON_SIZE, _OVERSAMPLING * ICON_SIZE), (0, 0, 0, 0))
+    image = Image.new("RGBA", (_OVERSAMPLING * ICON_SIZE, _OVERSAMPLING * ICON_SIZE))
     pen = ImageDraw.Draw(image)
     for shape in _icon(platform):
         _paint(pen, shape)

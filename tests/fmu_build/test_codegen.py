@@ -23,6 +23,7 @@ def test_every_function_that_the_header_declares_is_defined(paper: Platform) -> 
     defined = dict(re.findall(r"^void (kernel_\w+)\((.*?)\)$", codegen.kernel_source(), re.M))
     assert len(defined) == 5
     assert defined == {name: " ".join(arguments.split()) for name, arguments in declared.items()}
+    assert list(defined) == list(declared)
 
 
 def test_the_code_is_arithmetic_only() -> None:

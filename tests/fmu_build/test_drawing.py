@@ -4,10 +4,14 @@ import io
 import math
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from matplotlib.path import Path as PathOfPlaces
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
@@ -16,6 +20,7 @@ from gough_stewart.fmu_build.plant.drawing import DRAWING_SIZE, ICON_SIZE, drawi
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, preset_names
 from tests.support.random_platforms import random_platform
+from tests.support.uneven import UNEVEN
 
 SVG = "{http://www.w3.org/2000/svg}"
 PRESETS = preset_names()
@@ -123,131 +128,313 @@ def test_any_platform_can_be_drawn(seed: int) -> None:
     assert pixels(icon_png(platform))[..., 3].any()
 
 
-# --- places on paper, for a platform of six different legs and a tilted home pose ------------------------------------
+# --- every element, by an account of its own -----------------------------------------------------------------------
 
+INK, BASE, TOP, FORCE = "#222222", "#55606C", "#0072B2", "#C0392B"
 SLEEVE = 0.54  # share of a leg that its lower part covers
 
 
-def seen(world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """World (n, 3) to right and down (n, 2), seen from an azimuth of −55° and 24° above the ground."""
-    a, e = math.radians(-55), math.radians(24)
-    right = [-math.sin(a), math.cos(a), 0]
-    down = [math.sin(e) * math.cos(a), math.sin(e) * math.sin(a), -math.cos(e)]
-    return np.asarray(world @ np.transpose([right, down]))
+class Mark(NamedTuple):
+    """An element of a picture: places as complex numbers, right + i·down."""
+
+    tag: str
+    places: list[complex]
+    look: dict[str, str]
+
+
+def marks_in(svg: bytes) -> list[Mark]:
+    """All elements but the title, with two decimals and no negative zero in any place."""
+    root = ET.fromstring(svg)
+    found = []
+    for element in root[1:]:
+        look = dict(element.attrib)
+        texts = [look.pop(name) for name in ("points", "cx", "cy", "x", "y") if name in look]
+        numbers = " ".join(texts).replace(",", " ").split()
+        assert all(re.fullmatch(r"-?\d+(\.\d\d?)?", each) and each != "-0" for each in numbers)
+        flat = [float(each) for each in numbers]
+        if element.tag == f"{SVG}text":
+            look["text"] = (element.text or "") + "".join(
+                f"[{each.text}|{' '.join(f'{k}={v}' for k, v in sorted(each.attrib.items()))}]" for each in element
+            )
+        places = [complex(x, y) for x, y in zip(flat[::2], flat[1::2], strict=True)]
+        found.append(Mark(element.tag.removeprefix(SVG), places, look))
+    return found
+
+
+def line(places: Iterable[complex], colour: str, width: str) -> Mark:
+    return Mark("polyline", list(places), {"fill": "none", "stroke": colour, "stroke-width": width})
+
+
+def polygon(places: Iterable[complex], fill: str, colour: str, width: str) -> Mark:
+    return Mark("polygon", list(places), {"fill": fill, "stroke": colour, "stroke-width": width})
+
+
+def arrow(start: complex, end: complex, colour: str, width: str = "1.8") -> list[Mark]:
+    """A line that ends where the head of 9 × 7 begins; nothing below a length of 10."""
+    if abs(end - start) < 10:
+        return []
+    along = (end - start) / abs(end - start)
+    head = [end, end + (-9 + 3.5j) * along, end + (-9 - 3.5j) * along]
+    return [line([start, end - 9 * along], colour, width), polygon(head, colour, colour, "0.5")]
+
+
+def label(at: complex, text: str, colour: str, anchor: str = "middle") -> list[Mark]:
+    """Letters on a white edge; a symbol is italic and its index is small and lower."""
+    if anchor == "middle":
+        symbol, index = text.split("_")
+        text = f"[{symbol}|font-style=italic][{index}|dy=4 font-size=10]"
+    edge = {"fill": "#FFFFFF", "stroke": "#FFFFFF", "stroke-width": "4", "aria-hidden": "true"}
+    own = {"text-anchor": anchor, "text": text}
+    return [Mark("text", [at + 5j], edge | own), Mark("text", [at + 5j], {"fill": colour} | own)]
+
+
+def projected(world: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """World (n, 3) to right + i·down, seen from an azimuth of −55° and 24° above the ground."""
+    turned = Rotation.from_euler("zx", [-35, 114], degrees=True).apply(np.array(world))
+    return np.asarray(turned[:, 0] + 1j * turned[:, 1])
 
 
 def joints(platform: Platform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Base and platform joints in the world at home, by rotations about the fixed axes x, y, z."""
     turned = Rotation.from_euler("xyz", platform.home_orientation).apply(platform.platform_points.copy())
-    return platform.base_points, platform.home_position + turned
+    return platform.base_points.copy(), platform.home_position + turned
 
 
-def points_of(element: ET.Element) -> NDArray[np.float64]:
-    return np.array([[float(c) for c in pair.split(",")] for pair in element.attrib["points"].split()])
+def around(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sorted by the angle about their mean, from −π."""
+    x, y = (points - points.mean(axis=0))[:, :2].T
+    return points[np.argsort(np.angle(x + 1j * y))]
 
 
-def centres(root: ET.Element) -> NDArray[np.float64]:
-    return np.array([[float(e.attrib["cx"]), float(e.attrib["cy"])] for e in root.iter(f"{SVG}circle")])
+class Paper:
+    """Places on paper: the view with these points in a box, centred, as large as possible."""
+
+    def __init__(self, points: NDArray[np.float64], corner: complex, opposite: complex) -> None:
+        view = projected(points)
+        sides = (np.ptp(view.real), np.ptp(view.imag))
+        size = opposite - corner
+        self._scale = min(size.real / sides[0], size.imag / sides[1])
+        self._middle = complex(view.real.min() + sides[0] / 2, view.imag.min() + sides[1] / 2)
+        self._centre = (corner + opposite) / 2
+
+    def __call__(self, points: NDArray[np.float64]) -> list[complex]:
+        return list(self._centre + self._scale * (projected(np.atleast_2d(points)) - self._middle))
 
 
-def scale_and_shift(root: ET.Element, platform: Platform) -> tuple[float, NDArray[np.float64]]:
-    """From the dots of a picture: paper = scale · seen + shift."""
-    expected, found = seen(np.concatenate(joints(platform))), centres(root)
-    scale = float(np.ptp(found, axis=0).max() / np.ptp(expected, axis=0)[np.ptp(found, axis=0).argmax()])
-    return scale, (found - scale * expected).mean(axis=0)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_joints_legs_and_bodies_are_where_an_orthographic_view_has_them(seed: int) -> None:
-    """Expected: joints by SciPy's rotations and a view written out by angles; legs divided at 0.54, far ones first."""
-    platform = random_platform(np.random.default_rng(seed))
-    root = ET.fromstring(icon_svg(platform))
+def base_and_legs(platform: Platform, paper: Paper, outline: str, lower: str, upper: str) -> list[Mark]:
+    """The base, then the legs, of which nearer ones cover others: with depths by the view's third axis."""
     B, P = joints(platform)
-    scale, shift = scale_and_shift(root, platform)
-
-    def paper(world: NDArray[np.float64]) -> NDArray[np.float64]:
-        return scale * seen(world) + shift
-
-    np.testing.assert_allclose(centres(root), paper(np.concatenate([B, P])), atol=0.02)
-    # they fill the square between 9 and 119, and are in its middle
-    low, high = centres(root).min(axis=0), centres(root).max(axis=0)
-    assert (high - low).max() == pytest.approx(110, abs=0.02)
-    np.testing.assert_allclose((low + high) / 2, [64, 64], atol=0.02)
     middle = B + SLEEVE * (P - B)
-    toward = [math.cos(math.radians(24)) * f(math.radians(-55)) for f in (math.cos, math.sin)]
-    order = np.argsort(middle @ [*toward, math.sin(math.radians(24))])
-    lines = root.findall(f"{SVG}polyline")
-    for k, i in enumerate(order):
-        np.testing.assert_allclose(points_of(lines[2 * k]), paper(np.stack([middle[i], P[i]])), atol=0.02)
-        np.testing.assert_allclose(points_of(lines[2 * k + 1]), paper(np.stack([B[i], middle[i]])), atol=0.02)
-    for polygon, corners in zip(root.findall(f"{SVG}polygon"), (B, P), strict=True):
-        found = points_of(polygon)
-        angles = np.arctan2(*(corners - corners.mean(axis=0)).T[[1, 0]])
-        np.testing.assert_allclose(found, paper(corners[np.argsort(angles)]), atol=0.02)
+    depth = Rotation.from_euler("zx", [-35, 114], degrees=True).apply(middle)[:, 2]
+    found = [polygon(paper(around(B)), "#DDE3E8", BASE, outline)]
+    for i in np.argsort(-depth):
+        found.append(line(paper(np.array([middle[i], P[i]])), "#D9A441", upper))
+        found.append(line(paper(np.array([B[i], middle[i]])), "#8A6D3B", lower))
+    return found
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_arrows_of_both_frames_point_along_their_axes(seed: int) -> None:
-    """Expected: tips at half the base's radius or the gap, and at 3/4 of the platform's radius; names 13 beyond."""
-    platform = random_platform(np.random.default_rng(seed))
-    root = ET.fromstring(drawing_svg(platform))
+def top_and_joints(platform: Platform, paper: Paper, outline: str, radius: str) -> list[Mark]:
     B, P = joints(platform)
-    scale, shift = scale_and_shift(root, platform)
-    radius = [math.sqrt(sum(np.sum((p - each.mean(axis=0)) ** 2) for p in each) / 6) for each in (B, P)]
-    gap = max(abs(P.mean(axis=0) - B.mean(axis=0)))
-    frames = (
-        (np.zeros(3), np.eye(3), 0.5 * min(radius[0], gap), ("X0", "Y0", "Z0")),
-        (
-            platform.home_position,
-            Rotation.from_euler("xyz", platform.home_orientation).as_matrix().T,
-            0.75 * radius[1],
-            ("xp", "yp", "zp"),
-        ),
-    )
-    heads = [points_of(each) for each in root.iter(f"{SVG}polygon")]
-    tips = np.array([head[0] for head in heads if len(head) == 3])
-    texts = {"".join(t.itertext()): [float(t.attrib[c]) for c in "xy"] for t in root.iter(f"{SVG}text")}
-    checked = 0
-    for origin, axes, length, names in frames:
-        start = scale * seen(origin[None])[0] + shift
-        for axis, name in zip(axes, names, strict=True):
-            tip = scale * seen((origin + length * axis)[None])[0] + shift
-            along = (tip - start) / np.hypot(*(tip - start))
-            np.testing.assert_allclose(texts[name], tip + 13 * along + [0, 5], atol=0.03)
-            if np.hypot(*(tip - start)) > 10.1:
-                assert np.hypot(*(tips - tip).T).min() < 0.03
-                checked += 1
-    assert checked >= 4
+    found = [polygon(paper(around(P)), "#A9CFE8", TOP, outline)]
+    for points, colour in ((B, BASE), (P, TOP)):
+        found += [Mark("circle", [centre], {"r": radius, "fill": colour}) for centre in paper(points)]
+    return found
 
 
-def test_the_leg_with_names_is_the_rightmost_one_and_its_signs_are_beside_it() -> None:
-    """Expected: by the coordinates of its two joints; forces apart, the direction from base to platform."""
-    platform = random_platform(np.random.default_rng(4))
-    root = ET.fromstring(drawing_svg(platform))
-    dots = centres(root)
-    B, P = max(zip(dots[:6], dots[6:], strict=True), key=lambda ends: float(ends[0][0] + ends[1][0]))
-    texts = {"".join(t.itertext()): t for t in root.iter(f"{SVG}text")}
-    place = {name: np.array([float(t.attrib["x"]), float(t.attrib["y"]) - 5]) for name, t in texts.items()}
-    np.testing.assert_allclose(place["Bi"], B + np.array([4, 17]), atol=0.03)
-    np.testing.assert_allclose(place["Pi"], P + np.array([11, -12]), atol=0.03)
-    length = np.hypot(*(P - B))
-    along = (P - B) / length
-    across = np.array([-along[1], along[0]]) * (1 if along[1] < 0 else -1)
-    beside = 54 + 14 * abs(along[0])
-    np.testing.assert_allclose(place["leg_length"], B + 0.8 * length * along + beside * across, atol=0.03)
-    np.testing.assert_allclose(
-        place["actuator_force > 0"], B + SLEEVE * length * along + beside * across - [0, 8], atol=0.03
-    )
-    np.testing.assert_allclose(place["pushes both parts apart"], place["actuator_force > 0"] + [0, 16], atol=0.03)
-    heads = [points_of(each)[0] for each in root.iter(f"{SVG}polygon") if len(points_of(each)) == 3][-5:]
-    reach = min(0.2 * length, 50)
-    expected = [
-        (SLEEVE + 0.02) * length + reach,
-        (SLEEVE - 0.02) * length - reach,
-        0.06 * length + reach,
-        length,
-        0.0,
+def icon_marks(platform: Platform) -> list[Mark]:
+    paper = Paper(np.concatenate(joints(platform)), 9 + 9j, 119 + 119j)
+    return [*base_and_legs(platform, paper, "4", "7", "4"), *top_and_joints(platform, paper, "4", "4.5")]
+
+
+def frame(tips: list[complex], names: str) -> list[Mark]:
+    found: list[Mark] = []
+    for tip, name in zip(tips[1:], names.split(), strict=True):
+        away = tip - tips[0]
+        found += arrow(tips[0], tip, INK)
+        found += label(tip + 13 * (away / abs(away) if away else -1j), name, INK)
+    return found
+
+
+def leg_marks(B: complex, P: complex) -> list[Mark]:
+    """Signs to the right of a leg, whose places are along the leg and across it."""
+    length, along = abs(P - B), (P - B) / abs(P - B)
+    across = 1j * along if (1j * along).real > 0 else -1j * along
+    reach = min(0.2 * length, 50.0)
+
+    def at(way: float, aside: float) -> complex:
+        return B + way * along + aside * across
+
+    beside = 54 + 14 * abs(along.real)
+    sleeve, gap = SLEEVE * length, 0.02 * length
+    words = at(sleeve, beside)
+    return [
+        *arrow(at(sleeve + gap, 15), at(sleeve + gap + reach, 15), FORCE),
+        *arrow(at(sleeve - gap, 15), at(sleeve - gap - reach, 15), FORCE),
+        *arrow(at(0.06 * length, 15), at(0.06 * length + reach, 15), INK),
+        *label(at(0.06 * length + reach / 2, 27), "u_i", INK),
+        *(line([at(end, 8), at(end, 50)], BASE, "0.8") for end in (0, length)),
+        *arrow(at(length / 2, 44), at(length, 44), BASE, "1"),
+        *arrow(at(length / 2, 44), at(0, 44), BASE, "1"),
+        *label(at(0.8 * length, beside), "leg_length", BASE, "start"),
+        *label(words - 8j, "actuator_force > 0", FORCE, "start"),
+        *label(words + 8j, "pushes both parts apart", FORCE, "start"),
+        *label(B + (4 + 17j), "B_i", BASE),
+        *label(P + (11 - 12j), "P_i", TOP),
     ]
-    for head, way, aside in zip(heads, expected, (15, 15, 15, 44, 44), strict=True):
-        np.testing.assert_allclose(head, B + way * along + aside * across, atol=0.03)
-    assert texts["actuator_force > 0"].attrib["fill"] == "#C0392B"
+
+
+def drawing_marks(platform: Platform) -> list[Mark]:
+    B, P = joints(platform)
+    radii = [float(np.linalg.norm(each - each.mean(axis=0)) / math.sqrt(6)) for each in (B, P)]
+    gap = max(abs(P.mean(axis=0) - B.mean(axis=0)))
+    world = np.concatenate([np.zeros((1, 3)), 0.5 * min(radii[0], gap) * np.eye(3)])
+    turn = Rotation.from_euler("xyz", platform.home_orientation)
+    own = platform.home_position + np.concatenate([np.zeros((1, 3)), turn.apply(0.75 * radii[1] * np.eye(3))])
+    paper = Paper(np.concatenate([B, P, world, own]), 60 + 40j, 520 + 440j)
+    leg = max(zip(paper(B), paper(P), strict=True), key=lambda ends: float((ends[0] + ends[1]).real))
+    return [
+        *base_and_legs(platform, paper, "1.5", "7", "3.5"),
+        *frame(paper(world), "X_0 Y_0 Z_0"),
+        *top_and_joints(platform, paper, "1.5", "4"),
+        *frame(paper(own), "x_p y_p z_p"),
+        *label(paper(platform.home_position)[0] + (-13 + 11j), "O_p", INK),
+        *leg_marks(*leg),
+    ]
+
+
+def hanging(platform: Platform) -> Platform:
+    """Below its base."""
+    turned = np.array([1, 1, -1])
+    return replace(
+        platform,
+        base_points=platform.base_points * turned,
+        platform_points=platform.platform_points * turned,
+        platform_com=platform.platform_com * turned,
+        platform_inertia=platform.platform_inertia * np.outer(turned, turned),
+        home_position=platform.home_position * turned,
+        home_orientation=platform.home_orientation * [-1, -1, 1],
+    )
+
+
+def elsewhere(**changes: NDArray[np.float64]) -> Platform:
+    """The uneven platform with other joints or another home, and without limits."""
+    free = replace(UNEVEN, leg_length_min=None, leg_length_max=None, joint_angle_max=None, actuator_force_max=None)
+    return replace(free, **changes)  # type: ignore[arg-type]
+
+
+def facing() -> Platform:
+    """Its z axis points at the viewer, so its arrow is a point."""
+    return elsewhere(home_orientation=np.radians([66.0, 0, 35]))
+
+
+def in_the_middle_of_the_base() -> Platform:
+    """Both rings of joints have one centre, so that the world's arrows have no length."""
+    base = np.array([[4, 0, 1], [2, 3, -1], [-2, 3, 1], [-4, 0, -1], [-2, -3, 1], [2, -3, -1]], dtype=float)
+    top = np.array([[1, 1, 0.5], [0.5, 1, -0.5], [-1, 0.5, 0.5], [-1, -1, -0.5], [-0.5, -1, 0.5], [1, -0.5, -0.5]])
+    zero = np.zeros(3)
+    return elsewhere(base_points=base, platform_points=top, home_position=zero, home_orientation=zero)
+
+
+def low() -> Platform:
+    """Nearer to its base than the base's radius, which is away from the origin."""
+    aside = np.array([0.5, -0.4, 0.3])
+    return elsewhere(base_points=UNEVEN.base_points + aside, home_position=np.array([0.9, -0.2, 1.3]))
+
+
+def random(seed: int) -> Platform:
+    return random_platform(np.random.default_rng(seed))
+
+
+DRAWN: dict[str, Callable[[], Platform]] = {
+    "uneven": lambda: UNEVEN,
+    "low": low,
+    "hanging": lambda: hanging(UNEVEN),
+    "facing": facing,
+    "in the middle": in_the_middle_of_the_base,
+    "random 1": lambda: random(1),
+    "random 4": lambda: random(4),
+}
+
+
+@pytest.mark.parametrize(
+    ("draw", "account", "size", "title"),
+    [
+        (icon_svg, icon_marks, (128, 128), "Gough–Stewart platform"),
+        (drawing_svg, drawing_marks, (760, 480), "Gough–Stewart platform with its frames and the signs of a leg"),
+    ],
+    ids=["icon", "drawing"],
+)
+@pytest.mark.parametrize("name", DRAWN)
+def test_each_element_is_where_an_account_by_rotations_has_it(
+    name: str,
+    draw: Callable[[Platform], bytes],
+    account: Callable[[Platform], list[Mark]],
+    size: tuple[int, int],
+    title: str,
+) -> None:
+    """Expected: places by SciPy's rotations and complex numbers; what is painted later covers what is earlier."""
+    platform = DRAWN[name]()
+    svg = draw(platform)
+    found, expected = marks_in(svg), account(platform)
+    assert [(each.tag, each.look) for each in found] == [(each.tag, each.look) for each in expected]
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one.places, other.places, atol=0.0075, err_msg=str(one.look))
+    root = ET.fromstring(svg)
+    assert dict(root.attrib) == {
+        "width": str(size[0]),
+        "height": str(size[1]),
+        "viewBox": f"0 0 {size[0]} {size[1]}",
+        "font-family": "Helvetica, Arial, sans-serif",
+        "font-size": "14",
+        "stroke-linecap": "round",
+        "stroke-linejoin": "round",
+        "role": "img",
+    }
+    assert (root[0].tag, root[0].text) == (f"{SVG}title", title)
+
+
+def test_the_cases_of_the_pictures_differ_where_they_should() -> None:
+    """Expected: arrows without a length, short ones, legs that are long and short on paper, upward and downward."""
+    arrows = {name: sum(len(m.places) == 3 for m in drawing_marks(make())) for name, make in DRAWN.items()}
+    assert arrows["uneven"] == 11
+    assert arrows["facing"] == 10
+    assert arrows["in the middle"] == 8
+
+
+def rasterised(svg: bytes, side: int, oversampling: int = 4) -> NDArray[np.float64]:
+    """Colours (side, side, 4) from 0 to 255, means over subpixels: distances to lines, points inside polygons."""
+    at = (np.arange(side * oversampling) + 0.5) / oversampling
+    x, y = np.meshgrid(at, at)
+    grid = x + 1j * y
+    paint = np.zeros((*grid.shape, 4))
+
+    def cover(is_in: NDArray[np.bool_], colour: str) -> None:
+        paint[is_in] = [*bytes.fromhex(colour[1:]), 255]
+
+    def stroke(places: list[complex], look: dict[str, str]) -> None:
+        for a, b in pairwise(places):
+            share = np.clip(((grid - a) * np.conj(b - a)).real / abs(b - a) ** 2, 0, 1)
+            cover(abs(grid - a - share * (b - a)) <= float(look["stroke-width"]) / 2, look["stroke"])
+
+    for tag, places, look in marks_in(svg):
+        if tag == "circle":
+            cover(abs(grid - places[0]) <= float(look["r"]), look["fill"])
+            continue
+        if tag == "polygon":
+            corners = [(each.real, each.imag) for each in places]
+            inside = PathOfPlaces(corners).contains_points(np.stack([x.ravel(), y.ravel()], axis=1))
+            cover(inside.reshape(grid.shape), look["fill"])
+        stroke([*places, *places[:1]] if tag == "polygon" else places, look)
+    whole = paint.reshape(side, oversampling, side, oversampling, 4).astype(float)
+    alpha = whole[..., 3:].mean(axis=(1, 3))
+    colour = (whole[..., :3] * whole[..., 3:]).mean(axis=(1, 3)) / np.maximum(alpha, 1)
+    return np.concatenate([colour, alpha], axis=-1)
+
+
+def test_the_png_is_the_svg_in_pixels() -> None:
+    """Expected: the shapes of the SVG in pixels by distances; their rims differ by a fraction of a pixel."""
+    found, expected = pixels(icon_png(UNEVEN)).astype(float), rasterised(icon_svg(UNEVEN), ICON_SIZE)
+    # colours count as far as they are opaque
+    apart = abs(found * found[..., 3:] - expected * expected[..., 3:]).max(axis=-1) / 255
+    assert apart.mean() < 1.6
+    assert apart.max() < 110
