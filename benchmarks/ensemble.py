@@ -23,7 +23,7 @@ from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import Plan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.results.streamed import Merit

@@ -19,7 +19,7 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_together import laws_together
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.loop import observe
+from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.loop.together import together

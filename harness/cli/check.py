@@ -64,7 +64,7 @@ def check_command(
         folder = out or results_folder("check", experiment)
         with progress_bar() as bar:
             bar.add_task("shares of all limits", total=None)
-            from gough_stewart.harness.experiment.check_display import FILES, check_files
+            from gough_stewart.harness.experiment.check_files import FILES, check_files
             from gough_stewart.harness.experiment.checking import check
             from gough_stewart.model.files import check_output_folder, write_files
 
@@ -89,9 +89,10 @@ def check_command(
 
 
 def _show(found: "MotionCheck") -> None:
-    from gough_stewart.harness.experiment.check_display import check_sheets, verdict
+    from gough_stewart.harness.experiment.checking import verdict
+    from gough_stewart.harness.motion.shares_tables import shares_sheets
 
-    show(*check_sheets(found))
+    show(*shares_sheets(found.shares, found.needs))
     Terminal().print(f"Needs: {'; '.join(found.needs.notes)}.")
     Terminal().print(verdict(found))
 

@@ -115,7 +115,10 @@ def ensemble_command(
 
             files, sheets = write_report(found, folder)
         show(*sheets)
-        for warning in filter(None, (oscillation_warning(found), integration_warning(found))):
+        tolerance = float(found.metadata["tolerance"])
+        for warning in filter(
+            None, (oscillation_warning(found.members), integration_warning(found.members, tolerance))
+        ):
             warn(warning)
         command.close([MEMBERS, BANDS, METADATA, *files], folder, open_it=open_it)
         _check_some_work(found)
@@ -157,5 +160,5 @@ def _check_some_work(found: "Ensemble") -> None:
     if works(members).any():
         return
     if (members["outcome"] == "completed").any():
-        raise MissedError(f"no member completed its run with a loop that does not grow: {oscillation_warning(found)}")
+        raise MissedError(f"no member completed its run with a loop that does not grow: {oscillation_warning(members)}")
     raise MissedError(f"none of {members.height} members completed its run; the first: {members['cause'][0]}")

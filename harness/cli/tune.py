@@ -127,7 +127,7 @@ def tune_command(
             files = tuning_files(found, experiment, folder, settings or ())
         write_files(folder, files)
         command.written.append(folder)
-        from gough_stewart.harness.tuning.tables import statement, tuning_sheets
+        from gough_stewart.harness.tuning.result import statement, tuning_sheets
 
         show(*tuning_sheets(found))
         Terminal().say(statement(found))

@@ -10,9 +10,10 @@ from typing import Any
 import polars
 
 from gough_stewart.harness.ensemble.chunk_files import ChunkFiles
+from gough_stewart.harness.ensemble.columns import CAUSE, INTEGRATION_ERROR, OSCILLATION, OUTCOME
 from gough_stewart.harness.ensemble.local import Range
 from gough_stewart.harness.ensemble.made_with import made_with
-from gough_stewart.harness.ensemble.result import CAUSE, INTEGRATION_ERROR, OSCILLATION, OUTCOME, Ensemble
+from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions

@@ -7,8 +7,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.control.laws import linear_of
-from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillation_columns, oscillations
-from gough_stewart.harness.ensemble.result import (
+from gough_stewart.harness.ensemble.columns import (
     CAUSE,
     ENDED,
     IMPOSSIBLE,
@@ -19,13 +18,14 @@ from gough_stewart.harness.ensemble.result import (
     SHORT,
     VARIED,
 )
+from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillation_columns, oscillations
 from gough_stewart.harness.errors import ControllerError, ExperimentError, RecordError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import pilots
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.preparation import Prepared
-from gough_stewart.harness.loop.loop import observe_all
+from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples

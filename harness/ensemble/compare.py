@@ -8,7 +8,8 @@ import polars
 from numpy.typing import NDArray
 from scipy import stats
 
-from gough_stewart.harness.ensemble.result import CAUSE, ENDED, MEMBER, OUTCOME, VARIED, Ensemble
+from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
+from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Named, Sheet, number_text
@@ -75,7 +76,7 @@ def compare_sheets(found: Comparison, usual: bool = True) -> list[Sheet]:
     ended = Sheet(f"{found.a.members.height} members; A is {first}, B is {second}", ("", "completed in B", "not"))
     ended.add("completed in A", str(found.both_completed), str(found.only_a))
     ended.add("not", str(found.only_b), str(found.neither))
-    names = usual_metrics(found.a) if usual else list(found.a.metrics)
+    names = usual_metrics(found.a.members) if usual else list(found.a.metrics)
     table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
     sheets = [ended]
     of = f"of the {found.both_completed} that completed in both"

@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from gough_stewart.harness.ensemble.columns import OUTCOME
 from gough_stewart.harness.ensemble.names import shown_input, shown_signal
-from gough_stewart.harness.ensemble.result import OUTCOME, Ensemble
+from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import counted, left_out
 from gough_stewart.harness.ensemble.tables import usual_metrics
@@ -47,7 +48,7 @@ def ensemble_figures(ensemble: Ensemble, by: str, found: Sensitivity | None = No
     columns = list(dict.fromkeys(ensemble.bands["signal"].to_list()))
     if columns:
         files.update(_grid("bands", partial(_bands, ensemble, columns), min(len(columns), _MOST_BANDS)))
-    names = usual_metrics(ensemble)
+    names = usual_metrics(ensemble.members)
     if names:
         files.update(_grid("histograms", partial(_histograms, ensemble, names), min(len(names), _MOST_PANELS)))
     inputs = _inputs(ensemble, found)

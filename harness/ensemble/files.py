@@ -4,11 +4,12 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+from gough_stewart.harness.ensemble.columns import metric_name
 from gough_stewart.harness.ensemble.page import PAGE, ensemble_page
-from gough_stewart.harness.ensemble.result import Ensemble, metric_name
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
+from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity, sensitivity_sheet
 from gough_stewart.harness.ensemble.statistics import worst_members
-from gough_stewart.harness.ensemble.tables import ensemble_sheets, sensitivity_sheet
+from gough_stewart.harness.ensemble.tables import ensemble_sheets
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.member_records import records_of
 from gough_stewart.harness.experiment.plan import plan_from
@@ -38,7 +39,7 @@ def write_report(found: Ensemble, folder: Path) -> tuple[list[str], list[Sheet]]
     page = ensemble_page(found, by, worst, () if known is None else (known,))
     files = {**ensemble_figures(found, by, known), PAGE: page}
     write_files(folder, files)
-    sheets = ensemble_sheets(found)
+    sheets = ensemble_sheets(found.members)
     return [*files, *([WORST] if worst else [])], sheets if known is None else [*sheets, sensitivity_sheet(known)]
 
 

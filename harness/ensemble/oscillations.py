@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.result import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
+from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.observing import Row

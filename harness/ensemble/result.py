@@ -1,42 +1,16 @@
 """The result of an ensemble: a row for each member, bands over time, and metadata.
 
-`members` has a row for each member, in their order:
-
-- `member`, its number;
-- `varied.KEY`, every number that varies, KEY as in the experiment, elements as in `varied.base_points[1,2]`;
-- `outcome`: `completed`, `diverged`, `stopped`, or `impossible` if it could not run; `ended`, its time [s]; `cause`, a
-  text, null if there is none;
-- `oscillation`, how the loop of a member that completed moves by itself at the end: `oscillating`, `growing`, null if
-  it comes to rest or follows its reference; `oscillation.amplitude` [m] of the leg with the largest,
-  `oscillation.frequency` [Hz], null if it has none, or if only some of its rows were kept;
-- `integration_error`, the largest estimated error of a plant step;
-- the metrics by path (`tracking.position.norm_rms`), and `margins.stable`, `margins.disk` if requested; null if
-  undefined.
-
-`bands` are those of `gough_stewart.harness.results.bands.bands_frame`. The metadata contain at least `title`, `seed`,
-`sampling`, and `groups`: the varied columns, as lists of those that vary together.
+`members` is the table of `columns.py`, `bands` that of `gough_stewart.harness.results.bands.bands_frame`. The metadata
+contain at least `title`, `seed`, `sampling`, and `groups`: the varied columns, as lists of those that vary together.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import polars
 
-from gough_stewart.harness.errors import RecordError
-from gough_stewart.model.interface import nearest
+from gough_stewart.harness.ensemble.columns import VARIED, metric_name, metric_names, numbers
 from gough_stewart.model.vectors import FloatArray
-
-MEMBER, OUTCOME, ENDED, CAUSE = "member", "outcome", "ended", "cause"
-OSCILLATION, AMPLITUDE, FREQUENCY = "oscillation", "oscillation.amplitude", "oscillation.frequency"
-OSCILLATING, GROWING = "oscillating", "growing"
-VARIED, MARGINS = "varied.", "margins."
-IMPOSSIBLE = "impossible"
-INTEGRATION_ERROR = "integration_error"
-# Part of the metrics of runs, but not used for ranking.
-_CIRCUMSTANCES = ("rows", "duration", INTEGRATION_ERROR)
-# Short names of frequently used metrics.
-SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,14 +22,19 @@ class Ensemble:
     metadata: dict[str, Any]
 
     def __repr__(self) -> str:
-        from gough_stewart.harness.ensemble.tables import ensemble_text
+        """Title and tables as in the terminal."""
+        from gough_stewart.harness.ensemble.tables import ensemble_sheets
+        from gough_stewart.harness.output.tables import text_of, to_terminal
 
-        return ensemble_text(self)
+        tables = (text_of(to_terminal(sheet)) for sheet in ensemble_sheets(self.members))
+        return "\n".join([f"Ensemble: {self.title}", *tables])
 
     def _repr_html_(self) -> str:
-        from gough_stewart.harness.ensemble.tables import ensemble_html
+        """The tables, for a notebook."""
+        from gough_stewart.harness.ensemble.tables import ensemble_sheets
+        from gough_stewart.harness.output.tables import to_html
 
-        return ensemble_html(self)
+        return f"<div>{''.join(map(to_html, ensemble_sheets(self.members)))}</div>"
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -76,29 +55,3 @@ class Ensemble:
         """A metric, a margin or a varied input of every member (N,); NaN if undefined."""
         column = f"{VARIED}{name}" if f"{VARIED}{name}" in self.members.columns else metric_name(self.members, name)
         return numbers(self.members, column)
-
-
-def metric_names(members: polars.DataFrame) -> tuple[str, ...]:
-    """The columns that are metrics or margins."""
-    other = (MEMBER, OUTCOME, ENDED, CAUSE, OSCILLATION, AMPLITUDE, FREQUENCY, *_CIRCUMSTANCES)
-    return tuple(name for name in members.columns if name not in other and not name.startswith(VARIED))
-
-
-def metric_name(members: polars.DataFrame, name: str) -> str:
-    """The column of a metric, which may have a short name.
-
-    Raises
-    ------
-    RecordError
-        Unknown; suggests the nearest name.
-    """
-    known, full = metric_names(members), SHORT.get(name, name)
-    if full not in known:
-        raise RecordError(f"no metric '{name}'{nearest(name, known)}")
-    return full
-
-
-def numbers(members: polars.DataFrame, column: str) -> FloatArray:
-    """A column as numbers (N,), NaN for null."""
-    values: FloatArray = members[column].cast(polars.Float64, strict=False).fill_null(np.nan).to_numpy()
-    return values

@@ -7,8 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.result import OUTCOME, Ensemble, metric_name
+from gough_stewart.harness.ensemble.columns import OUTCOME, metric_name
+from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.output.tables import Sheet, number_text
+from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["sobol", "regression"]
@@ -19,6 +22,7 @@ _GROUPS = 2000
 _SMALLEST_R2 = 0.7
 # A smaller standard deviation, of columns with 1, is rounding.
 _ROUNDING = 1e-7
+_MOST_INPUTS = 8  # in a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +87,21 @@ def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
     if ensemble.metadata.get("sampling") == "saltelli":
         return _sobol(metric, merit, ensemble.metadata["groups"])
     return _regression(ensemble, metric, merit)
+
+
+def sensitivity_sheet(found: Sensitivity, most: int = _MOST_INPUTS) -> Sheet:
+    """The most influential inputs with their effect on a metric."""
+    shown = shown_metric(found.metric)
+    heads = ("", "β", "±") if found.total is None else ("", "alone", "±", "in total", "±")
+    some = f": {most} of {len(found.inputs)} inputs" if len(found.inputs) > most else ""
+    left_out = f"; {found.left_out} members left out" if found.left_out else ""
+    sheet = Sheet(f"What makes the {shown.text} vary{some}{left_out}", heads)
+    for k in found.order[:most]:
+        cells = [number_text(found.main[k], 2), number_text(found.main_confidence[k], 2)]
+        if found.total is not None and found.total_confidence is not None:
+            cells += [number_text(found.total[k], 2), number_text(found.total_confidence[k], 2)]
+        sheet.add(found.inputs[k], *cells)
+    return sheet
 
 
 def group_name(columns: Sequence[str]) -> str:

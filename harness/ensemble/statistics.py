@@ -7,7 +7,7 @@ import numpy as np
 import polars
 from numpy.typing import NDArray
 
-from gough_stewart.harness.ensemble.result import (
+from gough_stewart.harness.ensemble.columns import (
     AMPLITUDE,
     CAUSE,
     ENDED,
@@ -20,7 +20,6 @@ from gough_stewart.harness.ensemble.result import (
     OSCILLATING,
     OSCILLATION,
     OUTCOME,
-    Ensemble,
     metric_names,
     numbers,
 )
@@ -112,9 +111,9 @@ def kinds_of_oscillation(members: polars.DataFrame) -> dict[str, list[int]]:
     return {kind: ordered.filter(polars.col(OSCILLATION) == kind)[MEMBER].to_list() for kind in (OSCILLATING, GROWING)}
 
 
-def oscillation_warning(ensemble: Ensemble) -> str:
+def oscillation_warning(members: polars.DataFrame) -> str:
     """A warning if loops of some members oscillate or grow by themselves; "" if not."""
-    members, parts = ensemble.members, []
+    parts = []
     for kind, which in kinds_of_oscillation(members).items():
         if which:
             worst = members.row(by_predicate=polars.col(MEMBER) == which[0], named=True)
@@ -133,13 +132,13 @@ def works(members: polars.DataFrame) -> NDArray[np.bool_]:
     return np.asarray(_are_completed(members) & ~growing)
 
 
-def integration_warning(ensemble: Ensemble) -> str:
+def integration_warning(members: polars.DataFrame, tolerance: float) -> str:
     """A warning if the integration error of some members is far beyond the tolerance; "" if not."""
-    errors, tolerance = numbers(ensemble.members, INTEGRATION_ERROR), float(ensemble.metadata["tolerance"])
+    errors = numbers(members, INTEGRATION_ERROR)
     beyond = int(np.count_nonzero(errors > _FAR_BEYOND * tolerance))
     if not beyond:
         return ""
-    worst = int(ensemble.members[MEMBER][int(np.nanargmax(errors))])
+    worst = int(members[MEMBER][int(np.nanargmax(errors))])
     return (
         f"integration errors up to {np.nanmax(errors):.2g} in a plant step (member {worst}), and more than "
         f"{_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {len(errors)} members; lower "

@@ -16,7 +16,7 @@ from gough_stewart.harness.motion.fitting import factor_near, shrinking_that_fit
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.needs import Needs, needs_along
 from gough_stewart.harness.motion.scaling import Scaled, centre_of
-from gough_stewart.harness.motion.shares import DYNAMIC, OPTIONAL, Shares, shares_along
+from gough_stewart.harness.motion.shares import DYNAMIC, LABELS, OPTIONAL, Shares, shares_along
 from gough_stewart.model.platform import Platform
 
 Fit = Literal["time", "amplitude"]
@@ -109,15 +109,22 @@ class MotionCheck:
         return check(self.experiment, self.settings_that_fit(fit))
 
     def __repr__(self) -> str:
-        """The largest share of each limit, one line each, and what would fit."""
-        from gough_stewart.harness.experiment.check_display import check_text
+        """Title, largest share of each limit, needs of the most loaded leg, and verdict, one line each."""
+        from gough_stewart.harness.motion.shares_tables import largest_needs, percent
 
-        return check_text(self)
+        lines = [f"Motion: {self.experiment.title}, of platform {self.platform.name}"]
+        for name in self.shares.of:
+            peak = self.shares.peak(name)
+            of_leg = "" if peak.leg is None else f", leg {peak.leg}"
+            lines.append(f"  {LABELS[name]:16}  {percent(peak):>6} % at {peak.time:.6g} s{of_leg}")
+        return "\n".join([*lines, f"  {largest_needs(self.needs)}", f"  {verdict(self)}"])
 
     def _repr_html_(self) -> str:
-        from gough_stewart.harness.experiment.check_display import check_html
+        """The tables, for a notebook."""
+        from gough_stewart.harness.motion.shares_tables import shares_sheets
+        from gough_stewart.harness.output.tables import to_html
 
-        return check_html(self)
+        return f"<div>{''.join(map(to_html, shares_sheets(self.shares, self.needs)))}</div>"
 
     @property
     def _motion(self) -> Motion:
@@ -154,6 +161,27 @@ def _rounded(scale: float, to: Callable[[float], int]) -> float:
     """To nine digits, on the side that fits."""
     unit = 10.0 ** (math.floor(math.log10(abs(scale))) + 1 - _DIGITS)
     return math.copysign(float(f"{to(abs(scale) / unit) * unit:.{_DIGITS}g}"), scale)
+
+
+def verdict(found: MotionCheck) -> str:
+    """Whether the motion is within all limits, which were not checked, the largest share, and what would fit."""
+    from gough_stewart.harness.motion.shares_tables import percent
+    from gough_stewart.harness.output.tables import number_text
+
+    peak = found.shares.largest
+    of_leg = "" if peak.leg is None else f" of leg {peak.leg}"
+    used = f"{LABELS[peak.limit]}{of_leg}, {percent(peak)} % at {peak.time:.6g} s"
+    missing = ", ".join(LABELS[name] for name in found.not_stated)
+    unchecked = f"; not checked, as the platform states no limit: {missing}" if missing else ""
+    if found.within and found.keeps_margin:
+        return f"within all limits{' that are stated' if missing else ''}; most used: {used}{unchecked}"
+    slow, small = found.time_factor, found.amplitude_factor
+    ways = [
+        "no slower motion fits" if slow is None else f"fits {number_text(slow)} times as long (--fit time)",
+        "no smaller motion fits" if small is None else f"fits {number_text(small)} times as large (--fit amplitude)",
+    ]
+    beyond = f"within its limits, but not within its margin of {100 * found.margin:g} %"
+    return f"{beyond if found.within else 'beyond its limits'}: {used}; {'; '.join(ways)}{unchecked}"
 
 
 def check(experiment: Experiment | Path | str, settings: Settings = ()) -> MotionCheck:

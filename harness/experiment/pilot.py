@@ -21,7 +21,7 @@ from gough_stewart.harness.experiment.batch import LANES, batch_of, prepared_mem
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import observe_all
+from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.motion.motion import end_of
 from gough_stewart.harness.plants.lanes import substeps_for

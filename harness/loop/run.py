@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.loop import LENGTHS, LawFrom, Loop, observe
+from gough_stewart.harness.loop.loop import LENGTHS, LawFrom, Loop
+from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.observing import Observer, Row, Sampled
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.loop.timing import Timing

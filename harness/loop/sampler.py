@@ -6,6 +6,7 @@ import numpy as np
 
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Drives
+from gough_stewart.harness.loop.loop import LawFrom, Loop
 from gough_stewart.harness.loop.observing import Sampled
 from gough_stewart.harness.loop.outcomes import Outcomes
 from gough_stewart.harness.loop.sensors import Encoders
@@ -17,7 +18,6 @@ from gough_stewart.model.vectors import FloatArray
 if TYPE_CHECKING:
     from gough_stewart.harness.control.laws import Law
     from gough_stewart.harness.control.laws_together import LawOfMany
-    from gough_stewart.harness.loop.loop import LawFrom, Loop
 
 
 class Sampler:
@@ -28,8 +28,8 @@ class Sampler:
 
     def __init__(
         self,
-        loop: "Loop",
-        law_from: "LawFrom | None",
+        loop: Loop,
+        law_from: LawFrom | None,
         drives: Drives,
         outcomes: Outcomes,
         shape: tuple[int, ...],

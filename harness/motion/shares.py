@@ -30,6 +30,18 @@ GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
 DYNAMIC = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
 # Limits that a platform may state or not.
 OPTIONAL = ("stroke", "joint_angle_max", *DYNAMIC)
+# Names for tables and figures.
+LABELS = {
+    "stroke": "stroke",
+    "joint_angle_max": "joint angle",
+    "leg_velocity_max": "leg velocity",
+    "leg_acceleration_max": "leg acceleration",
+    "actuator_force_max": "force",
+    "actuator_power_max": "power",
+    "condition_number": "condition number",
+    "pitch": "pitch",
+    "side": "singular pose",
+}
 
 
 class Beyond(NamedTuple):

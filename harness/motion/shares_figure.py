@@ -4,24 +4,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.harness.motion.shares import Shares
+from gough_stewart.harness.motion.shares import LABELS, Shares
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.plotting import entitle, pictures
 from gough_stewart.harness.output.tables import number_text
 
-# Display names of limits; each limit has the same colour in every figure.
-LABELS = {
-    "stroke": "stroke",
-    "joint_angle_max": "joint angle",
-    "leg_velocity_max": "leg velocity",
-    "leg_acceleration_max": "leg acceleration",
-    "actuator_force_max": "force",
-    "actuator_power_max": "power",
-    "condition_number": "condition number",
-    "pitch": "pitch",
-    "side": "singular pose",
-}
+# Each limit has the same colour in every figure.
 _COLOURS = dict(zip(LABELS, (*COLOURS, "#000000", "#999999", "#8B0000"), strict=True))
 _DASHES = dict(zip(LABELS, ("-", "--", "-", "-.", "-", "--", ":", ":", "-"), strict=True))
 _POINTS = 800

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members, margins_of
-from gough_stewart.harness.ensemble.result import MARGINS
+from gough_stewart.harness.ensemble.columns import MARGINS
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.batch import batch_of
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import substeps_of
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import observe_all
+from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.results.streamed import Merit
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.tuning.conditions import Condition

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.result import MARGINS, SHORT
+from gough_stewart.harness.ensemble.columns import MARGINS, SHORT
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.quantities import PLAIN, UNITS, number
 from gough_stewart.harness.results.metric_names import shown_metric

@@ -17,8 +17,8 @@ from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.quantities import PLAIN
 from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.harness.tuning.candidates import Evaluation
+from gough_stewart.harness.tuning.result import Tuning
 from gough_stewart.harness.tuning.search import Search
-from gough_stewart.harness.tuning.tune import Tuning
 
 TUNED = "tuned.toml"
 FILES = frozenset({TUNED, "tuning.json", "candidates.csv", "search.png", "search.svg"})

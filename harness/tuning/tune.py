@@ -1,11 +1,8 @@
 """Tune an experiment: search values that minimise a metric, and test the result on new members."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import polars
 
 from gough_stewart.harness.errors import NoCandidateError, TuningError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
@@ -13,6 +10,7 @@ from gough_stewart.harness.experiment.hints import too_late
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.conditions import check_metric, condition_of
+from gough_stewart.harness.tuning.result import Tuning
 from gough_stewart.harness.tuning.search import Search, own_point, search
 from gough_stewart.harness.tuning.space import Axis, axes_of
 
@@ -20,65 +18,6 @@ from gough_stewart.harness.tuning.space import Axis, axes_of
 MEMBERS, FRESH = 64, 500
 GENERATIONS, POPULATION = 25, 16
 QUANTILE = 0.95
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Tuning:
-    """The result of a search, from `tune`; displays tables and the statement on fresh members."""
-
-    experiment: Experiment
-    """The experiment with the values found."""
-    values: dict[str, float | int]
-    """Those values by key, in SI units, frequencies in Hz."""
-    seen: Evaluation
-    """Their evaluation on the members of the search."""
-    fresh: Evaluation | None
-    """Their evaluation on fresh members; None if nothing is random."""
-    before: Evaluation | None
-    """The evaluation of the original experiment on the members of the search."""
-    before_fresh: Evaluation | None
-    """The same on fresh members."""
-    search: Search
-    """All candidates tried."""
-    members: int
-    """Number of members that evaluated candidates."""
-    fresh_members: int
-    left_out: int
-    """Number of impossible members that were left out."""
-    integration_error: float
-    """The largest error estimate of a plant step."""
-
-    def __repr__(self) -> str:
-        from gough_stewart.harness.tuning.tables import tuning_text
-
-        return tuning_text(self)
-
-    def _repr_html_(self) -> str:
-        from gough_stewart.harness.tuning.tables import tuning_html
-
-        return tuning_html(self)
-
-    @property
-    def is_interrupted(self) -> bool:
-        """Whether Ctrl-C ended the search."""
-        return self.search.is_interrupted
-
-    @property
-    def search_is_over_members(self) -> bool:
-        """Whether values are quantiles over members."""
-        return self.members > 1
-
-    @property
-    def candidates(self) -> polars.DataFrame:
-        """All candidates: `generation`, a column for each key, `value`, the conditions, `failed`, `kept`."""
-        goal, tried = self.search.goal, self.search.tried
-        columns: dict[str, object] = {"generation": self.search.generation}
-        columns |= {axis.key: [each.point[k] for each in tried] for k, axis in enumerate(self.search.axes)}
-        columns["value"] = [each.value for each in tried]
-        columns |= {c.metric: [each.conditions[k] for each in tried] for k, c in enumerate(goal.conditions)}
-        columns["failed"] = [each.failed for each in tried]
-        columns["kept"] = [goal.violation(each) == 0 for each in tried]
-        return polars.DataFrame(columns, strict=False)
 
 
 def tune(

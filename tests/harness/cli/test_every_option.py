@@ -20,7 +20,7 @@ from typer.testing import Result
 
 from gough_stewart.fmu_build.builder import number_of_steps
 from gough_stewart.harness.cli import terminal
-from gough_stewart.harness.ensemble.result import AMPLITUDE, FREQUENCY
+from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.tables import Sheet
 from gough_stewart.harness.results.record import Record
@@ -564,8 +564,8 @@ def test_tune(notes: Notes, kind: str) -> None:
     shown: list[str] = []
     notes.replace("harness.tuning.tune.tune", found, act)
     notes.replace("harness.tuning.files.tuning_files", {"tuned.toml": b"x" * 400})
-    notes.replace("harness.tuning.tables.tuning_sheets", [sheet("tuned")])
-    notes.replace("harness.tuning.tables.statement", "it is better")
+    notes.replace("harness.tuning.result.tuning_sheets", [sheet("tuned")])
+    notes.replace("harness.tuning.result.statement", "it is better")
     notes.replace("harness.experiment.setting_file.text_with_settings", "text")
     base = ("--vary", "controller.bandwidth=1..6Hz", "--minimise", "tracking.position.norm_rms")
     name = "heave_step" if kind in ("default", "interrupted") else "heave_tolerances"
@@ -728,15 +728,15 @@ def test_check(notes: Notes, kind: str) -> None:
     """Expected: exit code 3 beyond limits; a fit only of what is beyond or too near, beside the experiment."""
     first = Checked(
         within=kind in ("within", "near"), keeps_margin=kind == "within", needs=SimpleNamespace(notes=["10 kW", "3 N"]),
-        experiment=SimpleNamespace(folder=Path("beside")),
+        experiment=SimpleNamespace(folder=Path("beside")), shares=[],
     )  # fmt: skip
-    second = Checked(within=kind != "misses", keeps_margin=True, needs=SimpleNamespace(notes=["less"]))
+    second = Checked(within=kind != "misses", keeps_margin=True, shares=[], needs=SimpleNamespace(notes=["less"]))
     results = [first, second]
     Path("beside").mkdir()
     notes.replace("harness.experiment.checking.check", act=lambda *_: results.pop(0))
-    notes.replace("harness.experiment.check_display.check_files", {"check.json": b"x" * 50})
-    notes.replace("harness.experiment.check_display.check_sheets", [sheet("shares")])
-    notes.replace("harness.experiment.check_display.verdict", act=lambda found: "first" if found is first else "second")
+    notes.replace("harness.experiment.check_files.check_files", {"check.json": b"x" * 50})
+    notes.replace("harness.motion.shares_tables.shares_sheets", [sheet("shares")])
+    notes.replace("harness.experiment.checking.verdict", act=lambda found: "first" if found is first else "second")
     notes.replace("harness.experiment.setting_file.text_with_settings", "fitted text")
     fit = {"within": "time", "near": "time", "time": "time", "amplitude": "amplitude", "misses": "amplitude"}.get(kind)
     more = ("--set", "loop.delay=1", "--out", "o") if kind == "time" else ()
@@ -776,7 +776,7 @@ def members(*outcomes: str) -> Any:
         AMPLITUDE: polars.Float64,
         FREQUENCY: polars.Float64,
     }
-    return SimpleNamespace(members=polars.DataFrame(table, schema_overrides=schema))
+    return SimpleNamespace(members=polars.DataFrame(table, schema_overrides=schema), metadata={"tolerance": 1e-9})
 
 
 @pytest.mark.parametrize("kind", ["default", "all", "scheduler", "none", "grows"])
@@ -802,7 +802,7 @@ def test_ensemble(notes: Notes, kind: str) -> None:
     notes.replace("harness.ensemble.ensemble.ensemble", found, act)
     notes.replace("harness.ensemble.files.write_report", act=write)
     notes.replace(
-        "harness.ensemble.statistics.integration_warning", "too coarse" if kind == "all" else None, lambda _: ""
+        "harness.ensemble.statistics.integration_warning", "too coarse" if kind == "all" else None, lambda *_: ""
     )
     done = invoke("ensemble", "heave_tolerances", *{
         "all": (*("--members", "40", "--seed", "5", "--out", "o p", "--open", "--resume", "--workers", "3"),

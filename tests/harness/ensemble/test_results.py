@@ -13,9 +13,9 @@ from gough_stewart.harness.ensemble.compare import compare, compare_sheets, diff
 from gough_stewart.harness.ensemble.figures import ensemble_figures
 from gough_stewart.harness.ensemble.page import ensemble_page
 from gough_stewart.harness.ensemble.result import Ensemble
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity, sensitivity_sheet
 from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members
-from gough_stewart.harness.ensemble.tables import ensemble_sheets, sensitivity_sheet
+from gough_stewart.harness.ensemble.tables import ensemble_sheets
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import to_terminal
 from gough_stewart.harness.sampling.design import Design
@@ -109,10 +109,10 @@ def test_integration_errors_far_beyond_the_tolerance_are_told() -> None:
     ensemble = ensemble_of(normal(40), tolerance=1e-8)
     errors = np.full(40, 9e-8)
     members = ensemble.members.with_columns(polars.Series("integration_error", errors))
-    assert not integration_warning(Ensemble(members, ensemble.bands, ensemble.metadata))
+    assert not integration_warning(members, 1e-8)
     errors[[3, 17]] = 2e-7, 3.4e-5
     members = ensemble.members.with_columns(polars.Series("integration_error", errors))
-    said = integration_warning(Ensemble(members, ensemble.bands, ensemble.metadata))
+    said = integration_warning(members, 1e-8)
     assert "up to 3.4e-05 in a plant step (member 17)" in said
     assert "the tolerance of 1e-08 in 2 of 40 members" in said
 
@@ -229,7 +229,11 @@ def test_tables_are_whole_in_eighty_columns() -> None:
     other = Ensemble(ensemble.members.with_columns(gap), ensemble.bands, ensemble.metadata)
     both = compare(ensemble, other, ("a_rather_long_name", "another_rather_long_name"))
     console = Console(width=80, color_system=None)
-    for sheet in (*ensemble_sheets(ensemble), sensitivity_sheet(sensitivity(ensemble, PEAK)), *compare_sheets(both)):
+    for sheet in (
+        *ensemble_sheets(ensemble.members),
+        sensitivity_sheet(sensitivity(ensemble, PEAK)),
+        *compare_sheets(both),
+    ):
         with console.capture() as shown:
             console.print(to_terminal(sheet))
         cut = [line for line in shown.get().splitlines() if "…" in line.replace(" … ", "")]

@@ -10,14 +10,15 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError, MotionError, ReachError
-from gough_stewart.harness.experiment.check_display import as_dict, check_sheets, verdict
-from gough_stewart.harness.experiment.checking import Fit, check
+from gough_stewart.harness.experiment.check_files import as_dict
+from gough_stewart.harness.experiment.checking import Fit, check, verdict
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.setting_file import text_with_settings
 from gough_stewart.harness.motion.shares import DYNAMIC, shares_along
+from gough_stewart.harness.motion.shares_tables import shares_sheets
 from gough_stewart.harness.output.tables import text_of, to_terminal
 from gough_stewart.model.parameters import TABLE
 from tests.support.uneven import UNEVEN
@@ -164,7 +165,7 @@ def test_limits_of_motion_warn_before_a_run_that_is_to_go_on() -> None:
 def test_tables_hold_the_peaks_of_all_legs_in_80_columns() -> None:
     """Expected: every largest share and time of the numbers, to four digits."""
     found = check(experiment({"leg_velocity_max": 0.7, "leg_acceleration_max": 3.0}))
-    text = "\n".join(text_of(to_terminal(sheet)) for sheet in check_sheets(found))
+    text = "\n".join(text_of(to_terminal(sheet)) for sheet in shares_sheets(found.shares, found.needs))
     assert max(map(len, text.splitlines())) <= 80
     numbers = as_dict(found)
     for name, values in numbers["limits"].items():

@@ -11,7 +11,7 @@ from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import pilots, stand_in, substeps_of
 from gough_stewart.harness.experiment.plan import plan_of
-from gough_stewart.harness.loop.loop import observe_all
+from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from tests.support.memory import EXPERIMENT, SHORT, Pid
 from tests.support.small_ensemble import SMALL, small

@@ -12,7 +12,8 @@ from gough_stewart.harness.control.laws_together import laws_together
 from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
-from gough_stewart.harness.loop.loop import Limits, Loop, observe, observe_all
+from gough_stewart.harness.loop.loop import Limits, Loop
+from gough_stewart.harness.loop.observe import observe, observe_all
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.loop.timing import Timing

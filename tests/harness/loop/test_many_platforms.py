@@ -16,7 +16,8 @@ from gough_stewart.harness.control.linear import linearise
 from gough_stewart.harness.control.pid import pid_matrices
 from gough_stewart.harness.control.state_space import discretised
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Loop, observe
+from gough_stewart.harness.loop.loop import Change, Loop
+from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.sensors import Sensors

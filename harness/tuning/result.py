@@ -1,11 +1,70 @@
-"""The result of a search as tables and a statement."""
+"""The result of a search: values found, their evaluation, and all of it as tables and a statement."""
 
+from dataclasses import dataclass
 from html import escape
 
+import polars
+
+from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
 from gough_stewart.harness.results.metric_names import shown_metric
 from gough_stewart.harness.tuning.candidates import Evaluation
-from gough_stewart.harness.tuning.tune import Tuning
+from gough_stewart.harness.tuning.search import Search
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuning:
+    """The result of a search, from `tune`; displays tables and the statement on fresh members."""
+
+    experiment: Experiment
+    """The experiment with the values found."""
+    values: dict[str, float | int]
+    """Those values by key, in SI units, frequencies in Hz."""
+    seen: Evaluation
+    """Their evaluation on the members of the search."""
+    fresh: Evaluation | None
+    """Their evaluation on fresh members; None if nothing is random."""
+    before: Evaluation | None
+    """The evaluation of the original experiment on the members of the search."""
+    before_fresh: Evaluation | None
+    """The same on fresh members."""
+    search: Search
+    """All candidates tried."""
+    members: int
+    """Number of members that evaluated candidates."""
+    fresh_members: int
+    left_out: int
+    """Number of impossible members that were left out."""
+    integration_error: float
+    """The largest error estimate of a plant step."""
+
+    def __repr__(self) -> str:
+        return tuning_text(self)
+
+    def _repr_html_(self) -> str:
+        return tuning_html(self)
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether Ctrl-C ended the search."""
+        return self.search.is_interrupted
+
+    @property
+    def search_is_over_members(self) -> bool:
+        """Whether values are quantiles over members."""
+        return self.members > 1
+
+    @property
+    def candidates(self) -> polars.DataFrame:
+        """All candidates: `generation`, a column for each key, `value`, the conditions, `failed`, `kept`."""
+        goal, tried = self.search.goal, self.search.tried
+        columns: dict[str, object] = {"generation": self.search.generation}
+        columns |= {axis.key: [each.point[k] for each in tried] for k, axis in enumerate(self.search.axes)}
+        columns["value"] = [each.value for each in tried]
+        columns |= {c.metric: [each.conditions[k] for each in tried] for k, c in enumerate(goal.conditions)}
+        columns["failed"] = [each.failed for each in tried]
+        columns["kept"] = [goal.violation(each) == 0 for each in tried]
+        return polars.DataFrame(columns, strict=False)
 
 
 def tuning_sheets(found: Tuning) -> list[Sheet]:
