@@ -162,15 +162,12 @@ def _quantity(unit: str, *, positive: bool = False) -> Take:
     """A number in SI units, or a text with a unit as in experiment files."""
 
     def take(name: str, value: Any) -> Any:
-        from gough_stewart.harness.quantities import PLAIN, UNITS, number
+        from gough_stewart.harness.quantities import UNITS, number
 
-        of = unit or PLAIN
         expected = f"a number{unit and f' of {unit}'}{' above 0' if positive else ''}"
         expected += f", or a text with one of the units {', '.join(UNITS[unit])}" if unit else ""
-        if isinstance(value, bool) or value is None:
-            raise _wrong(name, value, expected)
         try:
-            size = number(value, of)
+            size = number(value, unit)
         except (ValueError, TypeError):
             raise _wrong(name, value, expected) from None
         if positive and not size > 0:
@@ -194,7 +191,7 @@ def _vectors(size: int, unit: str, what: str) -> Take:
         except (ValueError, TypeError):
             raise _wrong(name, value, expected) from None
         is_number = array.dtype.kind in "iufO"  # symbols of CasADi are objects
-        if not is_number or not array.ndim or array.shape[-1] != size:
+        if not is_number or array.shape[-1:] != (size,):
             raise _wrong(name, value, expected)
         return array
 
@@ -239,13 +236,11 @@ def _coordinates(name: str, value: Any) -> Any:
         raise _wrong(name, value, "a dict by coordinate, such as {'z': 2.1} or {'x': ('-20 mm', '20 mm')}")
     found = {}
     for key, each in value.items():
-        take, where = _quantity(COORDINATES.get(key, "m")), f"{name}['{key}']"
         if each is None or key not in COORDINATES:
             found[key] = each
-        elif isinstance(each, list | tuple):
-            found[key] = tuple(take(where, end) for end in each)
-        else:
-            found[key] = take(where, each)
+            continue
+        take, where = _quantity(COORDINATES[key]), f"{name}['{key}']"
+        found[key] = tuple(take(where, end) for end in each) if isinstance(each, list | tuple) else take(where, each)
     return found
 
 

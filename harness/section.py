@@ -119,14 +119,17 @@ def complaints(error: ValidationError, section: type[Section], values: Mapping[s
 def _key_of(place: tuple[int | str, ...], values: Any) -> str:
     """The key of a location; pydantic also counts the type of a controller or reference as a step of the path."""
     parts: list[str] = []
+    kind = None
     for step in place:
-        if isinstance(values, Mapping) and step not in values and values.get("type") == step:
+        if step == kind:
+            kind = None
             continue
         parts.append(str(step + 1) if isinstance(step, int) else step)
-        if isinstance(values, list) and isinstance(step, int):
+        try:
             values = values[step]
-        else:
-            values = values.get(step) if isinstance(values, Mapping) else None
+        except (LookupError, TypeError):
+            values = None
+        kind = values.get("type") if isinstance(values, Mapping) else None
     return ".".join(parts)
 
 
@@ -151,7 +154,7 @@ def _complaint(error: Any, section: type[Section], values: Mapping[str, Any]) ->
 
 def _keys_beside(place: tuple[int | str, ...], section: type[Section], values: Mapping[str, Any]) -> list[str]:
     """The keys that the table at a location may have."""
-    for step in place[:-1]:
+    for step in place:
         found = _sections_in(section.model_fields[step].annotation) if step in section.model_fields else []
         if found:
             table = values.get(str(step))

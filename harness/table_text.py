@@ -46,8 +46,8 @@ def text_of(content: bytes) -> str:
 def columns_of(text: str) -> "polars.DataFrame":
     """The columns of CSV as strings, numbers with points; units of a second row are joined to the names, as "x [mm]".
 
-    Blank rows, and rows that begin with #, are left out. Columns are separated by semicolons or tabulators if the
-    header has any, else by commas.
+    Blank rows, rows that begin with #, and blanks around names and values are left out. Columns are separated by
+    semicolons or tabulators if the header has any, else by commas.
 
     Raises
     ------
@@ -70,11 +70,16 @@ def columns_of(text: str) -> "polars.DataFrame":
         raise TableError(
             f"is not CSV: {str(error).splitlines()[0]}; expected one header, then as many values in every row"
         ) from error
+    names = [name.strip() for name in table.columns]
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise TableError(f"has the column {twice} twice; expected every column once")
+    table.columns = names
     table = table.with_columns(polars.all().str.strip_chars())
     if separator != ",":
         table = _with_points(table)
     if units is not None:
-        table.columns = [_with_unit(name.strip(), unit) for name, unit in zip(table.columns, units, strict=True)]
+        table.columns = [_with_unit(name, unit) for name, unit in zip(names, units, strict=True)]
     return table
 
 

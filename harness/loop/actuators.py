@@ -46,7 +46,7 @@ class Drives:
         self._reached = begin.copy()  # after the rate limit
         self._planned = begin.copy()  # the same, predicted for one sample after the newest command
         self._force = begin.copy()  # after the lag
-        self._lags = (lag > 0).all() if (lag > 0).all() == (lag > 0).any() else lag > 0
+        self._lags = lag > 0
         self._lag = np.where(lag > 0, lag, 1.0)[()]
         self.none = np.zeros(start.shape, dtype=bool)  # no limit active
         self._nothing = np.zeros(start.shape)

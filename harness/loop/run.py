@@ -56,15 +56,16 @@ class _Everything(Observer):
         shape: tuple[int, ...] = getattr(plant, "shape", ())
         self._plant, self._loop, self._shape = plant, loop, shape
         n, self._m = loop.timing.steps + 1, len(loop.timing.samples)
-        self._rows = 0
+        self._rows: int  # so far
         self._results = members.zeros(shape, interface.size_of(interface.RESULTS), n)
         self._inputs = members.zeros(shape, interface.size_of(interface.INPUTS), n)
         self._rate_limited = members.flags(shape, 6, n)
         self._measured = members.zeros(shape, signals.SIZE, self._m)
         self._command = members.zeros(shape, 6, self._m)
         self._force_limited = members.flags(shape, 6, self._m)
-        self._state = members.zeros(shape, 0, self._m)
-        self._used: tuple[str, ...] = ()
+        # of the controllers, known from their first sample on, in the first row
+        self._state: FloatArray
+        self._used: tuple[str, ...]
 
     def row(self, row: Row) -> None:
         # evaluated again: accelerations and joint forces under the forces that act from now on

@@ -30,7 +30,7 @@ def record_html(record: Record) -> str:
     if is_whole and record.table.height:
         parts += [to_html(sheet) for sheet in metrics_sheets(metrics(record))]
         picture = base64.b64encode(pose_png(record)).decode()
-        title = html.escape(str(record.metadata.get("title", "pose")), quote=True)
+        title = html.escape(str(record.metadata.get("title", "untitled")), quote=True)
         parts.append(f'<img alt="pose over time: {title}" width="800" src="data:image/png;base64,{picture}">')
     return f"<div>{''.join(parts)}</div>"
 

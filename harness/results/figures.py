@@ -226,7 +226,7 @@ def _room(texts: Iterable[str]) -> float:
 
 def _title(record: Record, what: str) -> list[str]:
     outcome = outcome_of(record)
-    lines = textwrap.wrap(f"{record.metadata['title']} — {what}", 85, max_lines=2, placeholder=" …")
+    lines = textwrap.wrap(f"{record.metadata.get('title', 'untitled')} — {what}", 85, max_lines=2, placeholder=" …")
     if not is_sound(outcome):
         lines += textwrap.wrap(outcome_text(outcome), 85, max_lines=2, placeholder=" …")
     return lines

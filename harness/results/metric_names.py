@@ -46,7 +46,7 @@ def shown_metric(path: str) -> Shown:
     """Words, unit and scale of a metric, by its path."""
     if path in _OTHER:
         return Shown(*_OTHER[path])
-    first, *middle, last = path.split(".")
+    first, *middle, last = path.split(".") if "." in path else (path, "")
     found = Shown(path, "", 1.0)
     if first == "tracking":
         unit, factor = _POSE[middle[0]]

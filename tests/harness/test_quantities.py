@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
 from gough_stewart.harness import quantities
@@ -168,6 +169,8 @@ def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
     found = field.validate_python(written(0.5))
     assert np.ravel(found) == pytest.approx(0.5 * factor)
     assert np.size(found) == max(size, 1)
+    # what a type checker and editors see
+    assert get_args(getattr(quantities, name))[0] == (ArrayLike if size else float)
     annotation = quantity_in(getattr(quantities, name))
     assert annotation is not None
     assert annotation.unit == unit
@@ -178,8 +181,10 @@ def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
             if value == 0 and bound == ">= 0":
                 assert field.validate_python(written(value)) == 0
                 continue
-            with pytest.raises(ValidationError, match=f"expected {bound}{f' {unit}' if unit else ''}"):
+            with pytest.raises(ValidationError) as caught:
                 field.validate_python(written(value))
+            said = f"expected {bound}{f' {unit}' if unit else ''}"
+            assert [each["msg"] for each in caught.value.errors()] == [f"Value error, {said}"]
     elif bound != "share":
         assert np.ravel(field.validate_python(written(-0.5))) == pytest.approx(-0.5 * factor)
     if bound == "channels":

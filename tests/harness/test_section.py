@@ -45,6 +45,27 @@ MESSAGES: dict[str, tuple[dict[str, Any], str]] = {
         {"reference": {"type": "sine", "frequency": 1, "fase": 2}},
         "reference.fase: unknown key (= 2); did you mean 'phase'?",
     ),
+    "a key that is named like its kind": (
+        {"controller": {"type": "pd", "bandwidth": 2, "pd": 3}},
+        "controller.pd: unknown key (= 3); expected one of type, feedforward, space, bandwidth, damping_ratio, "
+        "proportional_gain, derivative_gain, derivative_on, derivative_filter, discretisation",
+    ),
+    "a key that another kind has": (
+        {"reference": {"type": "sine", "frequency": 1, "file": "a.csv"}},
+        "reference.file: unknown key (= 'a.csv'); expected one of type, time_scale, amplitude_scale, position, "
+        "orientation, position_amplitude, orientation_amplitude, fade_in, frequency, phase",
+    ),
+    "a value in a list in a table": (
+        {"disturbance": [{"at": 0, "duration": 1}, {"at": 0, "duration": 1, "force": [1, 2, "3 m"]}]},
+        "disturbance.2.force: is [1, 2, '3 m']; value 3 of 3: expected a number of N, or a string with one of the "
+        "units N, kN; found the unit 'm'",
+    ),
+    "faults of three tables, in their order": (
+        {"loop": {"duration": 0, "dely": 1}, "sensors": {"seed": "x"}, "change": [{"at": 1, "values": {}}]},
+        "loop.duration: is 0; expected > 0 s; loop.dely: unknown key (= 1); did you mean 'delay'?; "
+        "sensors.seed: is 'x'; expected a valid integer; "
+        "change.1.values: unknown key (= {}); expected one of at, parameters, factors",
+    ),
     "two faults of one table": (
         {"disturbance": [{"at": 0, "duraton": 1}]},
         "disturbance.1.duration: is missing; add it; "

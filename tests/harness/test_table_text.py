@@ -104,6 +104,84 @@ def test_what_could_mean_two_things_is_refused_with_the_remedy(content: bytes, s
         numbers_of(read_table(tmp_path / "a.csv", "log"), "a")
 
 
+COLUMNS: dict[str, tuple[str, dict[str, list[str | None]]]] = {
+    "blanks around names and values": (" time; force \n 1;\t2 \n", {"time": ["1"], "force": ["2"]}),
+    "semicolons before tabulators before commas": ("a,b;\tc\n1;\t2\n", {"a,b": ["1"], "c": ["2"]}),
+    "tabulators before commas": ("a,b\tc\n1\t2\n", {"a,b": ["1"], "c": ["2"]}),
+    "separators in the rows are none": ("a,b\n1;2,3\n", {"a": ["1;2"], "b": ["3"]}),
+    "quotes": ('a;"b c"\n1;"x; y"\n', {"a": ["1"], "b c": ["x; y"]}),
+    "a row of units with gaps": (
+        "t;state;b;c\nms;-;mm;\n1;2;3;4",
+        {"t [ms]": ["1"], "state": ["2"], "b [mm]": ["3"], "c": ["4"]},
+    ),
+    "no units": ("a;b\n-;-\n1;2", {"a": ["1"], "b": ["2"]}),
+    "units in both rows": (
+        "a [mm];b (mm);c [ deg ];R[1,3];p[1];r (s)\nmm;mm;deg;m;-;\n1;2;3;4;5;6",
+        {"a [mm]": ["1"], "b (mm)": ["2"], "c [ deg ]": ["3"], "R[1,3] [m]": ["4"], "p[1]": ["5"], "r (s)": ["6"]},
+    ),
+    "brackets and quotes around units": (
+        'a,b,c\n[mm],(s),"kN"\n1,2,3',
+        {"a [mm]": ["1"], "b [s]": ["2"], "c [kN]": ["3"]},
+    ),
+    "empty brackets are no units": ("a;b\n[];[]\n1;2", {"a": ["[]", "1"], "b": ["[]", "2"]}),
+    "one of two units is unknown": ("a,b\nmm,ell\n1,2", {"a": ["mm", "1"], "b": ["ell", "2"]}),
+    "a short second row is no row of units": ("a,b\nms\n1,2", {"a": ["ms", "1"], "b": [None, "2"]}),
+    "only a header": ("a;b\n", {"a": [], "b": []}),
+    "a point in words beside decimal commas": (
+        "a;note\n1,5;v.2\nv.2;1,5\n",
+        {"a": ["1.5", "v.2"], "note": ["v.2", "1.5"]},
+    ),
+    "decimal commas in one of two columns": ("a;b\n1,5;1.5\n-,5e-3;2\n", {"a": ["1.5", "-.5e-3"], "b": ["1.5", "2"]}),
+    "whole numbers and what is missing": ("a;b\n1;nan\n;-INF\n", {"a": ["1", None], "b": ["nan", "-INF"]}),
+    "commas that are no marks": ("a;b\n1,2,3;4\nx,5;6\n", {"a": ["1,2,3", "x,5"], "b": ["4", "6"]}),
+}
+
+
+@pytest.mark.parametrize("what", COLUMNS)
+def test_each_rule_of_reading_text_has_its_columns(what: str) -> None:
+    """Expected: names and strings by hand, from the rules in the docstring."""
+    text, expected = COLUMNS[what]
+    assert columns_of(text).to_dict(as_series=False) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a; a \n1;2\n", "has the column a twice; expected every column once"),
+        ("a [m];b\nm;m\n1;2\n", ""),
+        ("b;a (s)\nm;m\n1;2\n", "the column a (s) has the unit m in the second row; expected one of the two"),
+        (
+            "b;a\n1;2.5\n1;3,5\n",
+            "the column a has 3,5 and 2.5; expected one decimal mark, and no marks of thousands",
+        ),
+        (" ,;\n#a,b\n", "has no rows; expected a header and rows of numbers"),
+    ],
+)
+def test_what_is_refused_in_a_text_is_said_in_full(text: str, says: str) -> None:
+    if not says:  # the same unit twice is none too many
+        assert columns_of(text).columns == ["a [m]", "b [m]"]
+        return
+    with pytest.raises(TableError) as caught:
+        columns_of(text)
+    assert str(caught.value) == says
+
+
+def test_a_code_page_is_the_last_resort() -> None:
+    """Expected: the same letters in every encoding; marks of the order of bytes are no letters."""
+    letters = "größe µ°\n"
+    for content in (
+        letters.encode(),
+        codecs.BOM_UTF8 + letters.encode(),
+        letters.encode("cp1252"),
+        codecs.BOM_UTF16_LE + letters.encode("utf-16-le"),
+        codecs.BOM_UTF16_BE + letters.encode("utf-16-be"),
+    ):
+        assert text_of(content) == letters
+    with pytest.raises(TableError) as caught:
+        text_of(b"\xe4bc\x0d\x8f")
+    assert str(caught.value) == "is not text: byte 4 is 0x8f; expected CSV, best in UTF-8, or Parquet"
+
+
 @given(
     st.lists(st.floats(-1e9, 1e9, allow_nan=False), min_size=1, max_size=8),
     st.sampled_from([(",", "."), (";", "."), (";", ","), ("\t", ","), ("\t", ".")]),

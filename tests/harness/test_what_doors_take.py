@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import casadi
 import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart.harness import doors
 from gough_stewart.harness.doors import with_door
 from gough_stewart.model.errors import ArgumentError
 
@@ -89,7 +92,7 @@ WRONG: dict[str, Sequence[Any]] = {
     "system": [3, "x"],
     "state": [None, 3],
     "acceleration": [None, [1, 2]],
-    "position": [[1, 2], 3, "x", None, ["a", 1, 2][1:], [1, 2, 3, 4], [True, True, False]],
+    "position": [[1, 2], 3, "x", None, ["a", 1, 2][1:], [1, 2, 3, 4], [True, True, False], [1j, 2, 3], [[1], [1, 2]]],
     "orientation": [[1, 2], None],
     "leg_length": [[1, 2, 3], [[1, 2]], None],
     **dict.fromkeys(("over", "at"), ("x", 3, None, [1])),
@@ -114,13 +117,61 @@ def test_anything_else_is_refused_by_name_value_and_expectation(name: str) -> No
         assert str(caught.value) == f"{name} is {given!r}; expected {EXPECTED[name]}"
 
 
+# By name: the attributes by which a value is known.
+KNOWN_BY = {
+    **{name: ["platform_points"] for name in PLATFORMS},
+    "experiment": ["model_dump"],
+    "record": ["metadata"],
+    "state": ["position", "orientation", "velocity", "angular_velocity"],
+    "acceleration": ["linear", "angular"],
+    "gains": ["proportional", "derivative"],
+    "system": ["poles"],
+}
+
+
+@pytest.mark.parametrize("name", KNOWN_BY)
+def test_a_value_is_known_by_all_of_its_attributes_and_no_others(name: str) -> None:
+    """Expected: what has just these attributes passes; without any one of them it does not."""
+    attributes = dict.fromkeys(KNOWN_BY[name])
+    whole = SimpleNamespace(**attributes)
+    assert function_of(name)(whole) is whole
+    for left_out in attributes:
+        rest = SimpleNamespace(other=1, **{key: None for key in attributes if key != left_out})
+        with pytest.raises(ArgumentError, match=f"{name} is .*; expected "):
+            function_of(name)(rest)
+
+
+@pytest.mark.parametrize(
+    ("name", "attribute"),
+    [("case", "platform"), ("case", "platform_points"), ("log", "leg_length"), ("log", "table"), ("records", "table")],
+)
+def test_one_of_two_attributes_is_enough(name: str, attribute: str) -> None:
+    value = SimpleNamespace(**{attribute: None})
+    assert function_of(name)(value) is value
+    with pytest.raises(ArgumentError, match=f"{name} is "):
+        function_of(name)(SimpleNamespace(leg_velocity=None, plant=None))
+
+
+def test_logs_are_listed_by_anything_but_a_dict() -> None:
+    log = gs.Log(np.ones((3, 6)))
+    for several in ([RECORD, log], (log,), iter([log])):
+        assert function_of("log")(several) is several
+    assert function_of("log")(log) is log
+
+
 def test_vectors_take_texts_with_units_and_arrays_with_leading_axes() -> None:
     """Expected: SI units; what is wrong in a list with its place."""
     assert function_of("position")(["1 mm", 2, "3 cm"]).tolist() == pytest.approx([1e-3, 2, 0.03])
     assert function_of("orientation")(["180 deg", 0, "1 mrad"]).tolist() == pytest.approx([np.pi, 0, 1e-3])
     assert function_of("leg_length")([*["2 m"] * 5, "25 cm"]).tolist() == pytest.approx([2] * 5 + [0.25])
-    many = np.arange(24.0).reshape(2, 4, 3)
-    assert function_of("position")(many) is many
+    assert function_of("position")(("1 mm", 2, "3 cm")).tolist() == pytest.approx([1e-3, 2, 0.03])
+    for many in (np.arange(24.0).reshape(2, 4, 3), np.ones(3, np.uint8), np.ones((0, 3)), np.ones(3, np.float32)):
+        assert function_of("position")(many) is many
+    symbols = np.array([casadi.SX.sym(each) for each in "xyz"])
+    assert function_of("position")(symbols) is symbols
+    for no_numbers in (np.array(["1", "2", "3"]), np.ones(3, complex), np.ones((3, 2)), np.array(3.0)):
+        with pytest.raises(ArgumentError, match="; expected 3 numbers of m, x, y, z"):
+            function_of("position")(no_numbers)
     with pytest.raises(ArgumentError, match=r"position\[2\] is '3 s'; expected a number of m, or a text"):
         function_of("position")([1, "2 m", "3 s"])
 
@@ -193,9 +244,42 @@ def test_doors_keep_defaults_and_look_into_options() -> None:
     with pytest.raises(ArgumentError) as caught:
         door(MOTION_BASE, "y" * 80)
     assert str(caught.value).startswith(f"bandwidth is '{'y' * 56}…; expected a number of Hz above 0")
+    for letters in (58, 59):  # with quotes 60 and 61
+        with pytest.raises(ArgumentError) as caught:
+            door(MOTION_BASE, "y" * letters)
+        text = f"'{'y' * 58}'" if letters == 58 else f"'{'y' * 56}…"
+        assert str(caught.value).startswith(f"bandwidth is {text}; expected")
     with pytest.raises(
         ArgumentError, match=r"^taker: missing a required argument: 'platform'; expected taker\(platform, "
     ):
         door()
     with pytest.raises(ArgumentError, match=r"; expected taker\(platform, bandwidth=…\)$"):
         door(MOTION_BASE, 1, 2)
+
+
+def test_public_functions_are_found_here_by_pickles_and_nothing_else_is() -> None:
+    """Expected: the public function itself; what modules have by themselves, and unknown names, are refused."""
+    assert doors.leg_geometry is gs.leg_geometry
+    for name in ("__path__", "__version__", "nothing"):
+        with pytest.raises(AttributeError) as caught:
+            getattr(doors, name)
+        assert str(caught.value) == f"module 'gough_stewart.harness.doors' has no attribute '{name}'"
+        assert caught.value.name == name
+    door = function_of("title", "made_here")
+    assert (door.__module__, door.__qualname__, door.__name__) == (doors.__name__, "made_here", "made_here")
+
+
+def test_options_and_defaults_are_left_out_or_shortened_in_what_is_expected() -> None:
+    def taker(a: Any, b: Any = 3, *, c: Any, d: Any = None, **options: Any) -> Any:
+        return a, b, c, d, options
+
+    door = with_door(taker)
+    with pytest.raises(ArgumentError) as caught:
+        door(1)
+    assert str(caught.value) == "taker: missing a required argument: 'c'; expected taker(a, b=…, c, d=…)"
+    assert door(1, 2, c=4, d=5, e=6) == (1, 2, 4, 5, {"e": 6})
+    # an explicit value beside a default is taken by its name; an equal one that is not the default, too
+    with_seed = with_door(lambda seed=1000: seed)
+    assert with_seed() == 1000
+    with pytest.raises(ArgumentError, match=r"seed is 1000\.0; expected a whole number"):
+        with_seed(1000.0)

@@ -21,6 +21,15 @@ from tests.support.fake_plants import ManyMasses, Masses
 from tests.support.loops import KD, KP, reference
 
 T = 0.01
+# Where a row of all measured signals has its variables.
+_PLACES = {
+    "position": slice(0, 3),
+    "orientation": slice(3, 6),
+    "velocity": slice(6, 9),
+    "angular_velocity": slice(9, 12),
+    "leg_length": slice(12, 18),
+    "leg_velocity": slice(18, 24),
+}
 
 
 @dataclass
@@ -74,6 +83,13 @@ def assert_same(many: Run, k: int, single: Run, tolerance: float = 0.0) -> None:
             np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(1.0, np.abs(expected).max()))
         else:
             np.testing.assert_array_equal(found, expected)
+    assert many.used
+    for signal in many.used:
+        part = _PLACES[signal]
+        found, expected = many.measured[:samples, k, part], single.measured[:samples].reshape(samples, -1)[:, part]
+        np.testing.assert_array_equal(found, expected) if not tolerance else np.testing.assert_allclose(
+            found, expected, rtol=0, atol=tolerance * max(1.0, np.abs(expected).max())
+        )
     for name, n in (("rate_limited", rows), ("stroke_exceeded", rows), ("force_limited", samples)):
         found, expected = getattr(many, name)[:n, k], getattr(single, name)[:n]
         np.testing.assert_array_equal(found, expected.reshape(found.shape))

@@ -256,6 +256,18 @@ def test_jitter_of_a_member_is_that_of_its_seed_alone() -> None:
     assert len(np.unique(rows[:, 2] % 10)) == 9
 
 
+@pytest.mark.parametrize("seed", [9, SeedSequence(9, spawn_key=(3,))])
+def test_with_one_seed_for_all_members_are_late_in_proportion_to_their_jitter(seed: int | SeedSequence) -> None:
+    """Expected: rows of samples as of a single run with the same seed and the member's jitter."""
+    jitter = np.array([0.004, 0.0, 0.009])
+    rows = Timing(1.0, T, 0.001, jitter, seed).rows_of_samples
+    for k in range(3):
+        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), seed).rows_of_samples)
+    late = rows - 10 * np.arange(100)[:, None]
+    assert late.max(axis=0).tolist() == [3, 0, 8]
+    assert late.min() == 0
+
+
 def loop_with(**parts: object) -> Loop:
     return loop_of(0.1, **parts)  # type: ignore[arg-type]
 

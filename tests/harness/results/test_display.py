@@ -82,6 +82,28 @@ def test_a_record_without_numbers_still_shows_itself(record: Record, rows: int) 
     assert lost._repr_html_().startswith("<div>")
 
 
+def test_a_page_of_a_record_has_only_what_the_record_has(record: Record) -> None:
+    """Expected: lines of what is known alone; metrics and a picture only with everything that they need."""
+    known = record.metadata
+    for key, head in (("platform", "platform"), ("plant", "plant"), ("outcome", "outcome"), ("title", None)):
+        rest = Record(record.table, {name: value for name, value in known.items() if name != key})
+        lines = repr(rest).splitlines()
+        assert lines[0] == ("Record: untitled" if key == "title" else "Record: six sines")
+        heads = [re.split(r"\s{2,}", line.strip())[0] for line in lines[1:]]
+        expected = ["platform", "plant", "outcome", "table", "time [s]"]
+        assert heads[: len(expected) - (head is not None)] == [each for each in expected if each != head]
+        assert ("<img" in rest._repr_html_()) == (key not in ("platform", "outcome"))
+    assert "plant" not in repr(Record(record.table, {**known, "plant": None})).replace("platform", "")
+    untitled = Record(record.table, {name: value for name, value in known.items() if name != "title"})
+    assert 'alt="pose over time: untitled"' in untitled._repr_html_()
+    assert 'alt="pose over time: six sines"' in record._repr_html_()
+    for name in ("position", "orientation", "leg_length", "leg_velocity", "actuator_force"):
+        rest = Record(record.table.drop(record.columns_of(name)), known)
+        page = html.fragment_fromstring(rest._repr_html_())
+        assert [each.text_content() for each in page.iter("caption")] == ["Record: six sines"]
+        assert not list(page.iter("img"))
+
+
 def test_metrics_print_as_the_command_does(record: Record) -> None:
     """Expected: the command's tables, 100 columns wide; and a dict for everything else."""
     found = gs.metrics(record)

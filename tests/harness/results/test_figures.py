@@ -71,6 +71,15 @@ def test_open_loop_run_has_no_errors_and_no_reference() -> None:
     assert all("reference" not in text for text in found.values())
 
 
+@pytest.mark.parametrize("lacks", ["error.position", "error.orientation", "error.leg_length"])
+def test_errors_are_drawn_of_both_parts_of_the_pose_or_not_at_all(lacks: str) -> None:
+    """Expected: no figure without one of them; only those of the pose without errors of the legs."""
+    record = record_of()
+    found = texts(Record(record.table.drop(record.columns_of(lacks)), record.metadata))
+    assert ("errors.svg" in found) == (lacks == "error.leg_length")
+    assert "leg length [mm]" not in found.get("errors.svg", "")
+
+
 @pytest.mark.parametrize(("n", "last"), [(1, np.nan), (2, -1.7e308)])
 def test_short_records_and_what_a_diverged_run_ends_with_are_drawn(n: int, last: float | None) -> None:
     assert run_figures(record_of(n, last=last))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.results.metrics import metrics, metrics_json
+from gough_stewart.harness.results.metrics import flattened, metrics, metrics_json
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.model.vectors import FloatArray
@@ -377,3 +377,72 @@ def test_tables_fit_a_hundred_columns_and_json_reads_back() -> None:
         assert word in text
     assert "…" not in text
     assert json.loads(metrics_json(found)) == found
+
+
+def test_metrics_by_path_are_one_number_each() -> None:
+    """Expected: by hand: the largest of a list, the least of lengths and times, None where one is undefined."""
+    found = flattened(
+        {
+            "outcome": {"status": "completed", "time": 7.3},
+            "rows": 11,
+            "duration": None,
+            "tracking": {"position": {"rms": [1.0, 3.0, -5.0], "norm_peak": None, "peak": [1.0, None, 2.0]}},
+            "step_response": [
+                {"axis": "z", "from": 1.0, "rise_time": None},
+                {"axis": "yaw", "from": -2.0, "rise_time": 0.25},
+            ],
+            "force": {"peak": [None, None]},
+            "power": None,
+            "saturation": {"force_limited": {"legs": [0.0, 0.5, 0.25], "any": 0.75}},
+            "stroke": {"shortest": [2.0, 1.5, 3.0], "longest": [4.0, 6.0, 5.0], "margin": None},
+            "limits": {"leg_velocity_max": {"limit": 0.5, "first_exceeded": [None, 3.0, 2.0]}},
+        }
+    )
+    assert found == {
+        "rows": 11,
+        "tracking.position.rms": 3.0,
+        "tracking.position.norm_peak": None,
+        "tracking.position.peak": None,
+        "force.peak": None,
+        "saturation.force_limited.legs": 0.5,
+        "saturation.force_limited.any": 0.75,
+        "stroke.shortest": 1.5,
+        "stroke.longest": 6.0,
+        "stroke.margin": None,
+        "limits.leg_velocity_max.limit": 0.5,
+        "limits.leg_velocity_max.first_exceeded": 2.0,
+        "step_response.z.from": 1.0,
+        "step_response.z.rise_time": None,
+        "step_response.yaw.from": -2.0,
+        "step_response.yaw.rise_time": 0.25,
+    }
+    assert flattened({"rows": 0, "duration": 0.0, "step_response": None}) == {"rows": 0, "duration": 0.0}
+
+
+def test_parts_without_numbers_are_none_and_not_empty() -> None:
+    """Expected: None for what the columns do not give; an empty list of steps for references that rest."""
+    found = metrics(record_of(5))
+    assert found["tracking"] is found["saturation"] is found["limits"] is found["step_response"] is None
+    for lacks in ("reference.position", "reference.orientation"):
+        record = step_of(np.zeros(5), np.zeros(5))
+        assert metrics(record)["step_response"] == []
+        assert metrics(Record(record.table.drop(record.columns_of(lacks)), record.metadata))["step_response"] is None
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *SIZES,
+        *("error.position", "error.orientation", "error.leg_length", "reference.position", "reference.orientation"),
+    ],
+)
+def test_a_lost_number_in_any_column_of_the_plant_ends_what_counts(name: str) -> None:
+    """Expected: the rows before it, of whatever variable, in its last element."""
+    values = {f"{prefix}.{each}": 0.0 for prefix in ("error", "reference") for each in ("position", "orientation")}
+    record = record_of(9, {**values, "error.leg_length": 0.0})
+    last = record.columns_of(name)[-1]
+    broken = record.table.with_columns(
+        polars.when(polars.col("time") > 0.0065).then(np.nan).otherwise(polars.col(last)).alias(last)
+    )
+    found = metrics(Record(broken, record.metadata))
+    assert (found["rows"], found["duration"]) == (7, pytest.approx(6 * STEP))

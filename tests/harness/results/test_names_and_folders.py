@@ -9,6 +9,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.results.metric_names import shown_metric
 from tests.support.ensembles import ensemble_of
 
 # As the table names them, with unit and the number that stands for 0.0123 in SI units.
@@ -57,6 +58,52 @@ def test_a_table_names_metrics_with_their_units() -> None:
         *quantiles, defined = (cell.strip() for cell in rows[name])
         assert [float(cell) for cell in quantiles] == [pytest.approx(value * (k + 1), rel=6e-3)] * 5, name
         assert defined == "4"
+
+
+# Words, unit and factor of paths of every kind, shown anywhere.
+NAMED = {
+    "tracking.position.rms": ("position error, RMS of an axis", "mm", 1e3),
+    "tracking.position.peak": ("position error, peak of an axis", "mm", 1e3),
+    "tracking.position.norm_rms": ("position error, RMS", "mm", 1e3),
+    "tracking.position.norm_peak": ("position error, peak", "mm", 1e3),
+    "tracking.orientation.rms": ("orientation error, RMS of an axis", "mrad", 1e3),
+    "tracking.orientation.norm_peak": ("orientation error, peak", "mrad", 1e3),
+    "tracking.leg_length.rms": ("leg error, RMS", "mm", 1e3),
+    "tracking.leg_length.peak": ("leg error, peak", "mm", 1e3),
+    "step_response.y.from": ("y: from", "mm", 1e3),
+    "step_response.yaw.to": ("yaw: to", "mrad", 1e3),
+    "step_response.z.at": ("z: step at", "s", 1.0),
+    "step_response.roll.overshoot_percent": ("roll: overshoot", "%", 1.0),
+    "step_response.x.rise_time": ("x: rise time", "s", 1.0),
+    "step_response.pitch.settling_time": ("pitch: settling time", "s", 1.0),
+    "step_response.z.final_error": ("z: final error", "mm", 1e3),
+    "step_response.pitch.final_error": ("pitch: final error", "mrad", 1e3),
+    "force.peak": ("peak force", "N", 1.0),
+    "force.rms": ("RMS force", "N", 1.0),
+    "power.peak": ("peak power", "W", 1.0),
+    "power.mean": ("mean power", "W", 1.0),
+    "energy.absolute_total": ("work, absolute", "J", 1.0),
+    "energy.net_total": ("work, net", "J", 1.0),
+    "energy.net": ("energy.net", "", 1.0),
+    "saturation.force_limited.any": ("force limited", "%", 100.0),
+    "saturation.rate_limited.any": ("rate limited", "%", 100.0),
+    "saturation.rate_limited.legs": ("saturation.rate_limited.legs", "", 1.0),
+    "stroke.margin": ("stroke margin", "mm", 1e3),
+    "stroke.exceeded.any": ("beyond stroke", "%", 100.0),
+    "stroke.shortest": ("stroke.shortest", "", 1.0),
+    "limits.leg_velocity_max.used": ("leg velocity, of its limit", "%", 100.0),
+    "limits.actuator_power_max.used": ("actuator power, of its limit", "%", 100.0),
+    "limits.actuator_force_max.limit": ("limits.actuator_force_max.limit", "", 1.0),
+    "margins.disk": ("disk margin", "", 1.0),
+    "margins.stable": ("stable", "", 1.0),
+    "rows": ("rows", "", 1.0),
+}
+
+
+@pytest.mark.parametrize("path", NAMED)
+def test_each_metric_has_its_words_unit_and_factor(path: str) -> None:
+    """Expected: the table above; what has no words has its path."""
+    assert shown_metric(path) == NAMED[path]
 
 
 FOLDERS = {

@@ -18,7 +18,7 @@ from gough_stewart.model.vectors import FloatArray
 from tests.harness.cli.test_terminal import invoke
 
 STEP, N = 1e-3, 2000
-TIME = STEP * np.arange(N)
+TIME: FloatArray = np.asarray(STEP * np.arange(N), dtype=float)
 # Six different legs.
 SHARES = np.array([1.0, -0.7, 0.4, 0.9, -0.2, 0.55])
 POINTS = [[0.3, 0.1, 0.0]] * 6
@@ -355,3 +355,161 @@ def test_the_quick_look_at_many_members_passes_over_none_that_moves(moving: bool
     assert not (np.array(found) & ~may).any()
     assert 20 < sum(found) < 140
     assert (~may).sum() > 20
+
+
+def judged(error: FloatArray, reference: FloatArray | float = 2.0) -> Oscillation | None:
+    """Of legs (n, 6), with nothing that acts."""
+    n = len(error)
+    return own_motion(LegRows(TIME[:n], error, np.broadcast_to(reference, (n, 6)) * 1.0, 0, lambda _frequency: 1e-6))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_lengths_that_no_platform_has_are_not_judged(sign: float) -> None:
+    """Expected: an alarm 1 % below 10⁹ m and silence 1 % above, of error and reference, in one leg of six."""
+    growing = np.exp(3 * (TIME - TIME[-1]))[:, None] * np.eye(6)[3]
+    for factor, is_judged in ((0.99, True), (1.01, False)):
+        size = sign * factor * 1e9
+        assert (judged(size * growing) is not None) == is_judged
+        assert (judged(growing, 2.0 + size * np.eye(6)[4]) is not None) == is_judged
+    for lost in (np.nan, np.inf):
+        assert judged(growing, np.where(np.arange(6) == 4, lost, 2.0)) is None
+
+
+@pytest.mark.parametrize(("n", "frequency", "last"), [(N, 38.0, 1600), (100, 200.0, 68)])
+def test_the_end_of_a_run_is_judged_from_a_fifth_of_its_rows_on_and_32(n: int, frequency: float, last: int) -> None:
+    """Expected: at rest from the step on, if it leaves so many rows; one row less, nothing is told from the step."""
+    cycle = 4e-4 * np.sin(2 * np.pi * frequency * TIME[:n])
+    found = found_in(cycle, np.where(np.arange(n) >= last, 1e-4, 0.0))
+    assert found is not None
+    assert found.since == pytest.approx(TIME[last])
+    assert found.frequency == pytest.approx(frequency, rel=0.01)
+    assert found_in(cycle, np.where(np.arange(n) >= last + 1, 1e-4, 0.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("rate", "is_found", "grows"),
+    [(-0.18, False, False), (-0.14, True, False), (0.36, True, False), (0.46, True, False), (0.5, True, True)],
+)
+def test_how_fast_a_cycle_grows_decides_what_it_is(rate: float, is_found: bool, grows: bool) -> None:
+    """Expected: it lasts if 90 % of it are left 0.67 s later, and grows if 2 s double it, first quarter to last third.
+
+    e^(0.667 · −0.158) = 0.9; e^(1.5 · 0.462) = 2.
+    """
+    found = found_in(4e-4 * np.exp(rate * TIME) * np.sin(2 * np.pi * 38 * TIME))
+    assert (found is not None) == is_found
+    if found is not None:
+        assert found.is_growing == grows
+        assert found.frequency == pytest.approx(38, rel=0.01)
+        assert (found.earlier is not None) == grows
+        end = 4e-4 * np.exp(rate * (TIME[-1] if grows else 5 * TIME[-1] / 6))
+        assert found.amplitude == pytest.approx(end, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("error", "is_found"),
+    [
+        # 1.15 times as much from each sixth of 2 s to the next: e^(0.419 / 3)
+        (1e-2 * np.exp(0.40 * TIME), False),
+        (1e-2 * np.exp(0.44 * TIME), True),
+        (-1e-2 * np.exp(0.44 * TIME), True),
+        # towards zero
+        (1e-2 * (3 - np.exp(0.5 * TIME)), False),
+        # by less than sensors explain, and by more
+        (1e-7 * np.exp(TIME), False),
+        (1e-6 * np.exp(TIME), True),
+    ],
+)
+def test_an_error_that_leaves_ever_faster_grows(error: FloatArray, is_found: bool) -> None:
+    found = found_in(error)
+    assert (found is not None) == is_found
+    if found is not None:
+        assert (found.is_growing, found.frequency, found.leg) == (True, None, 1)
+        assert found.earlier == pytest.approx(abs(error[0]))
+        assert found.amplitude == pytest.approx(abs(error[-1]))
+        assert found_in(error, noise={"leg_length": 0.2 * abs(error[-1])}) is None
+
+
+@pytest.mark.parametrize("n", [1500, 1501, 1999, 2000])
+def test_a_slow_drift_hides_no_cycle(n: int) -> None:
+    """Expected: the cycle, in windows of odd and even length, beside an error that changes a hundred times as much."""
+    found = found_in((0.02 * TIME + 0.01 + 4e-4 * np.sin(2 * np.pi * 38 * TIME))[:n])
+    assert found is not None
+    assert not found.is_growing
+    assert found.frequency == pytest.approx(38, rel=0.005)
+    assert found.amplitude == pytest.approx(4e-4, rel=0.01)
+
+
+def test_a_small_change_counts_beside_a_large_constant() -> None:
+    """Expected: 0.1 mm of the reference beside 10⁶ N, from its row on; rounding of the large one is no change."""
+    record = record_of((4e-4 * np.sin(2 * np.pi * 38 * TIME))[:, None] * SHARES, np.where(TIME >= 1.2, 1e-4, 0.0))
+    pushed = polars.Series("external_force[1]", 1e6 + 1e-4 * (TIME >= 1.5))
+    found = oscillation(Record(record.table.with_columns(pushed), record.metadata))
+    assert found is not None
+    assert found.since == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "is_found"), [(3.0, False), (7.0, False), (14.0, False), (18.0, True), (25.0, True)]
+)
+def test_in_motion_only_what_is_far_above_the_reference_is_told(frequency: float, is_found: bool) -> None:
+    """Expected: ten times above a sine of 0.4 Hz, which two bins of 0.75 Hz hold: from 15 Hz on."""
+    slow = np.sin(2 * np.pi * 0.4 * TIME)
+    found = found_in(1e-3 * slow + 3e-4 * np.sin(2 * np.pi * frequency * TIME), 0.05 * slow)
+    assert (found is not None) == is_found
+    if found is not None:
+        assert found.frequency == pytest.approx(frequency, rel=0.005)
+        assert found.amplitude == pytest.approx(3e-4, rel=0.01)
+        assert not found.is_growing
+
+
+_AFTER = np.maximum(TIME - 0.8, 0)
+# Errors after a step of 10 mm at 0.8 s, and whether they are growing; None where the loop is sound.
+AFTER_A_STEP: dict[str, tuple[FloatArray, bool | None]] = {
+    "a cycle": (4e-4 * np.sin(2 * np.pi * 38 * _AFTER), False),
+    "a cycle that grows": (1e-5 * np.exp(1.2 * _AFTER) * np.sin(2 * np.pi * 12 * _AFTER), True),
+    "a slow cycle that grows": (1e-3 * np.exp(1.2 * _AFTER) * np.sin(2 * np.pi * 1.1 * _AFTER), None),
+    "ever faster": (1e-4 * np.exp(2 * _AFTER), True),
+    "back and three times as far": (0.01 * np.cos(1.6 * np.pi * _AFTER) * np.exp(1.2 * _AFTER) * (TIME >= 0.8), True),
+    "back and less far": (0.01 * np.cos(1.6 * np.pi * _AFTER) * np.exp(-0.1 * _AFTER) * (TIME >= 0.8), None),
+    "a decay": (0.01 * np.cos(10 * np.pi * _AFTER) * np.exp(-4 * _AFTER) * (TIME >= 0.8), None),
+    "a slow approach": (0.01 * (1 - np.exp(-_AFTER / 0.6)), None),
+    "a ramp": (1e-3 * _AFTER, None),
+    "slower and slower": (1e-3 * _AFTER - 1e-4 * _AFTER**2, None),
+    "noise": (1e-4 * np.random.default_rng(1).normal(size=N), None),
+}
+
+
+def test_each_reason_alone_is_seen_by_both_looks_at_a_loop() -> None:
+    """Expected: as named above, of one member and of all at once, whose quick look may see more but not everything."""
+    errors = np.stack([error[:, None] * SHARES for error, _ in AFTER_A_STEP.values()], axis=1)
+    reference = 2.0 + np.where(TIME >= 0.8, 0.01, 0.0)[:, None] * np.ones(6)
+    begins = 800
+    may = may_move(errors, TIME, reference, begins)
+    for k, (what, (_, grows)) in enumerate(AFTER_A_STEP.items()):
+        found = own_motion(LegRows(TIME, errors[:, k], reference, begins, lambda _frequency: 1e-6))
+        assert (None if found is None else found.is_growing) == grows, what
+        assert may[k] == (grows is not None or what == "a slow cycle that grows"), what
+    assert not may_move(errors[:31], TIME[:31], reference[:31], 0).any()
+    assert may_move(errors[800:], TIME[800:], reference[800:], 0).tolist()[0]
+    assert not may_move(errors[:, :0], TIME, reference, begins).size
+    # a fifth of the rows is enough, and one row less is not
+    cycle = (4e-4 * np.sin(2 * np.pi * 38 * TIME))[:, None, None] * SHARES
+    for at, is_enough in ((1600, True), (1601, False)):
+        late = 2.0 + np.where(np.arange(N) >= at, 1e-4, 0.0)[:, None] * np.ones(6)
+        assert may_move(cycle, TIME, late, at).tolist() == [is_enough]
+    # a reference that moves to the end, without any acceleration, explains nothing
+    assert not may_move(errors, TIME, np.full((N, 6), 2.0), N - 1).any()
+
+
+def test_the_lines_of_each_kind_are_those_of_the_metadata() -> None:
+    """Expected: without sensors or experiment in the metadata, as of exact ones; open loops by their type alone."""
+    record = record_of((4e-4 * np.sin(2 * np.pi * 38 * TIME))[:, None] * SHARES)
+    whole = record.metadata
+    for known in (
+        {key: whole[key] for key in ("outcome", "platform")},
+        {**whole, "experiment": {}},
+        {**whole, "experiment": {"controller": {"type": "pid"}, "sensors": None}},
+        {**whole, "experiment": {"sensors": {"noise": None, "quantisation": None}}},
+        {**whole, "platform": {}},
+    ):
+        assert oscillation(Record(record.table, known)) is not None

@@ -131,13 +131,13 @@ def test_a_single_run_has_the_figures_of_its_record(runs: tuple[list[Member], li
     check(seen_again(Merit(loops[2], platform), members[2:3], is_one=True), members[2:3])
 
 
-def noise(n: int, rows: int, rng: np.random.Generator, broken: int | None = None) -> Member:
+def noise(n: int, rows: int, rng: np.random.Generator, broken: int | None = None, at: int = 6) -> Member:
     """A member of random numbers whose reference steps on three axes, of so many of n rows; one of them not finite."""
     everything = rng.normal(size=(n, 24))
     everything[:, 12:18] = rng.uniform(0.8, 2.5, (n, 6))
     wanted = rng.normal(size=(n, 30))
     wanted[:, :6] = 0.1
-    wanted[6:, :6] += [0.5, -0.3, 0, 0, 0.2, 0]
+    wanted[at:, :6] += [0.5, -0.3, 0, 0, 0.2, 0]
     everything[9:, 0] = 0.1 + 0.5 * rng.uniform(0.97, 1.02, n - 9)
     if broken is not None:
         everything[broken, 14] = np.nan
@@ -188,6 +188,48 @@ def test_numbers_that_are_noise_have_the_figures_of_their_records_limits_and_row
     for k, member in enumerate(members):
         member.record.metadata["platform"] = {**LIMITS, "actuator_force_max": of_each["actuator_force_max"][k]}
     check(found, members)
+
+
+def test_references_of_members_that_step_at_other_rows_have_the_figures_of_their_records() -> None:
+    """Expected: `metrics`; before its own step, a member's response is none, however far it is from there."""
+    rng = np.random.default_rng(6)
+    n = 41
+    members = [noise(n, n, rng, at=at) for at in (6, 11, 4, 17)] + [noise(n, 25, rng, at=13)]
+    wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
+    loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
+    found = seen_again(Merit(loop, LIMITS, 5), members)
+    check(found, members)
+    assert found["step_response.y.at"] == pytest.approx([0.006, 0.011, 0.004, 0.017, 0.013])
+
+
+@pytest.mark.parametrize(
+    ("levels", "has"),
+    [
+        ({0: 0.1, 6: 0.6}, True),
+        # there and back again before the step of the whole run: another row
+        ({0: 0.1, 6: 0.6, 20: 0.1, 30: 0.6}, False),
+        # on the way: another value at the end, from the same row on
+        ({0: 0.1, 6: 0.3, 7: 0.6, 20: 0.9}, False),
+        # not yet
+        ({0: 0.1, 25: 0.6}, False),
+    ],
+)
+def test_a_member_that_ended_early_has_the_step_of_the_whole_run_or_none(levels: dict[int, float], has: bool) -> None:
+    """Expected: of 41 rows and of the first 18 of them; numbers of a response only where both step alike."""
+    rng = np.random.default_rng(7)
+    n = 41
+    whole, early = noise(n, n, rng), noise(n, 18, rng)
+    for member in (whole, early):
+        assert member.wanted is not None
+        for row, value in levels.items():
+            member.wanted[row:, 0] = value
+    assert whole.wanted is not None
+    loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), whole.wanted, np.zeros((20, 6)), np.zeros(6))
+    found = seen_again(Merit(loop, {}, 2), [whole, early])
+    for name in ("from", "to", "at", "overshoot_percent", "final_error"):
+        assert np.isfinite(found[f"step_response.x.{name}"]).tolist() == [True, has]
+    final = 0.6 - early.signals[17, 0]
+    assert not has or found["step_response.x.final_error"][1] == pytest.approx(final)
 
 
 def test_without_a_reference_there_is_neither_tracking_nor_a_step() -> None:
