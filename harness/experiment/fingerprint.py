@@ -63,7 +63,7 @@ def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
 def _of_class(thing: type, seen: set[int]) -> Iterator[bytes]:
     """Its methods and values, and those of the classes that it inherits from."""
     yield thing.__qualname__.encode()
-    for base in thing.__mro__[1:-1]:
+    for base in thing.__mro__:
         yield from _parts(base, seen)
     for name, value in vars(thing).items():
         if not name.startswith("__") or isinstance(value, FunctionType):

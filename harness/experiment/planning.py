@@ -91,19 +91,18 @@ class Planning:
         """Refuse a motion that the platform cannot follow; returns warnings for accepted limits."""
         limits, limit = experiment.limits, force_limit_of(experiment.actuators, self.nominal(experiment))
         platform = self.limited(experiment)
-        with part_of(experiment.where, "reference"):
-            return self.once(
-                "reach",
-                (self.nominal(experiment), requested, limit, limits.condition_number, limits.reference),
-                lambda: check_reach(
-                    platform,
-                    requested.timing.times,
-                    requested.motion,
-                    limits.condition_number,
-                    centre=centre_of(requested.reference),
-                    dynamic=limits.reference,
-                ),
-            )
+        return self.once(
+            "reach",
+            (self.nominal(experiment), requested, limit, limits.condition_number, limits.reference),
+            lambda: check_reach(
+                platform,
+                requested.timing.times,
+                requested.motion,
+                limits.condition_number,
+                centre=centre_of(requested.reference),
+                dynamic=limits.reference,
+            ),
+        )
 
 
 @contextmanager

@@ -267,8 +267,7 @@ class Preparation(Planning):
             jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
             return _Planned(reference, motion, legs, rows, jacobians)
 
-        with part_of(where, "reference"):
-            return self.once("planned", (platform, requested), make)
+        return self.once("planned", (platform, requested), make)
 
     def _feedforward(self, experiment: Experiment, planned: _Planned | None) -> FloatArray:
         platform, timing = self.nominal(experiment), self.timing(experiment)

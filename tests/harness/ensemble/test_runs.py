@@ -253,3 +253,39 @@ def test_margins_are_those_of_each_members_machine() -> None:
 def test_a_number_of_workers_below_one_is_refused() -> None:
     with pytest.raises(EnsembleError, match="workers is 0"):
         gs.ensemble(small(), workers=0)
+
+
+@pytest.mark.parametrize("way", ["one worker", "one chunk", "all is done", "elsewhere", "two workers"])
+def test_processes_are_started_only_where_chunks_wait_for_them(
+    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: two of them for three chunks; none for one worker or chunk, a finished run, or a scheduler."""
+    if way == "all is done":
+        gs.ensemble(small(), members=3, workers=1, out=tmp_path)
+
+    class Started(Exception):  # noqa: N818 - no error
+        pass
+
+    def start(number: int) -> None:
+        raise Started(number)
+
+    def ask(*_: Any) -> Iterator[Any]:
+        raise EnsembleError("asked")
+
+    monkeypatch.setattr(runner, "SIZE", 16 if way == "one chunk" else 1)
+    monkeypatch.setattr(runner, "Workers", start)
+    monkeypatch.setattr(local.Workers, "__init__", lambda _, number: start(number))
+    monkeypatch.setattr(runner, "chunks_there", ask)
+
+    def run(**options: Any) -> gs.Ensemble:
+        return gs.ensemble(small(), members=3, out=tmp_path, **options)
+
+    if way == "two workers":
+        with pytest.raises(Started, match="2"):
+            run(workers=2)
+    elif way == "elsewhere":
+        with pytest.raises(EnsembleError, match="asked"):
+            run(workers=2, scheduler="tcp://127.0.0.1:8786")
+    else:
+        found = run(workers=1 if way == "one worker" else 2, resume=way == "all is done")
+        assert found.members["member"].to_list() == [0, 1, 2]

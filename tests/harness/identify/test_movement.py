@@ -1,0 +1,95 @@
+"""Motion of the platform from its legs, uneven and far from home, against lengths written out and differences."""
+
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.identify import movement
+from gough_stewart.harness.identify.movement import motion_of_lengths, poses_of
+from gough_stewart.model.forward_kinematics import forward_kinematics
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+from tests.support.uneven import UNEVEN
+
+HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
+
+
+def lengths(poses: FloatArray) -> FloatArray:
+    """|p + R b − a|, R from yaw, pitch and roll about z, y and x."""
+    R = Rotation.from_euler("xyz", poses[:, 3:]).as_matrix()
+    arms = np.einsum("nij,lj->nli", R, UNEVEN.platform_points)
+    return np.asarray(np.linalg.norm(poses[:, None, :3] + arms - UNEVEN.base_points, axis=-1))
+
+
+def far(n: int) -> FloatArray:
+    """Poses some decimetres and up to half a radian from home, all coordinates unlike."""
+    rng = np.random.default_rng(8)
+    return np.asarray(HOME + rng.uniform(-1, 1, (n, 6)) * [0.4, 0.35, 0.3, 0.4, 0.45, 0.5])
+
+
+def test_newtons_steps_alone_find_poses_far_from_home() -> None:
+    """Expected: the poses of the lengths, in the twelve steps of all rows at once; no row needs another search."""
+    poses = far(300)
+    with patch.object(movement, "forward_kinematics", side_effect=AssertionError("searched row by row")):
+        position, orientation = poses_of(UNEVEN, lengths(poses))
+    np.testing.assert_allclose(np.hstack([position, orientation]), poses, atol=1e-9)
+    # quadratically: from a decimetre, four steps reach the rounding
+    near = HOME + 0.1 * (far(50) - HOME)
+    with (
+        patch.object(movement, "forward_kinematics", side_effect=AssertionError("searched row by row")),
+        patch.object(movement, "_ITERATIONS", 4),
+    ):
+        position, orientation = poses_of(UNEVEN, lengths(near))
+    np.testing.assert_allclose(np.hstack([position, orientation]), near, atol=1e-9)
+
+
+def test_rows_that_newton_does_not_find_are_searched_from_the_row_before() -> None:
+    """Expected: with one step for all rows, each is found by its own search, the first from home."""
+    poses = far(1) + np.linspace(0, 1, 5)[:, None] * [0.05, -0.04, 0.03, 0.02, 0.05, -0.06]
+    guesses: list[FloatArray] = []
+
+    def noted(platform: Platform, length: FloatArray, position: FloatArray, orientation: FloatArray) -> Any:
+        guesses.append(np.concatenate([position, orientation]))
+        return forward_kinematics(platform, length, position, orientation)
+
+    with patch.object(movement, "_ITERATIONS", 1), patch.object(movement, "forward_kinematics", noted):
+        position, orientation = poses_of(UNEVEN, lengths(poses))
+    np.testing.assert_allclose(np.hstack([position, orientation]), poses, atol=1e-8)
+    np.testing.assert_allclose(guesses, [HOME, *poses[:-1]], atol=1e-8)
+
+
+def test_impossible_lengths_are_named_with_their_row() -> None:
+    """Expected: the third row, whose fourth leg is as long as the whole machine."""
+    wrong = lengths(far(4))
+    wrong[2, 3] = 9.0
+    with pytest.raises(LogError, match=r"leg lengths \[.*9\.0.*\] m of row 3 \(.*the order of the legs, and the unit"):
+        poses_of(UNEVEN, wrong)
+
+
+def test_rates_are_those_of_the_motion() -> None:
+    """Expected: twist and accelerations by differences of positions and rotations, of a motion in all coordinates."""
+    h, rng = 1e-3, np.random.default_rng(5)
+    size, phase = rng.uniform(0.1, 0.3, 6), rng.uniform(0, 6, 6)
+    t = 7.3 + h * np.arange(400)
+    poses = HOME + size * np.sin(np.outer(t, [3.1, 2.3, 4.2, 2.9, 3.7, 5.1]) + phase)
+    L = lengths(poses)
+
+    def middle(values: FloatArray) -> FloatArray:
+        """First derivatives, of the fourth order."""
+        return np.asarray((values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * h))
+
+    velocity, acceleration = middle(L)[2:-2], middle(middle(L))
+    state, found = motion_of_lengths(UNEVEN, L[4:-4], velocity, acceleration)
+    np.testing.assert_allclose(state.position, poses[4:-4, :3], atol=1e-9)
+    np.testing.assert_allclose(state.orientation, poses[4:-4, 3:], atol=1e-9)
+    np.testing.assert_allclose(state.velocity, middle(poses[:, :3])[2:-2], atol=1e-7)
+    R = Rotation.from_euler("xyz", poses[:, 3:]).as_matrix()
+    spin = middle(R.reshape(len(R), 9)).reshape(-1, 3, 3) @ np.swapaxes(R[2:-2], 1, 2)
+    omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    np.testing.assert_allclose(state.angular_velocity, omega[2:-2], atol=1e-7)
+    np.testing.assert_allclose(found.linear, middle(middle(poses[:, :3])), atol=1e-5)
+    np.testing.assert_allclose(found.angular, middle(omega), atol=1e-5)
