@@ -89,11 +89,11 @@ def _tables(ensemble: Ensemble, by: str, worst: Mapping[int, str]) -> str:
     if failures(ensemble.members):
         sheets.append(to_html(failure_sheet(ensemble.members, most=50)))
     if worst:
-        sheets.insert(0, _linked(to_html(_worst_sheet(ensemble, list(worst), by)), worst))
+        sheets.insert(0, _linked(to_html(worst_sheet(ensemble, list(worst), by)), worst))
     return "".join(map(_in_box, sheets))
 
 
-def _worst_sheet(ensemble: Ensemble, worst: Sequence[int], by: str) -> Sheet:
+def worst_sheet(ensemble: Ensemble, worst: Sequence[int], by: str) -> Sheet:
     """These members with their outcome, the metric, and drawn values."""
     shown = shown_metric(by)
     inputs = [shown_input(name) for name in ensemble.varied][:_MOST_INPUTS]

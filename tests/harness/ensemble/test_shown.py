@@ -15,9 +15,9 @@ import gough_stewart as gs
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
 from gough_stewart.harness.ensemble.figures import ensemble_figures
 from gough_stewart.harness.ensemble.files import worst_by
-from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.page import ensemble_page, worst_sheet
 from gough_stewart.harness.ensemble.result import Ensemble
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_sheet
 from gough_stewart.harness.ensemble.statistics import (
     failures,
     oscillation_warning,
@@ -25,7 +25,7 @@ from gough_stewart.harness.ensemble.statistics import (
     works,
     worst_members,
 )
-from gough_stewart.harness.ensemble.tables import ensemble_sheets, failure_sheet, sensitivity_sheet, worst_sheet
+from gough_stewart.harness.ensemble.tables import ensemble_sheets, failure_sheet
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Named
 from gough_stewart.model.vectors import FloatArray
@@ -223,10 +223,10 @@ def test_failures_beyond_the_most_frequent_are_one_row() -> None:
         *[("diverged", "at 1 s", (4, 5, 6)), ("stopped", "by hand", (7, 8)), ("impossible", "no path", (9,))],
         *[("impossible", "no pose", (10,)), ("diverged", "", (11,))],
     ]
-    sheet = failure_sheet(found, most=2)
+    sheet = failure_sheet(found.members, most=2)
     assert sheet.heads == ("", "members", "cause of the first", "first")
     assert sheet.rows == [("diverged", "3", "at 1 s", "4"), ("stopped", "2", "by hand", "7"), ("other", "3", "", "")]
-    assert len(failure_sheet(found).rows) == 5
+    assert len(failure_sheet(found.members).rows) == 5
 
 
 def test_all_metrics_are_shown_or_the_usual_ones() -> None:
@@ -236,14 +236,14 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
         tracking__leg_length__peak=np.full(40, np.nan), step_response__z__final_error=np.ones(40),
         force__rms=np.ones(40), margins__stable=np.zeros(40),
     )  # fmt: skip
-    (usual,) = ensemble_sheets(found)
+    (usual,) = ensemble_sheets(found.members)
     assert [row[0] for row in usual.rows] == [
         *(Named("position error, RMS", "mm"), Named("position error, peak", "mm")),
         *(Named("orientation error, peak", "mrad"), Named("z: overshoot", "%"), Named("z: settling time", "s")),
         *(Named("peak force", "N"), Named("peak power", "W"), Named("work, absolute", "J")),
         *(Named("stroke margin", "mm"), Named("force limited", "%"), Named("stable", ""), Named("disk margin", "")),
     ]
-    (every,) = ensemble_sheets(found, usual=False)
+    (every,) = ensemble_sheets(found.members, usual=False)
     assert len(every.rows) == len(found.metrics) == len(found.members.columns) - 4 - 4 - 2
     assert every.heads == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "of")
     cells = next(row for row in every.rows if row[0] == Named("z: settling time", "s"))
@@ -276,20 +276,23 @@ def test_members_that_oscillate_are_counted_by_kind_with_the_largest() -> None:
         ensemble_of(normal(8), ["completed"] * 7 + ["stopped"]),
         oscillation=kinds, oscillation__amplitude=amplitude, oscillation__frequency=frequency,
     )  # fmt: skip
-    assert oscillation_warning(found) == (
+    assert oscillation_warning(found.members) == (
         "the loops of 3 of 8 members oscillate by themselves; member 3 has the largest amplitude, 7.25 mm at 12.3 Hz; "
         "the loops of 2 of 8 members grow by themselves; member 6 has the largest amplitude, 250 mm. "
         "`run --member K` shows one"
     )
     assert works(found.members).tolist() == [True, False, True, True, True, True, False, False]
-    sheet = ensemble_sheets(found)[0]
+    sheet = ensemble_sheets(found.members)[0]
     assert sheet.title.startswith(
         "8 members: 7 completed, 1 stopped (3 oscillating and 2 growing by themselves); quant"
     )
     sound = with_columns(found, oscillation=[None] * 3 + ["oscillating"] + [None] * 4)
-    assert "7 completed, 1 stopped (1 oscillating by themselves)" in ensemble_sheets(sound)[0].title
-    assert oscillation_warning(with_columns(found, oscillation=polars.Series([None] * 8, dtype=polars.String))) == ""
-    assert oscillation_warning(ensemble_of(normal(8))) == ""
+    assert "7 completed, 1 stopped (1 oscillating by themselves)" in ensemble_sheets(sound.members)[0].title
+    assert (
+        oscillation_warning(with_columns(found, oscillation=polars.Series([None] * 8, dtype=polars.String)).members)
+        == ""
+    )
+    assert oscillation_warning(ensemble_of(normal(8)).members) == ""
 
 
 def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
