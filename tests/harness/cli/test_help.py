@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from typing import Any
 
 import pytest
 import typer.main
@@ -50,3 +51,43 @@ def test_wrong_values_are_named_in_plain_words(arguments: list[str], message: st
     done = invoke(*arguments)
     assert done.exit_code == 2
     assert message in done.output
+
+
+PARAMETERS: list[tuple[Any, Any]] = [
+    (command, parameter) for command in typer.main.get_group(cli.app).commands.values() for parameter in command.params
+]
+
+
+def test_every_option_is_explained_in_a_sentence_and_its_value_in_a_word() -> None:
+    """Expected: a capital, a full stop, and words; a value's name without blanks: in capitals, or the choices."""
+    for command, parameter in PARAMETERS:
+        text, value = parameter.help, parameter.metavar
+        assert re.fullmatch(r"[A-Z].* .*\.", text), (command.name, parameter.name)
+        assert value is None or re.fullmatch(r"\S+", value), (command.name, parameter.name)
+        if value is not None and parameter.name not in {"controller", "over_ensemble"}:
+            is_name = re.fullmatch(r"[A-Z]+([.=|,\[\]:…]+(toml|html|[A-Z]+)?)*", value)
+            assert is_name or re.fullmatch(r"[a-z0-9._-]+(\|[a-z0-9._-]+)+", value), (command.name, parameter.name)
+        assert (value is None) == bool(getattr(parameter, "is_flag", False)), (command.name, parameter.name)
+
+
+def test_names_are_completed_by_what_there_is() -> None:
+    """Expected: presets, shipped experiments and systems that begin so, wherever one is an option or argument."""
+    found: dict[str, set[str]] = {}
+    for command, parameter in PARAMETERS:
+        context = command.make_context(command.name, [], resilient_parsing=True)
+        for name, begun in (("preset", "mot"), ("experiment", "heave_st"), ("target", "a"), ("name", "")):
+            if parameter.name == name:
+                for each in parameter.shell_complete(context, begun):
+                    found.setdefault(f"{command.name} {name}", set()).add(each.value)
+    for command in ("build", "excite", "identify", "reproduce", "workspace"):
+        assert found[f"{command} preset"] == {"motion_base"}
+    for command in ("run", "check", "margins", "ensemble", "tune", "export"):
+        assert found[f"{command} experiment"] == {"heave_step"}
+    systems = {"all", "aarch64-linux", "aarch64-darwin"}
+    assert found["build target"] == found["export target"] == systems
+    assert {"liu2000", "motion_base"} <= found["presets name"]
+    assert {"heave_step", "circle"} <= found["experiments name"]
+    for command, parameter in PARAMETERS:
+        if parameter.name == "target":
+            context = command.make_context(command.name, [], resilient_parsing=True)
+            assert [each.value for each in parameter.shell_complete(context, "n")] == ["native"]
