@@ -189,7 +189,7 @@ class Candidates:
         columns = merit.columns()
         unknown = np.full(n, np.nan)  # margins are not part of runs
         return np.stack([columns.get(name, unknown)[:n] for name in names], axis=1), [
-            (outcome.status, str(outcome.cause or "")) for outcome in outcomes[:n]
+            (outcome.status, str(outcome.cause)) for outcome in outcomes[:n]
         ]
 
 

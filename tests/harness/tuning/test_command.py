@@ -211,7 +211,7 @@ def test_tables_and_statement_show_the_numbers_in_their_units(found: gs.Tuning, 
 _SVG = "{http://www.w3.org/2000/svg}"
 
 
-def _marks(axes: ET.Element) -> list[tuple[np.ndarray[Any, Any], list[str], list[tuple[float, float]]]]:
+def marks_of(axes: ET.Element) -> list[tuple[np.ndarray[Any, Any], list[str], list[tuple[float, float]]]]:
     """For each line or collection of axes: the places of its markers, their styles, the corners of its path."""
     found = []
     for group in axes.findall(f"{_SVG}g"):
@@ -227,7 +227,7 @@ def _marks(axes: ET.Element) -> list[tuple[np.ndarray[Any, Any], list[str], list
     return found
 
 
-def _check_along(pixels: np.ndarray[Any, Any], values: np.ndarray[Any, Any], sign: int) -> np.ndarray[Any, Any]:
+def along(pixels: np.ndarray[Any, Any], values: np.ndarray[Any, Any], sign: int) -> np.ndarray[Any, Any]:
     """Pixels are a straight line of the values, rising or falling; its coefficients."""
     line = np.polyfit(values, pixels, 1)
     np.testing.assert_allclose(np.polyval(line, values), pixels, rtol=0, atol=0.02)
@@ -247,15 +247,15 @@ def test_the_figure_shows_every_candidate_in_its_place(folder: Path, shown: str)
     number = np.arange(1, 13)
     root = ET.parse(folder / "out" / "search.svg").getroot()  # our own file
     left, right = (next(g for g in root.iter(f"{_SVG}g") if g.get("id") == f"axes_{k}") for k in (1, 2))
-    dots, crosses, best = _marks(left)
+    dots, crosses, best = marks_of(left)
     low, middle = np.quantile(value[kept], (0, 0.5))
     visible = np.isfinite(value) & (value <= min(value[kept].max(), middle + 4 * (middle - low)))
-    x = _check_along(
+    x = along(
         np.concatenate([dots[0][:, 0], crosses[0][:, 0]]),
         np.concatenate([number[visible & kept], number[visible & ~kept]]),
         1,
     )
-    y = _check_along(
+    y = along(
         np.concatenate([dots[0][:, 1], crosses[0][:, 1]]),
         np.concatenate([value[visible & kept], value[visible & ~kept]]),
         -1,
@@ -271,7 +271,7 @@ def test_the_figure_shows_every_candidate_in_its_place(folder: Path, shown: str)
         assert at[0] == to[0] or at[1] == to[1]
         assert at[0] != to[0] or to[1] >= at[1]
     bandwidth, armature = np.log(rows[_KEYS[0]].to_numpy()), rows[_KEYS[1]].to_numpy()
-    marks = _marks(right)
+    marks = marks_of(right)
     collection = next(
         mark for mark in marks if any("fill" in style for style in mark[1]) and len(mark[0]) == kept.sum()
     )
@@ -279,7 +279,7 @@ def test_the_figure_shows_every_candidate_in_its_place(folder: Path, shown: str)
     crosses, circle = lines[0], lines[1]
     columns = [np.concatenate([each[~kept], each[kept]]) for each in (bandwidth, armature)]
     places = np.concatenate([crosses[0], collection[0]])
-    across, up = _check_along(places[:, 0], columns[0], 1), _check_along(places[:, 1], columns[1], -1)
+    across, up = along(places[:, 0], columns[0], 1), along(places[:, 1], columns[1], -1)
     chosen = int(np.flatnonzero(kept)[value[kept].argmin()])
     assert circle[0][0] == pytest.approx(
         [np.polyval(across, bandwidth[chosen]), np.polyval(up, armature[chosen])], abs=0.05
@@ -344,15 +344,15 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     x, y = (np.array([row[name] for row in rows]) for name in ("controller.bandwidth", "value"))
     root = ET.parse(out / "search.svg").getroot()  # our own file
     right = next(g for g in root.iter(f"{_SVG}g") if g.get("id") == "axes_2")
-    dots, crosses = (mark[0] for mark in _marks(right))
+    dots, crosses = (mark[0] for mark in marks_of(right))
     limit = min(y[kept].max(), np.median(y[kept]) + 4 * (np.median(y[kept]) - y[kept].min()))
     if np.median(y[kept]) == y[kept].min():
         limit = y[kept].max()
     visible = np.isfinite(y) & (y <= limit)
     places = np.concatenate([dots, crosses])
     assert (len(dots), len(crosses)) == ((visible & kept).sum(), (visible & ~kept).sum())
-    _check_along(places[:, 0], np.concatenate([x[visible & kept], x[visible & ~kept]]), 1)
-    _check_along(places[:, 1], np.concatenate([y[visible & kept], y[visible & ~kept]]), -1)
+    along(places[:, 0], np.concatenate([x[visible & kept], x[visible & ~kept]]), 1)
+    along(places[:, 1], np.concatenate([y[visible & kept], y[visible & ~kept]]), -1)
     assert "controller.bandwidth [Hz]" in _texts(out / "search.svg")
 
 
