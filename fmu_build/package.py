@@ -10,18 +10,19 @@ _NAME, _LICENSE = "gough-stewart", "licenses/LICENSE"
 
 def package_metadata() -> PackageMetadata:
     """The metadata from pyproject.toml."""
-    return _distribution().metadata
+    return _installed()[0].metadata
 
 
 def package_license() -> str:
     """The text of LICENSE."""
-    return _distribution().read_text(_LICENSE) or ""
+    return _installed()[1]
 
 
 @cache
-def _distribution() -> Distribution:
-    """The installed distribution; a checkout has another of the same name, without license."""
+def _installed() -> tuple[Distribution, str]:
+    """The installed distribution and its license; a checkout has another of the same name, without license."""
     for found in distributions(name=_NAME):
-        if found.read_text(_LICENSE):
-            return found
+        text = found.read_text(_LICENSE)
+        if text:
+            return found, text
     raise BuildError(f"{_NAME} is installed without its license; reinstall it with pip")

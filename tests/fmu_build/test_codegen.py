@@ -74,3 +74,110 @@ def test_the_layout_number_changes_with_the_variables_and_the_saved_form(paper: 
     component = plant_component(paper)
     others = replace(component, layout=Layout(PLANT.rows[:-1])), replace(component, saved_form="another")
     assert len({tables.layout_number(each) for each in (component, *others)}) == 3
+
+
+# --- one function, whole -------------------------------------------------------------------------------------------
+
+
+def mixed() -> casadi.Function:
+    """Two inputs and two outputs with all that the generator changes: quotients, literals, calls, infinity."""
+    x, p = casadi.SX.sym("x", 3), casadi.SX.sym("p", 2)
+    y = casadi.vertcat(x[0] / p[0], x[1] / p[0], x[2] / p[1] + 1.5e-7, casadi.sqrt(x[0]) + 2 * casadi.sin(p[1]))
+    z = casadi.fmod(x[0], p[1]) + casadi.sign(p[0]) + x[1] ** 2 + casadi.inf
+    return casadi.Function("f", [x, p], [y, z], ["x", "p"], ["y", "z"])
+
+
+IN_DOUBLE = """
+void kernel_f(const double x[], const double p[], double y[], double z[])
+{
+  double r0;
+  double a0, a1, a2, a3, a4, a5;
+  a0=x[0];
+  a1=p[0];
+  r0=1/a1;
+  a2=(a0*r0);
+  y[0]=a2;
+  a2=x[1];
+  a3=(a2*r0);
+  y[1]=a3;
+  a3=x[2];
+  a4=p[1];
+  a3=(a3/a4);
+  a5=1.4999999999999999e-07;
+  a3=(a3+a5);
+  y[2]=a3;
+  a3=sqrt(a0);
+  a5=sin(a4);
+  a5=(2.*a5);
+  a3=(a3+a5);
+  y[3]=a3;
+  a0=fmod(a0,a4);
+  a1=sign(a1);
+  a0=(a0+a1);
+  a2=sq(a2);
+  a0=(a0+a2);
+  a2=HUGE_VAL;
+  a0=(a0+a2);
+  z[0]=a0;
+}
+"""
+
+
+def test_a_function_is_written_in_double_with_one_reciprocal_for_two_quotients() -> None:
+    """Expected: written out by hand; what is divided by once stays a quotient."""
+    assert codegen.function_source(mixed()) == IN_DOUBLE
+
+
+def test_a_function_is_written_in_another_type_with_its_calls_casts_and_literals() -> None:
+    """Expected: as in double, changed by hand; only inputs and outputs of another type are cast."""
+    expected = IN_DOUBLE.replace("void kernel_f", "static void of_f").replace("double", "float")
+    for before, after in (
+        ("const float p[]", "const double p[]"),
+        ("float z[]", "double z[]"),
+        ("a1=p[0]", "a1=(float)p[0]"),
+        ("a4=p[1]", "a4=(float)p[1]"),
+        ("z[0]=a0", "z[0]=(double)a0"),
+        ("=1.4999999999999999e-07", "=((float)1.4999999999999999e-07)"),
+        ("(2.*a5)", "(((float)2.)*a5)"),
+        ("HUGE_VAL", "((float)HUGE_VAL)"),
+        *((f"={name}(", f"={name}f(") for name in ("sqrt", "sin", "fmod")),
+    ):
+        assert expected.count(before) == 1
+        expected = expected.replace(before, after)
+    types = codegen.Types("float", {"p": "double", "z": "double"}, "{}f")
+    assert codegen.function_source(mixed(), "static void of_", types) == expected
+
+
+def test_conditions_compare_with_zero_where_they_are_allowed() -> None:
+    """Expected: a choice, a negation and a conjunction of numbers, written out; refused by default."""
+    x = casadi.SX.sym("x", 2)
+    both = casadi.logic_or(casadi.logic_and(x[0], x[1]), casadi.logic_not(x[0]))
+    function = casadi.Function("g", [x], [casadi.if_else(both, x[1], 0)], ["x"], ["y"])
+    written = codegen.function_source(function, conditions=True)
+    assert re.search(r"=\(a\d!=0&&a\d!=0\);", written)
+    assert re.search(r"=\(a\d!=0\|\|a\d!=0\);", written)
+    assert re.search(r"=\(a\d==0\);", written)
+    assert re.search(r"=\(a\d!=0\?a\d:0\);", written)
+    with pytest.raises(RuntimeError, match=r"^g: unknown construct '\?' in the generated code$"):
+        codegen.function_source(function)
+
+
+def test_a_divisor_is_known_by_its_name_and_value() -> None:
+    """Expected: by hand; a name that is assigned again is another divisor, and what is no quotient stays."""
+    before = ["  a1=(a2/a3);", "  a4=(a1/a3);", "  a3=(a1+a4);", "  a5=(a2/a3);", "  a6=(a2/a7);", "  a8=(a1/a7);"]
+    after = [
+        *("  real r0, r1;", "  r0=1/a3;", "  a1=(a2*r0);", "  a4=(a1*r0);", "  a3=(a1+a4);", "  a5=(a2/a3);"),
+        *("  r1=1/a7;", "  a6=(a2*r1);", "  a8=(a1*r1);"),
+    ]
+    assert codegen.with_reciprocals("\n".join(before), "real") == "\n".join(after)
+    once = "\n".join(before[2:4])
+    assert codegen.with_reciprocals(once) == once
+
+
+def test_a_function_that_calls_others_is_refused() -> None:
+    """Expected: the number of functions that its code has."""
+    x = casadi.MX.sym("x")
+    inner = casadi.Function("inner", [x], [casadi.sin(x)], {"never_inline": True})
+    outer = casadi.Function("outer", [x], [inner(x) + inner(2 * x)], ["x"], ["y"])
+    with pytest.raises(RuntimeError, match=r"^outer: "):
+        codegen.function_source(outer)

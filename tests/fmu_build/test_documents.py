@@ -5,6 +5,7 @@ The documents come from `unit_of`, which compiles nothing.
 
 import io
 import json
+import re
 import xml.etree.ElementTree as ET
 import zipfile
 from dataclasses import replace
@@ -330,6 +331,16 @@ def test_text_between_formulas_code_and_bold_is_kept_in_order() -> None:
     )
     assert 'display="inline"' in x
     assert 'display="block"' in z
+
+
+def test_only_a_block_between_double_dollars_is_a_formula_by_itself() -> None:
+    """Expected: text before or behind it makes a paragraph; headings by their number of signs."""
+    assert to_html("$$x$$ and more").startswith("<p>")
+    assert to_html("see $$x$$").startswith("<p>see ")
+    assert to_html("### third\n\n\n\n# first\nand more") == "<h4>third</h4>\n<p># first\nand more</p>"
+    matrix = mathml(r"\begin{bmatrix} a & b \end{bmatrix}", "block")
+    assert re.search(r'<mrow class="matrix"><mtable>.*</mtable></mrow>', matrix)
+    assert "&#x0005B;" not in matrix
 
 
 def test_a_formula_that_browsers_do_not_show_is_refused() -> None:
