@@ -5,7 +5,7 @@ import inspect
 import pickle
 from collections.abc import Iterator
 from pathlib import Path
-from types import CodeType, FunctionType, MethodType
+from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -83,8 +83,13 @@ def _of_code(code: CodeType) -> Iterator[bytes]:
             yield repr(sorted(each, key=repr) if isinstance(each, frozenset) else each).encode()
 
 
-def _of_value(value: Any) -> Iterator[bytes]:
+def _of_value(value: Any, outer: tuple[int, ...] = ()) -> Iterator[bytes]:
     try:
         yield pickle.dumps(value)
     except Exception:
+        # an object of a class that no module has, such as one of a function or a notebook
         yield type(value).__qualname__.encode()
+        if id(value) not in outer and not isinstance(value, type | ModuleType):
+            for name, inner in getattr(value, "__dict__", {}).items():
+                yield name.encode()
+                yield from _of_value(inner, (*outer, id(value)))

@@ -1,0 +1,147 @@
+"""What a plan says of a controller from Python: another part of its code or values gives another one, nothing else."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.experiment.fingerprint import fingerprint
+
+SOURCE = """
+class Base:
+    share = 0.5
+    def limited(self, force):
+        return 3 * force
+
+class Law(Base):
+    gain = 4.0
+    modes = {"a", "b"}
+    def __init__(self, offset=2.0):
+        self.offset = offset
+    def __call__(self, sample):
+        def inner(x):
+            return x + 1
+        return self.gain * inner(self.offset) + (1 if sample in {"u", "v"} else 0)
+    @property
+    def twice(self):
+        return 2 * self.gain
+    @staticmethod
+    def fixed(x):
+        return x - 7
+    @classmethod
+    def made(cls):
+        return cls(8.0)
+
+def of_law(k):
+    def law(sample, power=5):
+        return k * sample + power + helper
+    return law
+
+helper = 9
+law = Law()
+function = of_law(6)
+"""
+
+
+def compiled(text: str) -> dict[str, Any]:
+    names: dict[str, Any] = {"__name__": "made_up"}
+    exec(text, names)
+    return names
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        *[("share = 0.5", "share = 0.25"), ("3 * force", "3 / force"), ("gain = 4.0", "gain = 4.5")],
+        *[
+            ('{"a", "b"}', '{"a", "c"}'),
+            ("offset=2.0", "offset=2.5"),
+            ("x + 1", "x + 11"),
+            ('{"u", "v"}', '{"u", "w"}'),
+        ],
+        *[("2 * self.gain", "2 * self.offset"), ("x - 7", "x - 8"), ("cls(8.0)", "cls(8.5)"), ("Law(Base)", "Law")],
+        *[("law = Law()", "law = Law(3.0)"), ("def twice", "def thrice")],
+    ],
+)
+def test_every_part_of_a_class_counts(old: str, new: str) -> None:
+    """Expected: of an object and of its bound methods; the class itself has no offset of its own."""
+    assert SOURCE.count(old) == 1
+    one, other = compiled(SOURCE), compiled(SOURCE.replace(old, new))
+    assert fingerprint(one["law"]) != fingerprint(other["law"])
+    assert fingerprint(one["law"].__call__) != fingerprint(other["law"].__call__)
+    assert (fingerprint(one["Law"]) == fingerprint(other["Law"])) == ("law = " in old)
+    again = compiled(f"\n\n# elsewhere{SOURCE}")
+    for name in ("law", "Law", "function"):
+        assert fingerprint(one[name]) == fingerprint(again[name])
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("of_law(6)", "of_law(7)"), ("power=5", "power=4"), ("k * sample", "k / sample"), ("helper = 9", "helper = 8")],
+)
+def test_every_part_of_a_function_counts(old: str, new: str) -> None:
+    """Expected: what it encloses, its defaults, its code, and globals that it reads."""
+    assert fingerprint(compiled(SOURCE)["function"]) != fingerprint(compiled(SOURCE.replace(old, new))["function"])
+
+
+def test_values_of_objects_that_cannot_be_pickled_count_too() -> None:
+    """Expected: of an object within an object, both of classes that no module has; one that holds itself has an end."""
+    laws = [compiled(SOURCE)["law"] for _ in range(3)]
+    for law in laws:
+        law.inner = compiled(SOURCE)["Law"](5.0)
+        law.itself = law
+    laws[2].inner.offset = 6.0
+    assert fingerprint(laws[0]) == fingerprint(laws[1]) != fingerprint(laws[2])
+
+
+def test_names_that_a_function_does_not_read_do_not_count() -> None:
+    changed = compiled(SOURCE.replace("gain = 4.0", "gain = 5.0"))
+    assert fingerprint(compiled(SOURCE)["function"]) == fingerprint(changed["function"])
+
+
+LINEAR = gs.LinearController(
+    control.ss(np.diag([0.5, 0.2]), np.ones((2, 12)), np.ones((6, 2)), np.zeros((6, 12)), 1e-3),
+    ("leg_length", "leg_velocity"),
+)
+
+
+def changed(system: Any, name: str) -> Any:
+    """Another matrix of this name, or another sample time."""
+    parts = {each: np.asarray(getattr(system, each)) for each in "ABCD"} | {"dt": system.dt}
+    return control.ss(*(2 * value + 1e-3 if each == name else value for each, value in parts.items()))
+
+
+@pytest.mark.parametrize("name", ["A", "B", "C", "D", "dt"])
+def test_every_matrix_and_the_sample_time_of_a_linear_controller_count(name: str) -> None:
+    """Expected: as a system and as a controller; the same matrices have the same."""
+    system = LINEAR.system
+    assert fingerprint(changed(system, name)) != fingerprint(system) == fingerprint(control.ss(system))
+    assert fingerprint(replace(LINEAR, system=changed(system, name))) != fingerprint(LINEAR)
+
+
+def test_signals_and_space_of_a_linear_controller_count() -> None:
+    exchanged = replace(LINEAR, signals=LINEAR.signals[::-1])
+    of_lengths = replace(LINEAR, signals=("leg_length",))
+    in_task_space = replace(of_lengths, space="task")
+    assert len({fingerprint(each) for each in (LINEAR, exchanged, of_lengths, in_task_space)}) == 4
+
+
+def test_it_begins_with_the_name_of_what_it_is_of() -> None:
+    """Expected: the class of systems, whose objects have no name; the words of other objects; and 16 digits."""
+    names = compiled(SOURCE)
+    for thing, words in (
+        (LINEAR, "LinearController"),
+        (LINEAR.system, "StateSpace"),
+        (names["law"], "object of class Law"),
+        (names["Law"], "class Law"),
+        (names["function"], "of_law.<locals>.law()"),
+        ("mine.fmu", "mine.fmu"),
+        (Path("a/mine.fmu"), "a/mine.fmu"),
+    ):
+        said, _, digits = fingerprint(thing).rpartition(", ")
+        assert said == words
+        assert len(digits) == 16
