@@ -206,6 +206,42 @@ def test_other_readings_are_compared_and_the_impossible_one_says_why(
     assert turned.orientation_change > 0
 
 
+def test_each_reading_says_what_was_decided_and_what_else_could_be_meant(
+    plus_first: tuple[list[readings.Reading], int],
+) -> None:
+    """Expected: written out, row by row."""
+    pairing = "each base joint to the platform joint 30° away, alternately + and −"
+    r2 = "0.4144 m below P, as both readings of the garbled value give"
+    assert [(row.point, row.decided, row.other) for row in plus_first[0]] == [
+        ("pairing of joints", pairing, "60° away, alternately + and −"),
+        ("pairing of joints", pairing, "both lists in the printed order, all legs twisted by +60°"),
+        ("order of the ± in the appendix, which swaps the forces of each pair", "+ first", "− first"),
+        ("r2, centre of mass of the upper part", r2, "half of a uniform rod with J2 and m2, 0.4014 m below P"),
+        ("r_G, centre of mass of the platform", "at Op", "0.1 m above Op"),
+        ("g", "9.81 m/s²", "9.80665 m/s²"),
+        ("friction in the legs", "none", "viscous, 1 N s/m"),
+        ("axes of roll, pitch, yaw", "fixed X, then Y, then Z", "moving X, then Y', then Z''"),
+    ]
+    assert [row.remark.partition(":")[0] for row in plus_first[0]] == [
+        *("", "impossible", "", "", "", "", ""),
+        "the same motion under other angles",
+    ]
+
+
+def test_joints_of_other_readings_stand_at_the_azimuths_of_the_appendix(
+    case: OpenLoopCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: 15° beside 60°, 180° and 300°, + before −, in the printed order; and each to the one beyond."""
+    points = readings._far_pairing(case.platform).platform_points
+    azimuth = np.degrees(np.arctan2(points[:, 0], points[:, 1])) % 360
+    assert azimuth == pytest.approx([75, 285, 195, 45, 315, 165])
+    assert np.linalg.norm(points, axis=1) == pytest.approx(1.0)
+    given = list[list[float]]()
+    monkeypatch.setattr(readings, "_on_azimuths", lambda _platform, degrees: given.append(degrees))
+    readings._turned_alike(case.platform)
+    assert given == [[middle + side for middle in (60, 180, 300) for side in (15, -15)]]
+
+
 def test_readings_of_the_other_order_start_from_it(plus_first: tuple[list[readings.Reading], int]) -> None:
     """Expected: seen from the other order, the first order is as far away."""
     both = plus_first[0], readings.other_readings(minus_first=True)

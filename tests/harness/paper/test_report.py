@@ -603,3 +603,29 @@ def test_the_case_is_the_papers_unless_one_is_given(monkeypatch: pytest.MonkeyPa
     assert seen[1].title == case_of(UNEVEN).title
     assert seen[1].platform == UNEVEN
     assert seen[2] is CASE
+
+
+@pytest.mark.parametrize(
+    ("case", "is_asked"), [(paper_case(), True), (paper_case(minus_first=True), True), (CASE, False)]
+)
+def test_only_the_published_case_is_read_in_other_ways(
+    case: OpenLoopCase, is_asked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the readings of the case's own order, and the weight; neither of another platform."""
+    asked = list[object]()
+
+    class StopError(Exception):
+        pass
+
+    def stop(*_: object) -> None:
+        raise StopError
+
+    for name in ("run_stepping", "run_kernel", "run_kane"):
+        monkeypatch.setattr(reproduce, name, lambda *_arguments, **_named: None)
+    monkeypatch.setattr(reproduce, "_fmus", lambda *_: ({}, {}))
+    monkeypatch.setattr(readings, "other_readings", lambda minus_first, _task: asked.append(minus_first))
+    monkeypatch.setattr(readings, "weight_of_the_published_forces", lambda: asked.append("weight"))
+    monkeypatch.setattr(figures, "open_loop_figures", stop)
+    with pytest.raises(StopError):
+        reproduce.reproduce(case)
+    assert asked == ([case.minus_first, "weight"] if is_asked else [])

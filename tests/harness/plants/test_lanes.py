@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.lanes import lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import lanes, signals
 from gough_stewart.harness.plants.lane_batch import Batch
@@ -551,6 +552,30 @@ def test_both_kernels_watch_the_same_steps() -> None:
         np.testing.assert_allclose(other[:2], one[:2], rtol=1e-5, atol=1e-13, err_msg=f"after step {k}")
     last = by_machine[-1]
     assert len(set(np.round(last[2], 6))) > 3  # members were repeated at steps of their own
+
+
+def test_both_kernels_see_no_error_in_a_step_without_motion() -> None:
+    """Expected: weightless at rest, a step differs from nothing: neither kernel repeats it; pushed, both repeat."""
+    floating = replace(UNEVEN, gravity=np.zeros(3), leg_coulomb_friction=0.0)
+    rest, u = np.zeros(3), np.zeros((2, 12))
+    starts = [State(UNEVEN.home_position, UNEVEN.home_orientation, rest, rest), STATE]
+    plants = [lanes_plant([floating, UNEVEN], starts, substeps=1, compiler=each) for each in (True, False)]
+    for k in range(12):
+        for plant in plants:
+            u[0, 9] = 0.0 if k < 8 else 30.0
+            plant.set_inputs(u)
+            plant.do_step(k * STEP, STEP)
+        one, other = (plant._batch for plant in plants)
+        np.testing.assert_allclose(other.allowed[:2], one.allowed[:2], rtol=1e-12)
+        np.testing.assert_allclose(other.error[:2], one.error[:2], rtol=1e-4, atol=1e-14)
+        assert (one.error[0] == 0) == (k < 8)
+
+
+def test_each_kernel_says_how_it_was_made() -> None:
+    """Expected: the features that the library names, or NumPy."""
+    by_machine, by_numpy = (lanes_plant([UNEVEN], [STATE], substeps=1, compiler=each) for each in (True, False))
+    assert (by_machine.compiled, by_machine.features) == (True, lanes_library().features)
+    assert (by_numpy.compiled, by_numpy.features) == (False, "NumPy")
 
 
 @pytest.mark.usefixtures("quiet")

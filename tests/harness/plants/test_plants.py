@@ -26,7 +26,7 @@ from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Message, Unit, UnitFile, references, values_of
+from gough_stewart.harness.plants.unit import Message, Unit, UnitFile, Values, references, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import GoughStewartError, InterfaceError, PlatformError, StepError
@@ -529,6 +529,14 @@ def test_a_unit_knows_its_name_and_where_time_begins(fmus: dict[str, Fmu]) -> No
                 assert unit.messages[0].instance == ("left" if version == "2.0" else None)
                 assert unit.messages[0].text in unit.take_messages()
             unit.do_step(7.35, 0.05)
+
+
+def test_a_unit_without_a_name_is_the_plant(fmus: dict[str, Fmu]) -> None:
+    """Expected: the word of an unknown value reference, under the name that the documentation has."""
+    with UnitFile(fmus["2.0"].path) as file, Unit(file) as unit:
+        with pytest.raises(FMICallException):
+            unit.read(Values([9999], 1, is_fmi2=True))
+        assert {message.instance for message in unit.messages} == {"plant"}
 
 
 def test_a_file_is_unpacked_where_it_is_told_and_stays_open(fmus: dict[str, Fmu], tmp_path: Path) -> None:
