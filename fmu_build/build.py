@@ -38,6 +38,11 @@ def build(
     progress
         Called with the name of each step.
 
+    Returns
+    -------
+    list of Path
+        The files written, one for each version.
+
     Raises
     ------
     BuildError

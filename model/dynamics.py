@@ -76,6 +76,11 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     M = [[m 1, −m r̃], [m r̃, J − m r̃ r̃]] + Σ_i G_iᵀ E_i G_i, with Ṗ_i = G_i [v; ω], G_i = [1, −c̃_i], E_i the
     apparent mass of leg i at P_i (see `leg_dynamics`), r = R r_G, J = R J_p Rᵀ. In kg, kg m and kg m²; position [m],
     orientation [rad] (..., 3).
+
+    Returns
+    -------
+    ndarray
+        M (..., 6, 6): blocks [kg], [kg m] and [kg m²] for v and ω.
     """
     legs = leg_geometry(parameters, position, orientation)
     return _mass_matrix(parameters, legs, _lumped_body(parameters, orientation, legs))
@@ -120,6 +125,11 @@ def inverse_dynamics(
     external_wrench
         [f_ext; τ_ext] (..., 6) at Op in world components [N, N m].
 
+    Returns
+    -------
+    ndarray
+        Actuator forces (..., 6) [N]; positive extends the leg.
+
     Raises
     ------
     SingularPoseError
@@ -149,6 +159,11 @@ def static_leg_forces(
     """Actuator forces (..., 6) [N] that hold a pose at rest against gravity and an external wrench.
 
     Position [m], orientation [rad] (..., 3); the wrench (..., 6) [N, N m] at Op, in world components.
+
+    Returns
+    -------
+    ndarray
+        Actuator forces (..., 6) [N]; positive pushes platform and base apart.
 
     Raises
     ------

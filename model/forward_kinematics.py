@@ -53,6 +53,12 @@ def forward_kinematics(
     tolerance
         Largest error of a leg length, relative to the longest leg.
 
+    Returns
+    -------
+    ForwardKinematics
+        `position` (3,) [m], `orientation` (3,) [rad], `converged`, `iterations`, and the largest error of a leg length:
+        `residual` [m], and `residual_history` [m], before each iteration and after the last.
+
     Raises
     ------
     NoPoseError

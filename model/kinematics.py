@@ -46,6 +46,12 @@ def leg_geometry(parameters: Parameters, position: Array, orientation: Array) ->
 
     l_i = t + R p_i − B_i, L_i = |l_i|, u_i = l_i / L_i; position [m], orientation [rad] (..., 3).
 
+    Returns
+    -------
+    LegGeometry
+        In world components: `arm` c_i = R p_i, from Op to P_i, and `vector` l_i (..., 6, 3) [m]; `length` L_i (..., 6)
+        [m]; `direction` u_i, from base to platform (..., 6, 3) [1].
+
     Examples
     --------
     >>> platform = gs.load_preset("liu2000")
@@ -103,6 +109,11 @@ def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) ->
     """Leg Jacobian J (..., 6, 6) with L̇ = J [v; ω], and wrench [force; torque about Op] = Jᵀ F.
 
     Row i is [u_iᵀ, (c_i × u_i)ᵀ], [1] and [m]; position [m], orientation [rad] (..., 3).
+
+    Returns
+    -------
+    ndarray
+        J (..., 6, 6): a row for each leg, columns for v [1] and ω [m].
     """
     return jacobian_of_legs(leg_geometry(parameters, position, orientation))
 

@@ -178,6 +178,12 @@ FACTOR_OF = {name.removesuffix(_FACTOR): name for name in TABLE if name.endswith
 def stack(parameters: Sequence[Parameters]) -> Parameters:
     """Many platforms as one batch: every parameter gets a leading axis over the platforms.
 
+    Returns
+    -------
+    ParametersOf
+        A batch of n platforms for the functions of geometry and forces: scalars become (n,), vectors (n, 3), points
+        (n, 6, 3).
+
     Examples
     --------
     >>> platforms = gs.stack([gs.load_preset("liu2000"), gs.load_preset("motion_base")])

@@ -119,6 +119,11 @@ class Platform(PlatformFields):
         parameters
             The other parameters of the platform, by name.
 
+        Returns
+        -------
+        Platform
+            With the joints' centres, and the limits and home pose that are given.
+
         Raises
         ------
         PlatformError

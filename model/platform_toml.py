@@ -77,6 +77,11 @@ def platform_to_toml(platform: Platform) -> str:
 def load_platform(path: Path | str) -> Platform:
     """Read a platform from a TOML file: the fields of `Platform` by name, in SI units.
 
+    Returns
+    -------
+    Platform
+        Validated, with arrays that are read-only.
+
     Raises
     ------
     PlatformFileError
@@ -113,7 +118,13 @@ def save_platform(platform: Platform, path: Path | str) -> None:
 
 
 def preset_names() -> tuple[str, ...]:
-    """Names of the presets for `load_preset`."""
+    """Names of the presets for `load_preset`.
+
+    Returns
+    -------
+    tuple of str
+        In alphabetical order.
+    """
     return shipped.names(*_PRESETS)
 
 
@@ -132,6 +143,11 @@ def preset_text(name: str) -> str:
 
 def load_preset(name: str) -> Platform:
     """A preset by name: the paper's `liu2000`, `desktop_hexapod` or `motion_base`.
+
+    Returns
+    -------
+    Platform
+        Validated, with arrays that are read-only.
 
     Raises
     ------

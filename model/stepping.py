@@ -174,6 +174,11 @@ class SteppingModel:
     def get(self, name: str) -> NDArray[np.float64] | float:
         """Value of a variable: an array of its shape, or a float for a scalar or an element (rules 2, 4).
 
+        Returns
+        -------
+        ndarray or float
+            A copy in SI units: an array of the variable's shape, or a float for a scalar or an element.
+
         Raises
         ------
         InterfaceError

@@ -94,6 +94,14 @@ def evaluate_poses(
     progress
         Called with the number of completed poses.
 
+    Returns
+    -------
+    PoseQualities
+        Arrays with the poses' leading axes, each None if the platform does not state its limit: `limit`, 0 if the
+        pose is reachable; `leg_length_margin` [m] and `joint_angle_margin` [rad], negative beyond; `singular_margin`,
+        the smallest singular value of the scaled leg Jacobian, negative beyond a singular pose; `condition_number`;
+        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s].
+
     Examples
     --------
     >>> found = gs.evaluate_poses(gs.load_preset("motion_base"), [[0, 0, 2.0], [0, 0, 3.5]], [0, 0.1, 0])

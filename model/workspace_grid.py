@@ -83,6 +83,12 @@ def sweep(
     progress
         Called with the number of completed poses.
 
+    Returns
+    -------
+    Workspace
+        `swept`, the values of each swept coordinate; `fixed`, the other coordinates; `qualities` as of
+        `evaluate_poses`, with one axis for each swept coordinate.
+
     Raises
     ------
     WorkspaceError

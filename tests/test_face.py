@@ -8,7 +8,8 @@ import subprocess
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Any, assert_type
+from types import UnionType
+from typing import Any, Self, assert_type, get_args, get_origin
 
 import numpy as np
 import pytest
@@ -81,6 +82,48 @@ def test_each_name_is_explained() -> None:
     for name in set(NAMES) - {"__version__", "VARIABLES"}:
         text = inspect.getdoc(getattr(gs, name)) or ""
         assert text.split("\n\n")[0].rstrip().endswith((".", ";", ":")), name
+
+
+def says_to_return(text: str) -> str:
+    """The type in the section "Returns" of a docstring; "" if there is none, or if nothing explains it."""
+    found = re.search(r"^Returns\n-------\n(\S.*)\n    \S", text, re.MULTILINE)
+    return found[1] if found else ""
+
+
+def words_for(annotation: Any, owner: type | None = None) -> str:
+    """A type as in a docstring: `list[Path]` is "list of Path", `FloatArray | float` is "ndarray or float"."""
+    kind, parts = get_origin(annotation) or annotation, get_args(annotation)
+    if isinstance(annotation, str):
+        return annotation
+    if annotation is Self and owner is not None:
+        return owner.__name__
+    if kind is UnionType:
+        return " or ".join(map(words_for, parts))
+    return f"{kind.__name__} of {parts[0].__name__}" if kind in (list, tuple) else str(kind.__name__)
+
+
+def test_each_function_says_what_it_returns() -> None:
+    """Expected: the type of its annotation, and something about it; nothing of functions that return None."""
+    functions = {name: inspect.unwrap(getattr(gs, name)) for name in NAMES if inspect.isfunction(getattr(gs, name))}
+    returned = {name: inspect.signature(function).return_annotation for name, function in functions.items()}
+    expected = {name: "" if each is None else words_for(each) for name, each in returned.items()}
+    assert len(expected) >= 40
+    assert {name: says_to_return(inspect.getdoc(each) or "") for name, each in functions.items()} == expected
+
+
+def test_each_method_with_sections_says_what_it_returns() -> None:
+    """Expected: as of functions; a method that is explained by sentences alone has no section."""
+    found = {}
+    for owner in (getattr(gs, name) for name in NAMES if inspect.isclass(getattr(gs, name))):
+        for name, method in inspect.getmembers(owner, inspect.isroutine):
+            text, module = inspect.getdoc(method) or "", getattr(method, "__module__", None) or ""
+            if name.startswith("_") or not module.startswith("gough_stewart") or "\n---" not in text:
+                continue
+            returned = inspect.signature(method).return_annotation
+            if returned is not None:
+                found[owner.__name__, name] = (says_to_return(text), words_for(returned, owner))
+    assert len(found) > 5
+    assert {method: both for method, both in found.items() if both[0] != both[1]} == {}
 
 
 def test_help_tells_all_names_in_their_groups_and_little_else() -> None:

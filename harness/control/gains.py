@@ -43,6 +43,12 @@ def gains_from_bandwidth(
     derivative_filter, anti_windup_time
         As in `Gains` [s].
 
+    Returns
+    -------
+    Gains
+        Each (6,): kp [N/m], kd [N s/m] and ki [N/(m s)], equal for all legs; in task space of x, y, z and, per rad, of
+        the rotations.
+
     Raises
     ------
     ControllerError

@@ -57,6 +57,12 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     outputs
         Names of outputs or locals of the interface.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        12 states, the pose and the twist; 12 inputs, the actuator forces and the external wrench;
+        the outputs asked for.
+
     Raises
     ------
     InterfaceError
@@ -92,6 +98,11 @@ def trim(
     """The platform at rest in a pose (default: home) under the leg forces that hold it there.
 
     Jᵀ F = n(pose, 0) − [f_ext; τ_ext], with the external wrench (6,) at Op in world components [N, N m].
+
+    Returns
+    -------
+    OperatingPoint
+        `state` (12,), the pose and a twist of zero; `inputs` (12,), actuator forces [N] and external wrench [N, N m].
 
     Raises
     ------
@@ -130,6 +141,12 @@ def linearise(
         Keep the slope of the smoothed Coulomb friction at rest, leg_coulomb_friction / leg_friction_velocity [N s/m].
         It acts as a large damper that the moving platform does not have, so it is left out by default.
 
+    Returns
+    -------
+    control.StateSpace
+        12 states, the pose and the twist; 12 inputs, the actuator forces and the external wrench;
+        the outputs asked for. All in SI units, as deviations from rest.
+
     Raises
     ------
     InterfaceError, SingularPoseError
@@ -156,6 +173,12 @@ def modes(system: Any) -> list[Mode]:
     """Modes of a linear system, slowest first; discrete poles are mapped by λ = ln(z) / dt.
 
     A pole at z = 0, of a pure delay, has no continuous counterpart and is left out.
+
+    Returns
+    -------
+    list of Mode
+        For each real eigenvalue and each conjugate pair: `eigenvalue` [1/s], the one with positive imaginary part;
+        `frequency` |λ|/2π [Hz]; `damping_ratio` −Re λ/|λ|, negative if the mode is unstable.
 
     Examples
     --------

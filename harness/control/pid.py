@@ -116,6 +116,11 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
     derivative_on
         "error" follows moving references without lag; "measurement" avoids the derivative kick at a step.
 
+    Returns
+    -------
+    control.StateSpace
+        A state for the derivative filter and one for the integrator of each channel that has them.
+
     Raises
     ------
     ControllerError
@@ -200,6 +205,11 @@ def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: A
 
 def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "control.StateSpace":
     """The continuous system at a sample time [s], as python-control's `sample_system` gives it; names are kept.
+
+    Returns
+    -------
+    control.StateSpace
+        In discrete time, with the sample time as `dt` [s].
 
     Raises
     ------

@@ -44,6 +44,11 @@ def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: S
 def read_ensemble(folder: Path | str) -> Ensemble:
     """An ensemble from its folder.
 
+    Returns
+    -------
+    Ensemble
+        As `ensemble` returned it.
+
     Raises
     ------
     RecordError

@@ -72,6 +72,11 @@ def ensemble(
     status
         Called with the present action before the run.
 
+    Returns
+    -------
+    Ensemble
+        `members`, a row of metrics for each member, in their order; `bands`, quantiles over time; `metadata`.
+
     Raises
     ------
     ExperimentError

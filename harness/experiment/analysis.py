@@ -103,6 +103,12 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     controller
         Replaces the experiment's: a discrete python-control system, or a `LinearController`.
 
+    Returns
+    -------
+    LoopMargins
+        `legs` and `disk`, the margins of each leg and of all at once; peaks of S and T; `gains`, `modes` and the `loop`
+        transfer as a python-control system.
+
     Raises
     ------
     ControllerError

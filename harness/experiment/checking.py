@@ -75,6 +75,11 @@ class MotionCheck:
 
         A slower motion needs a longer run: `loop.duration` grows with `reference.time_scale`.
 
+        Returns
+        -------
+        dict
+            Values by key, as for `load_experiment`.
+
         Raises
         ------
         MotionError
@@ -100,6 +105,11 @@ class MotionCheck:
 
     def fitted(self, fit: Fit) -> "MotionCheck":
         """The check of the experiment with `settings_that_fit`; its `experiment` is ready to run.
+
+        Returns
+        -------
+        MotionCheck
+            Within all limits and its margin.
 
         Raises
         ------
@@ -196,6 +206,11 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     settings
         Keys of the experiment to change, as in `load_experiment`.
+
+    Returns
+    -------
+    MotionCheck
+        The shares of the limits at every row, the needs of each leg, whether all is `within`, and scales that fit.
 
     Raises
     ------

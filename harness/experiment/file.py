@@ -34,6 +34,11 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
         Keys of the file to change: `{"loop.duration": 3, "controller.bandwidth": "2 Hz"}`, or as on the command
         line `["loop.duration=3"]`. Numbers are in SI units, frequencies in Hz; strings may have a unit.
 
+    Returns
+    -------
+    Experiment
+        Validated, in SI units, with the folder to which its paths are relative.
+
     Raises
     ------
     ExperimentError
@@ -103,7 +108,13 @@ def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) 
 
 
 def experiment_names() -> tuple[str, ...]:
-    """Names of the shipped experiments, for `load_experiment`, `run` and `margins`."""
+    """Names of the shipped experiments, for `load_experiment`, `run` and `margins`.
+
+    Returns
+    -------
+    tuple of str
+        In alphabetical order.
+    """
     return shipped.names(*_SHIPPED)
 
 

@@ -76,6 +76,11 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
     report
         Also write report.html, the HTML page.
 
+    Returns
+    -------
+    list of Path
+        The files written.
+
     Raises
     ------
     OutputError, OSError

@@ -105,6 +105,11 @@ def frf(
     controller
         The controller of the run, if it replaced that of the experiment; for the linear model.
 
+    Returns
+    -------
+    FrequencyResponse
+        S, T and L at the lines of the injection (n,) with their 95 % confidence, L of the linear model, and notes.
+
     Raises
     ------
     RecordError

@@ -68,6 +68,12 @@ def run(
         if a function that is the controller keeps memory, with which another run would go on; the record's metadata
         have the same as `warnings`.
 
+    Returns
+    -------
+    Record
+        A row at the start and after each plant step, with all variables, references, errors, measurements and forces in
+        SI units; `metadata["outcome"]` tells how the run ended.
+
     Raises
     ------
     ExperimentError, ReachError

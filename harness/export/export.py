@@ -94,6 +94,11 @@ def export(
     verdict
         Called with the largest |z| and the margins of each form's loop.
 
+    Returns
+    -------
+    list of Path
+        The files written.
+
     Raises
     ------
     UnstableLoopError

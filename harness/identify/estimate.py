@@ -102,6 +102,11 @@ class Estimate:
 
         If some elements of the inertia are nominal and the others do not fit them, all of it is nominal.
 
+        Returns
+        -------
+        Platform
+            The nominal one with these values.
+
         Raises
         ------
         PlatformError

@@ -80,6 +80,12 @@ def excite(
     status
         Called with the best result so far.
 
+    Returns
+    -------
+    Excited
+        `reference`, the motion as an `Excitation`; `condition_number` of the regressor with scaled columns, and
+        `log_determinant` of its information matrix per row.
+
     Raises
     ------
     IdentificationError

@@ -68,6 +68,11 @@ def identify(
         `pose_frame` ("world", or "own" for a tracker with its own frame), `accuracy`, standard errors of leg length
         [m], position [m] and orientation [rad], and `nominal_error` [m], the uncertainty of the nominal geometry.
 
+    Returns
+    -------
+    Estimate
+        Values with standard errors, intervals and correlation, residuals, and reasons not to trust them.
+
     Raises
     ------
     LogError

@@ -80,6 +80,11 @@ def read_log(path: Path | str, force_per_current: float | None = None, *, holds_
         Whether each force acts from its row to the next, as commands of a sampled controller do, or is a reading at
         the time of its row; by default, forces of records are held, and others are not.
 
+    Returns
+    -------
+    Log
+        Arrays in SI units, a row for each time; None for signals that the log does not have.
+
     Raises
     ------
     LogError

@@ -67,6 +67,12 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
     nominal, found
         Platforms before and after an identification.
 
+    Returns
+    -------
+    Compared
+        `before` and `after`, the records of both runs, and their `experiments`; displays errors, feedback forces and
+        margins side by side.
+
     Raises
     ------
     ExperimentError, ReachError

@@ -81,6 +81,11 @@ class ViaPath(ReferenceChoice):
     def about(self, platform: Platform, folder: Path = Path()) -> Polynomials:
         """The motion for a platform, whose limits determine its speed.
 
+        Returns
+        -------
+        Polynomials
+            Called with times (n,) [s], it gives the motion there.
+
         Raises
         ------
         MotionError

@@ -97,6 +97,11 @@ def reproduce(
     page
         Also make report.html, an HTML page with the motion.
 
+    Returns
+    -------
+    Reproduction
+        `report`, all numbers; `agrees`, whether every comparison is within its bound; `files` by name, as bytes.
+
     Raises
     ------
     StepError

@@ -67,6 +67,11 @@ def metrics(record: Record) -> Metrics:
 
     A part is None if the record lacks its columns.
 
+    Returns
+    -------
+    Metrics
+        A dict of numbers, lists and dicts, ready for JSON, that displays itself as tables.
+
     Examples
     --------
     >>> found = gs.metrics(gs.run("heave_step", {"loop.duration": 1}))

@@ -107,6 +107,11 @@ class Record:
 def read_record(path: Path | str) -> Record:
     """Read a record from `record.parquet`, from `record.csv` with `metadata.json` beside it, or from their folder.
 
+    Returns
+    -------
+    Record
+        The table and its metadata, as `run` returned them.
+
     Raises
     ------
     RecordError

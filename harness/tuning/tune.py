@@ -69,6 +69,11 @@ def tune(
     status
         Called with the search after every generation.
 
+    Returns
+    -------
+    Tuning
+        The `experiment` with the `values` found, their evaluations, and all `candidates`.
+
     Raises
     ------
     TuningError

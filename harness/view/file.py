@@ -39,6 +39,11 @@ def view(
     progress
         Called with the name of each step.
 
+    Returns
+    -------
+    Path
+        The page written.
+
     Raises
     ------
     RecordError
