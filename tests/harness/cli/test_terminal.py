@@ -8,20 +8,15 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from functools import partial
-from io import StringIO
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import typer
-from rich.console import Console
-from rich.progress import Progress
 from typer.testing import CliRunner, Result
 
 from gough_stewart.harness.cli import app as cli
-from gough_stewart.harness.cli import terminal
 from gough_stewart.harness.cli.command import clear_errors
-from gough_stewart.harness.cli.terminal import Terminal, members_bar, progress_bar
+from gough_stewart.harness.cli.terminal import Terminal
 from gough_stewart.harness.results.record import read_record
 
 COMMAND = [sys.executable, "-c", "from gough_stewart.harness.cli.entry import main; main()"]
@@ -205,27 +200,3 @@ def test_too_little_memory_is_one_line(capsys: pytest.CaptureFixture[str]) -> No
 def test_a_line_is_not_broken_however_narrow_the_terminal_is(capsys: pytest.CaptureFixture[str]) -> None:
     Terminal().say("word " * 100, ("styled", "bold"))
     assert capsys.readouterr().out.count("\n") == 1
-
-
-def test_bars_show_task_progress_and_times_in_order() -> None:
-    """Expected: from left to right what the bar is of, the bar, how many, how fast, how long, and how long still."""
-
-    def shown(bar: Progress, completed: int, total: int) -> str:
-        bar.add_task("a [b] task", completed=completed, total=total)
-        console = Console(width=140, file=StringIO(), color_system=None)
-        with console.capture() as text:
-            console.print(bar.get_renderable())
-        return re.sub("[━╸╺]+", "BAR", " ".join(text.get().split()))
-
-    assert shown(progress_bar(), 2, 4) == "a [b] task BAR 0:00:00"
-    assert shown(members_bar(), 10, 40) == "a [b] task BAR 10/40 0:00:00 left -:--:--"
-    rates = [column for column in members_bar().columns if isinstance(column, terminal._Rate)]
-    assert [str(rates[0].render(SimpleNamespace(speed=speed))) for speed in (None, 12.6)] == ["", "13 members/s"]  # type: ignore[arg-type]
-    kinds = [type(column).__name__ for column in members_bar().columns]
-    assert kinds[2:5] == ["MofNCompleteColumn", "_Rate", "TimeElapsedColumn"]
-    assert members_bar().speed_estimate_period == 60
-    for bar in (progress_bar(), members_bar()):
-        assert bar.live.transient
-        assert bar.live.console is terminal.errors
-        assert bar.disable
-    assert progress_bar(3).live.refresh_per_second == 3

@@ -158,3 +158,25 @@ def test_feedforward_beyond_the_force_limit_is_said_with_leg_and_time() -> None:
     limited = gs.run("circle_computed_torque", {**settings, **weak}, plant="model")
     (warning,) = warnings_of(limited)
     assert f"{forces.max():.4g} N of leg {leg + 1} at {free['time'][row]:.6g} s; its force limit is" in warning
+
+
+@pytest.mark.parametrize("report", [False, True])
+def test_files_that_could_not_be_written_are_named(
+    report: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: those of the set that was asked for, with or without the page, less the three of the record."""
+    record = gs.run("circle", SHORT)
+
+    def fails(_: gs.Record) -> dict[str, bytes]:
+        raise RuntimeError("no pictures today")
+
+    monkeypatch.setattr("gough_stewart.harness.results.figures.run_figures", fails)
+    with pytest.raises(RuntimeError, match="no pictures today") as caught:
+        gs.save_record(record, tmp_path, report=report)
+    pictures = [f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")]
+    missing = ["metrics.json", *pictures, *(["report.html"] if report else [])]
+    (note,) = caught.value.__notes__
+    there, _, rest = note.removeprefix(f"{tmp_path} has ").partition("; missing: ")
+    assert rest == ", ".join(missing)
+    assert set(there.split(", ")) == {"record.parquet", "record.csv", "metadata.json"}
+    assert {path.name for path in tmp_path.iterdir()} == set(there.split(", "))

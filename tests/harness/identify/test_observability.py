@@ -9,6 +9,8 @@ import pytest
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.observability import motion_rows
+from gough_stewart.harness.identify.parts import Part
 from tests.support.machine_logs import (
     HEAVE,
     MACHINE,
@@ -114,3 +116,22 @@ def test_a_value_at_its_bound_has_no_interval() -> None:
     assert np.isnan(found.interval[k]).all()
     assert json.loads(found.to_json())["parameters"]["leg_coulomb_friction"]["standard_error"] is None
     assert np.isfinite(found.interval[:k]).all()
+
+
+def test_sizes_of_what_a_motion_needs_are_those_of_changes_of_each_leg() -> None:
+    """Expected: deviations of each leg's force about its own mean, and RMS velocities by differences; means of logs."""
+    swings = Swing(seed=3, fade=0.5, frequency=0.5), Swing(seed=5, fade=0.5, frequency=0.8)
+    logs = [machine_log(course=Course(swing, duration=3.0, rate=500.0)) for swing in swings]
+    parts = [Part(log, np.inf, k) for k, log in enumerate(logs)]
+    rows = motion_rows(parts, NOMINAL)
+    assert rows is not None
+    forces = [np.asarray(log.actuator_force) for log in logs]
+    assert rows.force == pytest.approx(np.mean([each.std(axis=0).mean() for each in forces]))
+    velocities = [np.diff(log.leg_length, axis=0) * 500.0 for log in logs]
+    # the filter takes the first and the last of a log, which are slow
+    assert rows.velocity == pytest.approx(np.mean([np.sqrt((each**2).mean()) for each in velocities]), rel=0.15)
+    aside = np.array([0.0, 9e3, -4e3, 2e4, 1e3, -7e3])
+    held = [Part(replace(log, actuator_force=log.actuator_force + aside), np.inf, k) for k, log in enumerate(logs)]
+    found = motion_rows(held, NOMINAL)
+    assert found is not None
+    assert found.force == pytest.approx(rows.force, rel=1e-9)
