@@ -194,6 +194,14 @@ def test_times_of_an_excitation_are_finite_and_positive(name: str, value: str) -
     assert (done.exit_code, done.stderr) == (2, f"error: --{name} is {value}; expected a number > 0\n")
 
 
+@pytest.mark.usefixtures("notes")
+def test_the_first_wrong_time_is_named() -> None:
+    """Expected: in the order of the help."""
+    wrong = ["--duration=-1", "--frequency=-2", "--fade=-3"]
+    for k, name in enumerate(("duration is -1", "frequency is -2", "fade is -3")):
+        assert invoke("excite", *wrong[k:]).stderr == f"error: --{name}; expected a number > 0\n"
+
+
 @pytest.mark.parametrize("is_default", [True, False])
 def test_export(notes: Notes, is_default: bool) -> None:
     def act(_: Experiment, **options: Any) -> list[Path]:
