@@ -122,8 +122,9 @@ def _energy(goal: Goal, found: Evaluation) -> float:
 def _first(axes: tuple[Axis, ...], population: int, seed: int) -> FloatArray:
     """The first generation: evenly spread candidates, and the original values."""
     points: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(population)
-    if all(axis.is_within for axis in axes):
-        points[0] = [axis.share(axis.now) for axis in axes if axis.now is not None]
+    own = own_point(axes)
+    if own is not None and all(axis.is_within for axis in axes):
+        points[0] = [axis.share(value) for axis, value in zip(axes, own, strict=True)]
     return points
 
 

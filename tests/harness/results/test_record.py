@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ from hypothesis import strategies as st
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.results.record import Record, read_record
+from gough_stewart.harness.results.record import Record, machine_of, platform_of, read_record
+from gough_stewart.harness.results.record_checks import check_metadata, check_table
 
 # 0.0 and -0.0 are the same time
 _NUMBERS = st.floats(allow_nan=False, allow_infinity=False).filter(lambda x: x != 0)
@@ -149,3 +151,119 @@ def test_names_with_brackets_and_stars_are_only_names(saved: Path, tmp_path: Pat
     for file in ("record.csv", "record.parquet", ""):
         assert read_record(tmp_path / "run[12]" / file).metadata["title"] == "mine"
         assert read_record(tmp_path / "run*" / file).table.height == 5
+
+
+SIZES = {
+    **{"position": 3, "orientation": 3, "velocity": 3, "angular_velocity": 3, "leg_length": 6, "leg_velocity": 6},
+    **{"acceleration": 3, "angular_acceleration": 3, "joint_force": 18, "actuator_force": 6},
+    **{"external_force": 3, "external_torque": 3},
+    **{f"flag.{name}": 6 for name in ("force_limited", "rate_limited", "stroke_exceeded")},
+    **{f"error.{name}": size for name, size in (("position", 3), ("orientation", 3), ("leg_length", 6))},
+    **{f"reference.{name}": size for name, size in (("position", 3), ("velocity", 3), ("leg_velocity", 6))},
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_each_variable_has_all_of_its_elements_or_none(name: str) -> None:
+    """Expected: the sizes of the interface: whole, left out, and without the last element."""
+    record = run(shipped_experiment("impulse", ["loop.duration=0.002", "disturbance=[]"]))
+    table = record.table
+    if not record.columns_of(name):
+        table = table.with_columns(*(polars.lit(0.5).alias(f"{name}[{k + 1}]") for k in range(SIZES[name])))
+    columns = Record(table, {}).columns_of(name)
+    check_table(table, 3)
+    check_table(table.drop(columns), 3)
+    assert len(columns) == SIZES[name]
+    with pytest.raises(RecordError) as caught:
+        check_table(table.drop(columns[-1]), 3)
+    assert str(caught.value) == f"has {len(columns) - 1} columns of {name}; expected {len(columns)}"
+
+
+TABLES: dict[str, tuple[dict[str, object], int | None, str]] = {
+    "nothing wrong": ({"time": [7.3, 7.4], "x": [True, False]}, 2, ""),
+    "rows unknown": ({"time": [7.3, 7.4]}, None, ""),
+    "a single row": ({"time": [-7.3]}, 1, ""),
+    "no rows": ({"time": []}, None, "has no rows; expected at least one"),
+    "no times": ({"x": [1.0]}, None, "has no column 'time'; expected one with the times of the rows"),
+    "a text": ({"time": [1.0, 2.0], "x": ["1", "b"]}, None, "x in row 2 is 'b'; expected a number"),
+    "a date": ({"time": [1.0], "x": [date(2026, 1, 2)]}, None, "x has type Date; expected numbers"),
+    "a gap": ({"time": [1.0, 2.0, 3.0], "x": [1, 2, None]}, None, "x in row 3 is empty; expected a number"),
+    "the same time": ({"time": [1.0, 2.0, 2.0]}, None, "time in row 3 is 2.0; expected finite, increasing times"),
+    "an infinite time": (
+        {"time": [1.0, float("inf")]},
+        None,
+        "time in row 2 is inf; expected finite, increasing times",
+    ),
+    "a row too many": (
+        {"time": [1.0, 2.0]},
+        1,
+        "has 2 rows, but the run had 1; the file is incomplete or from another run",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", TABLES)
+def test_a_table_is_checked_row_by_row(what: str) -> None:
+    """Expected: the whole message, or none."""
+    columns, rows, says = TABLES[what]
+    if not says:
+        check_table(polars.DataFrame(columns), rows)
+        return
+    with pytest.raises(RecordError) as caught:
+        check_table(polars.DataFrame(columns), rows)
+    assert str(caught.value) == says
+
+
+# Keys of metadata, and values of other types.
+KEYS: dict[str, object] = {
+    **{"title": 3, "plant": 3, "rows": 2.5, "outcome": 3, "duration": "x", "sample_time": "x", "plant_step": []},
+    **{"force_limit": "x", "platform": 3, "experiment": [], "versions": 3, "files": {"a": 3}, "replaced": "x"},
+    **{f"experiment.{name}": 3 for name in ("reference", "controller", "loop", "sensors", "actuators", "limits")},
+    **{"experiment.start": 3, "experiment.change": {}, "experiment.disturbance": {}, "experiment.description": 3},
+    **{"outcome.time": "x", "outcome.cause": 3, "outcome.status": None},
+}
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_metadata_are_checked_key_by_key(key: str) -> None:
+    """Expected: the key and its value; None where a run has none, and other keys, are fine."""
+    outer, _, inner = key.partition(".")
+    value = (
+        {"status": "completed", "time": 1.0, inner: KEYS[key]} if outer == "outcome" and inner else {inner: KEYS[key]}
+    )
+    with pytest.raises(RecordError, match=f"^metadata: {key}[.a]* is "):
+        check_metadata({outer: value if inner else KEYS[key]})
+    check_metadata({"more": KEYS[key], "outcome": {"status": "completed", "time": 1.0, "more": 3}})
+    empty = (
+        "plant",
+        "rows",
+        "outcome",
+        "duration",
+        "sample_time",
+        "plant_step",
+        "force_limit",
+        "platform",
+        "experiment",
+    )
+    check_metadata(dict.fromkeys(empty))
+    check_metadata({})
+
+
+def test_a_record_knows_the_nominal_platform_and_the_machine(tmp_path: Path) -> None:
+    """Expected: both, if they differ; the nominal one twice, if there is only that; Parquet before CSV."""
+    record = run(
+        shipped_experiment("impulse", ["loop.duration=0.002", "disturbance=[]", "plant.parameters.platform_mass=77"])
+    )
+    nominal, machine = platform_of(record), machine_of(record)
+    assert (nominal.platform_mass == 77, machine.platform_mass) == (False, 77)
+    alone = Record(record.table, {"platform": record.metadata["platform"]})
+    assert machine_of(alone) == platform_of(alone) == nominal
+    for metadata in ({}, {"platform": {"mass": 3}}):
+        with pytest.raises(
+            RecordError, match=r"^the metadata have no platform \(.*\); expected what `gough-stewart run`"
+        ):
+            machine_of(Record(record.table, metadata))
+    written(Record(record.table, {**record.metadata, "title": "first"}), tmp_path)
+    (tmp_path / "metadata.json").write_bytes(Record(record.table, {**record.metadata, "title": "second"}).to_metadata())
+    assert read_record(tmp_path).metadata["title"] == "first"
+    assert read_record(tmp_path / "record.csv").metadata["title"] == "second"

@@ -2,6 +2,7 @@
 
 import pytest
 
+from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.tuning.candidates import members_for
 from gough_stewart.harness.tuning.conditions import condition_of
@@ -47,3 +48,88 @@ def test_a_value_is_within_from_the_lower_bound_to_the_upper(now: float, expecte
     assert found.share(found.low) == 0.0
     assert found.share(found.high) == 1.0
     assert found.value(0.25) == pytest.approx(2.25)
+
+
+_DISTURBANCES = [{"at": 0, "duration": 0.1, "force": [1, 2, 3]}, {"at": 0.2, "duration": 0.25, "force": [1, 2, 3]}]
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "expected"),
+    [
+        ("disturbance.2.duration=0.01..0.3s", {"disturbance": _DISTURBANCES}, (0.01, 0.3, 0.25, "s", False, False)),
+        ("limits.position_error=1..300mm", {}, (1e-3, 0.3, None, "m", False, False)),
+        ("actuators.force_limit=1e2..9e3", {}, (100.0, 9000.0, None, "N", False, False)),
+        ("actuators.rate_limit=1..9kN/s", {"actuators.rate_limit": 20}, (1e3, 9e3, 20.0, "N/s", False, False)),
+        ("loop.delay=+1..4", {}, (1.0, 4.0, 1, "", False, True)),
+        ("loop.delay = 0 .. 4 , log", {}, None),
+        ("controller.bandwidth= 120 rpm .. 6 Hz , log", {}, (2.0, 6.0, 2.0, "Hz", True, False)),
+        ("controller.damping_ratio=.5..1.", {}, (0.5, 1.0, 0.8, "", False, False)),
+        (
+            "plant.platform_mass=-1e-1..2E+3",
+            {"plant.parameters.platform_mass": 1234.5},
+            (-0.1, 2000.0, 1234.5, "kg", False, False),
+        ),
+    ],
+)
+def test_a_range_has_bounds_value_unit_and_scale(
+    text: str, settings: dict[str, object], expected: tuple[object, ...] | None
+) -> None:
+    """Expected: by hand, in SI units; the value of the experiment, of the second of two tables, too."""
+    if expected is None:
+        with pytest.raises(SearchError, match="the lower bound is 0; expected > 0 for a logarithmic scale"):
+            axis(text, **settings)
+        return
+    found = axis(text, **settings)
+    assert (found.low, found.high, found.now, found.unit, found.is_log, found.is_whole) == pytest.approx(expected)
+    assert found.key == text.partition("=")[0].strip()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "violations"),
+    [
+        # metric, upper, strict, bound; violation at the bound, one below it, one above
+        ("stroke.margin > 0", ("stroke.margin", False, True, 0.0), (1e-12, 1e6, 0.0)),
+        ("stroke.margin<=-2 mm", ("stroke.margin", True, False, -0.002), (0.0, 0.0, 500.0)),
+        ("  force.peak>=1e3 ", ("force.peak", False, False, 1000.0), (0.0, 1e-3, 0.0)),
+        ("force.peak < 2 kN", ("force.peak", True, True, 2000.0), (1e-12, 0.0, 5e-4)),
+        ("energy.net_total>-4 kJ", ("energy.net_total", False, True, -4000.0), (1e-12, 2.5e-4, 0.0)),
+        ("disk_margin > 0.5", ("margins.disk", False, True, 0.5), (1e-12, 2.0, 0.0)),
+        (
+            "step_response.z.overshoot_percent < 5 %",
+            ("step_response.z.overshoot_percent", True, True, 5.0),
+            (1e-12, 0.0, 0.2),
+        ),
+        ("saturation.force_limited.any < 5 %", ("saturation.force_limited.any", True, True, 0.05), (1e-12, 0.0, 20.0)),
+        ("saturation.force_limited.any < 0.05", ("saturation.force_limited.any", True, True, 0.05), (1e-12, 0.0, 20.0)),
+    ],
+)
+def test_a_condition_has_its_metric_side_and_bound(
+    text: str, expected: tuple[object, ...], violations: tuple[float, float, float]
+) -> None:
+    """Expected: by hand; a violation is a share of the bound, at most a million, and never 0 where it does not hold."""
+    known = ["force.peak", "stroke.margin", "energy.net_total", "saturation.force_limited.any"]
+    condition = condition_of(text, [*known, "step_response.z.overshoot_percent"])
+    assert (condition.metric, condition.is_upper, condition.is_strict) == expected[:3]
+    assert condition.bound == pytest.approx(expected[3])
+    assert condition.text == text.strip()
+    at = (condition.bound, condition.bound - 1, condition.bound + 1)
+    assert [condition.violation(value) for value in at] == pytest.approx(list(violations))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "force.peak > ",
+            "cannot be read; expected METRIC < NUMBER or METRIC > NUMBER, for instance disk_margin > 0.5",
+        ),
+        ("a b < 3", "cannot be read; expected METRIC < NUMBER or METRIC > NUMBER, for instance disk_margin > 0.5"),
+        ("force.peak << 3", "the bound is '< 3'; expected a number, or one with a unit such as N, kN"),
+        ("stroke.margin > inf", "the bound is 'inf'; expected a number, or one with a unit such as m, cm, mm"),
+        ("disk_margin > 5 %", "the bound is '5 %'; expected a number"),
+    ],
+)
+def test_what_is_no_condition_says_what_is_one(text: str, says: str) -> None:
+    with pytest.raises(SearchError) as caught:
+        condition_of(text, ["force.peak", "stroke.margin"])
+    assert str(caught.value) == f"--subject-to '{text}': {says}"

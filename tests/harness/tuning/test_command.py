@@ -538,6 +538,8 @@ def _alone(path: Path, settings: dict[str, Any], key: str, value: float) -> list
     [
         # from below the forces that hold the platform, about 50 N, to above: they are clipped in some candidates only
         ("actuators.force_limit", "20..80 N", 25.0),
+        # legs that pull
+        ("actuators.force_limit", "20..80.0 N", 25.0),
         ("platform.parameters.platform_mass", "8..20kg", 11.5),
         ("plant.parameters.platform_mass", "8..20kg", 11.5),
         ("reference.phase", "0.1..1.5rad", 0.3),
@@ -555,6 +557,8 @@ def test_each_candidate_starts_from_its_own_machine_and_forces(folder: Path, key
         "ensemble": {},
         key: own,
     }
+    if bounds.endswith(".0 N"):
+        settings["plant.parameters.gravity"] = [0.8, -1.1, 9.6]
     shown = key.replace(".parameters", "") if key.startswith("pl") else key
     found = gs.tune(
         path,
