@@ -92,11 +92,12 @@ def _axis(text: str, members: Members) -> Axis:
         raise SearchError(f"--vary {text}: {key}: {error}") from None
     members.check_acts(key, place)
     target = place.target
-    # integers, such as a delay in samples
-    is_whole = isinstance(_now(experiment, place), int)
+    now = _now(experiment, place)
+    # integers, such as a delay in samples; a quantity of 2 kg is none
+    is_whole = isinstance(now, int) and target.unit is None
     if place.path[:2] == ("controller", "parameters"):
         # 2 may be a gain: only whole bounds make it a whole number
-        is_whole = is_whole and low_text.lstrip("+-").isdigit() and high_text.lstrip("+-").isdigit()
+        is_whole = isinstance(now, int) and low_text.lstrip("+-").isdigit() and high_text.lstrip("+-").isdigit()
     if target.shape or (target.unit is None and not is_whole):
         raise SearchError(f"--vary {text}: {key} is not a single number; expected the key of a number")
     if any(each.place.path == place.path for each in members.inputs):
@@ -112,7 +113,7 @@ def _axis(text: str, members: Members) -> Axis:
         raise SearchError(f"--vary {text}: the bounds are {low:g} and {high:g}; expected the lower one first")
     if log and not low > 0:
         raise SearchError(f"--vary {text}: the lower bound is {low:g}; expected > 0 for a logarithmic scale")
-    axis = Axis(key, place, low, high, _now(experiment, place), bool(log), is_whole)
+    axis = Axis(key, place, low, high, now if is_whole or now is None else float(now), bool(log), is_whole)
     if axis.is_whole and (low % 1 or high % 1):
         raise SearchError(f"--vary {text}: {key} is a whole number; expected whole bounds")
     return axis

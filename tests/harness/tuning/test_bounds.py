@@ -52,6 +52,8 @@ def test_a_value_is_within_from_the_lower_bound_to_the_upper(now: float, expecte
 
 _DISTURBANCES = [{"at": 0, "duration": 0.1, "force": [1, 2, 3]}, {"at": 0.2, "duration": 0.25, "force": [1, 2, 3]}]
 
+_CHANGES = [{"at": 0.1, "parameters": {"platform_mass": 7}}, {"at": 0.2, "parameters": {"platform_mass": 12}}]
+
 
 @pytest.mark.parametrize(
     ("text", "settings", "expected"),
@@ -63,6 +65,14 @@ _DISTURBANCES = [{"at": 0, "duration": 0.1, "force": [1, 2, 3]}, {"at": 0.2, "du
         ("loop.delay=+1..4", {}, (1.0, 4.0, 1, "", False, True)),
         ("loop.delay = 0 .. 4 , log", {}, None),
         ("controller.bandwidth= 120 rpm .. 6 Hz , log", {}, (2.0, 6.0, 2.0, "Hz", True, False)),
+        # whole numbers that are quantities
+        (
+            "plant.platform_mass=900..1400kg",
+            {"plant.parameters.platform_mass": 1200},
+            (900.0, 1400.0, 1200.0, "kg", False, False),
+        ),
+        ("platform.leg_armature=.5..6kg", {"platform.parameters.leg_armature": 2}, (0.5, 6.0, 2.0, "kg", False, False)),
+        ("change.2.parameters.platform_mass=9..14kg", {"change": _CHANGES}, (9.0, 14.0, 12.0, "kg", False, False)),
         ("controller.damping_ratio=.5..1.", {}, (0.5, 1.0, 0.8, "", False, False)),
         (
             "plant.platform_mass=-1e-1..2E+3",
@@ -81,6 +91,7 @@ def test_a_range_has_bounds_value_unit_and_scale(
         return
     found = axis(text, **settings)
     assert (found.low, found.high, found.now, found.unit, found.is_log, found.is_whole) == pytest.approx(expected)
+    assert isinstance(found.now, int) == found.is_whole
     assert found.key == text.partition("=")[0].strip()
 
 
