@@ -23,10 +23,11 @@ from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import Plan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.loop.folds import RowsInBlocks
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.results.streamed import Merit
+from gough_stewart.harness.results.metric_folds import folds_of_loop
 
 ROUNDS, MEMBERS = 3, 1000
 VARIED = "ensemble.platform_mass={factor={uniform=[0.8,1.3]}}"
@@ -53,10 +54,11 @@ def simulated_seconds(plan: Plan) -> tuple[float, float]:
     rounds = []
     for _ in range(ROUNDS):
         batch = batch_of(prepared, plan.substeps)
-        merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
+        folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size))
+        rows = RowsInBlocks(batch.loop, folds, batch.size)
         start = time.perf_counter()
         with batch.plant:
-            observe(batch.plant, batch.law_from, batch.loop, merit)
+            observe(batch.plant, batch.law_from, batch.loop, rows)
         many = time.perf_counter() - start
         with FmuPlant(cached_build("3.0"), single.machine, single.start) as plant:
             start = time.perf_counter()

@@ -88,7 +88,7 @@ def tune_command(
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=None)
             from gough_stewart.harness.experiment.setting_file import text_with_settings
-            from gough_stewart.harness.results.metric_names import shown_metric
+            from gough_stewart.harness.results.metric_folds import shown_metric
             from gough_stewart.harness.tuning.files import FILES, tuning_files
             from gough_stewart.harness.tuning.tune import tune
             from gough_stewart.model.files import check_output_folder, write_files

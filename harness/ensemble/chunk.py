@@ -25,12 +25,12 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import pilots
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.loop.folds import RowsInBlocks
 from gough_stewart.harness.loop.observe import observe_all
-from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
+from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.results.oscillation import Oscillation
-from gough_stewart.harness.results.streamed import Merit
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import LIMITS
@@ -65,14 +65,15 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
         return Chunk(_rows(first, part.draws.columns, part.impossible, [], (), (), merits), nothing, "")
     batch = batch_of(prepared, plan.substeps)
     timing = prepared[0].loop.timing
-    merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
     bands = Bands(_signals(members), timing, len(prepared), first)
     errors = LegErrors(timing, len(prepared))
+    folds = [*folds_of_loop(batch.loop, limits_of_members(prepared, batch.size)), bands, errors]
+    rows_in_blocks = RowsInBlocks(batch.loop, folds, batch.size)
     with batch.plant:
-        outcomes = observe_all(batch.plant, batch.law_from, batch.loop, _All(merit, (bands, errors), len(prepared)))
+        outcomes = observe_all(batch.plant, batch.law_from, batch.loop, rows_in_blocks)
         integration_error = batch.plant.integration_error[: len(prepared)]
         features = batch.plant.features
-    columns = {name: values[: len(prepared)] for name, values in merit.columns().items()}
+    columns = {name: values[: len(prepared)] for name, values in columns_of(rows_in_blocks.results()).items()}
     columns[INTEGRATION_ERROR] = integration_error
     if members.choice.margins:
         columns |= margins_of(prepared)
@@ -80,31 +81,6 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     own = oscillations(prepared, ended, errors)
     rows = _rows(first, part.draws.columns, part.impossible, numbers, ended, own, columns)
     return Chunk(rows, bands.samples(), features)
-
-
-class _All(Observer):
-    """Metrics of all members, including copies; other observers without copies."""
-
-    def __init__(self, merit: Merit, others: Sequence[Observer], members: int) -> None:
-        self._merit, self._others, self._members = merit, others, members
-
-    def row(self, row: Row) -> None:
-        self._merit.row(row)
-        some = _head(row, self._members)
-        for each in self._others:
-            each.row(some)
-
-
-def _head(row: Row, n: int) -> Row:
-    """The row of the first n members."""
-    reference = row.reference
-    return row._replace(
-        signals=row.signals[:n],
-        inputs=row.inputs[:n],
-        reference=reference if reference is None or reference.ndim == 1 else reference[:n],
-        running=row.running[:n],
-        sampled=None,
-    )
 
 
 def _signals(members: Members) -> Sequence[str]:
@@ -186,8 +162,7 @@ def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamp
         some = members.prepared(members.nominal)
     loop, platform = some.loop, some.platform
     limits = {row.name: value for row in LIMITS if (value := getattr(platform, row.name)) is not None}
-    merit = Merit(loop, limits)
-    columns = {**merit.columns(), INTEGRATION_ERROR: np.zeros(1)}
+    columns = {**columns_of(RowsInBlocks(loop, folds_of_loop(loop, limits)).results()), INTEGRATION_ERROR: np.zeros(1)}
     if members.choice.margins:
         columns |= {f"{MARGINS}stable": np.zeros(1), f"{MARGINS}disk": np.zeros(1)}
     bands = Bands(_signals(members), loop.timing, 0, first)

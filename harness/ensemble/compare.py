@@ -13,7 +13,7 @@ from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Named, Sheet, number_text
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95

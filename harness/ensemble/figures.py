@@ -19,7 +19,8 @@ from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, png
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
-from gough_stewart.harness.results.metric_names import Shown, shown_metric
+from gough_stewart.harness.results.metric import Shown
+from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 _WIDTH, _ROW = 8.0, 1.9  # [inch]

@@ -1,6 +1,6 @@
 """Display names of signals and varied inputs: words, units, scale."""
 
-from gough_stewart.harness.results.metric_names import Shown
+from gough_stewart.harness.results.metric import Shown
 from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.parameters import TABLE
 

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import polars
+from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.preparation import Prepared
-from gough_stewart.harness.loop.loop import Loop
-from gough_stewart.harness.loop.observing import Row
+from gough_stewart.harness.loop.folds import Block, Fold, State
+from gough_stewart.harness.loop.loop import LENGTHS, Loop
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.oscillation import (
@@ -25,22 +26,34 @@ from gough_stewart.model.vectors import FloatArray
 
 # Rows that are kept of each member: 100 kB, 50 MB in a chunk.
 MOST_ROWS = 2048
-_LENGTHS = slice(12, 18)
 
 
-class LegErrors:
-    """A loop observer that keeps the errors of the leg lengths (rows, N, 6), of every row or of each so-many-th."""
+class LegErrors(Fold):
+    """Keeps the errors of the leg lengths of the first members (rows, 6, N), of every row or of each so-many-th."""
+
+    needs = ("error.leg_length",)
+    keeps_ended = False
 
     def __init__(self, timing: Timing, members: int) -> None:
         self.every = ceil((timing.steps + 1) / MOST_ROWS)
         self.time = timing.times[:: self.every]
-        self.errors: FloatArray = np.zeros((len(self.time), members, 6))
+        self.errors: FloatArray = np.zeros((len(self.time), 6, members))
 
-    def row(self, row: Row) -> None:
-        """Keep this row if it is its turn."""
-        if row.k % self.every == 0 and row.reference is not None:
-            signals = np.atleast_2d(row.signals)[:, _LENGTHS]
-            np.subtract(row.reference[..., _LENGTHS], signals, out=self.errors[row.k // self.every])
+    def start(self, _members: int) -> State:
+        """None by member: whoever reads the errors knows who has ended."""
+        return {}
+
+    def rows(self, _state: State, block: Block) -> None:
+        """Keep the rows whose turn it is."""
+        first = -block.first % self.every
+        if self.needs[0] in block and first < block.rows:
+            kept = block[self.needs[0]][first :: self.every, :, : self.errors.shape[2]]
+            at = (block.first + first) // self.every
+            self.errors[at : at + len(kept)] = kept
+
+    def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
+        """None; see `errors`."""
+        return {}
 
 
 def oscillations(
@@ -53,7 +66,7 @@ def oscillations(
     completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
     found: list[Oscillation | None] = [None] * len(prepared)
     for k in _candidates(prepared, completed, kept):
-        found[k] = _own_motion(prepared[k], kept.time, kept.errors[:, k], kept.every)
+        found[k] = _own_motion(prepared[k], kept.time, kept.errors[:, :, k].copy(), kept.every)
     return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
 
 
@@ -74,7 +87,7 @@ def _own_motion(prepared: Prepared, time: FloatArray, error: FloatArray, every: 
     loop = prepared.loop
     if loop.reference is None or prepared.controller is None:
         return None
-    reference = loop.reference[::every, _LENGTHS]
+    reference = loop.reference[::every, LENGTHS]
     length = float(np.mean(reference - error))
     sensors = loop.sensors
     least = least_amplitude(length, prepared.platform.platform_points, _one(sensors.noise), _one(sensors.quantisation))
@@ -89,12 +102,12 @@ def _candidates(prepared: Sequence[Prepared], members: Sequence[int], kept: LegE
         if loop.reference is not None and prepared[k].controller is not None:
             same = id(loop.reference)
             if same not in ends:
-                ends[same] = last_change(loop.reference[:: kept.every, _LENGTHS])
+                ends[same] = last_change(loop.reference[:: kept.every, LENGTHS])
             alike.setdefault((same, _rest_begins(loop, ends[same], kept.every)), []).append(k)
     for (_, begins), group in alike.items():
         reference = prepared[group[0]].loop.reference
         assert reference is not None
-        may = may_move(kept.errors[:, group], kept.time, reference[:: kept.every, _LENGTHS], begins)
+        may = may_move(np.moveaxis(kept.errors[..., group], 1, 2), kept.time, reference[:: kept.every, LENGTHS], begins)
         yield from (k for k, is_one in zip(group, may.tolist(), strict=True) if is_one)
 
 

@@ -19,7 +19,8 @@ from gough_stewart.harness.output.pages import asset, document, packed, plotly
 from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.output.tables import Sheet, number_text, to_html
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
-from gough_stewart.harness.results.metric_names import Shown, shown_metric
+from gough_stewart.harness.results.metric import Shown
+from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 PAGE = "report.html"

@@ -11,7 +11,7 @@ from gough_stewart.harness.ensemble.columns import OUTCOME, metric_name
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Sheet, number_text
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["sobol", "regression"]

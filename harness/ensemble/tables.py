@@ -8,7 +8,7 @@ from gough_stewart.harness.ensemble.columns import OUTCOME, metric_names
 from gough_stewart.harness.ensemble.statistics import counted, failures, kinds_of_oscillation, left_out, quantiles
 from gough_stewart.harness.output.tables import Named, Sheet, quantity_text
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import shown_metric
 
 # The metrics of the terminal table; the page shows all.
 _MOST_CAUSES = 8

@@ -8,10 +8,10 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.loop.observing import Row
+from gough_stewart.harness.loop.folds import ERRORS, Block, Fold, State
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import signals
-from gough_stewart.model import interface
+from gough_stewart.model.interface import BY_NAME, nearest
 from gough_stewart.model.vectors import FloatArray
 
 # Quantiles are exact, over at most this many members: the first ones.
@@ -20,11 +20,10 @@ MOST_TIMES = 200
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 QUANTILES = tuple(f"q{round(100 * level):02d}" for level in LEVELS)
 DEFAULT = ("position", "orientation", "error.position.norm", "error.orientation.norm", "actuator_force")
-_ERRORS = {"position": slice(0, 3), "orientation": slice(3, 6), "leg_length": slice(12, 18)}
 NAMES = (
     *signals.NAMES,
     "actuator_force",
-    *(f"error.{name}" for name in _ERRORS),
+    *ERRORS,
     "error.position.norm",
     "error.orientation.norm",
 )
@@ -41,15 +40,15 @@ class BandSamples(NamedTuple):
     running: NDArray[np.intp]  # (T,), number of members still running
 
 
-class Bands:
-    """A loop observer that samples signals of all members at some times.
+class Bands(Fold):
+    """A fold that samples signals of all members at some times.
 
     Parameters
     ----------
     names
         Names out of `NAMES`: signals, forces, and errors (reference − actual); `.norm` is the Euclidean norm.
     members
-        Number of members; 1 for a loop without leading axes.
+        Number of members: the first ones of those that run.
     first
         Number of the first member; quantiles use only members below `MOST_MEMBERS`.
     times
@@ -61,13 +60,16 @@ class Bands:
         A name is not in `NAMES`.
     """
 
+    keeps_ended = False
+
     def __init__(
         self, names: Sequence[str], timing: Timing, members: int = 1, first: int = 0, times: int = MOST_TIMES
     ) -> None:
         for name in names:
             if name not in NAMES:
-                raise RecordError(f"no signal '{name}' for bands{interface.nearest(name, NAMES)}")
+                raise RecordError(f"no signal '{name}' for bands{nearest(name, NAMES)}")
         self._names, self._members = tuple(names), members
+        self.needs = tuple(dict.fromkeys(name.removesuffix(".norm") for name in names))
         rows = np.unique(np.linspace(0, timing.steps, min(times, timing.steps + 1)).round().astype(int))
         self._at = {row: k for k, row in enumerate(rows.tolist())}
         self._time = timing.times[rows]
@@ -77,17 +79,28 @@ class Bands:
         self._lowest, self._highest = np.full(size, np.nan), np.full(size, np.nan)
         self._running = np.zeros(len(rows), dtype=np.intp)
 
-    def row(self, row: Row) -> None:
-        """Sample the signals if this row is a sample time."""
-        k = self._at.get(row.k)
-        if k is None:
-            return
-        running = np.atleast_1d(row.running)
-        values = np.concatenate([_values(name, row) for name in self._names])
-        values = np.where(running & np.isfinite(values), values, np.nan)
-        self._values[k] = values[:, : self._values.shape[2]]
-        self._lowest[k], self._highest[k] = np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1)
-        self._running[k] = np.count_nonzero(running)
+    def start(self, _members: int) -> State:
+        """None by member: `rows` leaves out samples of members that have ended."""
+        return {}
+
+    def rows(self, _state: State, block: Block) -> None:
+        """Sample the signals at the sample times in a block."""
+        running, n = block.running[: self._members], self._values.shape[2]
+        for row in range(block.first, block.first + block.rows):
+            k = self._at.get(row)
+            if k is None:
+                continue
+            values = np.concatenate(
+                [_values(name, block, row - block.first)[:, : self._members] for name in self._names]
+            )
+            values = np.where(running & np.isfinite(values), values, np.nan)
+            self._values[k] = values[:, :n]
+            self._lowest[k], self._highest[k] = np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1)
+            self._running[k] = np.count_nonzero(running)
+
+    def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
+        """None; see `samples`."""
+        return {}
 
     def samples(self) -> BandSamples:
         """The samples so far."""
@@ -143,18 +156,14 @@ def _columns(name: str) -> list[str]:
     if name.endswith(".norm"):
         return [name]
     prefix, _, variable = name.rpartition(".")
-    return [f"{prefix}.{column}" if prefix else column for column in interface.BY_NAME[variable].scalar_names]
+    return [f"{prefix}.{column}" if prefix else column for column in BY_NAME[variable].scalar_names]
 
 
-def _values(name: str, row: Row) -> FloatArray:
-    """The signal (size, N) of a name at a row."""
-    if name == "actuator_force":
-        return np.atleast_2d(row.inputs)[:, :6].T
-    now = np.atleast_2d(row.signals).T
-    if not name.startswith("error."):
-        return now[signals.positions([name])]
-    part = _ERRORS[name.removeprefix("error.").removesuffix(".norm")]
-    if row.reference is None:
-        return np.full((1 if name.endswith(".norm") else part.stop - part.start, now.shape[1]), np.nan)
-    error = np.atleast_2d(row.reference).T[part] - now[part]
-    return np.sqrt((error * error).sum(axis=0, keepdims=True)) if name.endswith(".norm") else error
+def _values(name: str, block: Block, row: int) -> FloatArray:
+    """The signal (size, N) of a name at a row of a block."""
+    column = name.removesuffix(".norm")
+    if column not in block:
+        size = 1 if column != name else BY_NAME[name.removeprefix("error.")].size
+        return np.full((size, len(block.running)), np.nan)
+    values: FloatArray = block[column][row]
+    return values if column == name else np.sqrt((values * values).sum(axis=0, keepdims=True))

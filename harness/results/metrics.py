@@ -1,20 +1,20 @@
 """Metrics of a run: tracking, step responses, forces, power and energy, saturation, stroke."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.results.limits import shares_of_limits
+from gough_stewart.harness.loop.folds import ERRORS, Block, Fold, Folding, Scratch
+from gough_stewart.harness.results.metric_folds import METRICS, STROKE_EXCEEDED, Rows, metric_folds, metric_of
 from gough_stewart.harness.results.outcome import outcome_of
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.results.steps import AXES, BAND, HIGH, LOW, step_in, step_numbers
 from gough_stewart.model.vectors import FloatArray
 
-_USED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
-_ERRORS = ("position", "orientation", "leg_length")
+# Rows of a record in a block.
+_ROWS = 8192
 
 
 class Metrics(dict[str, Any]):
@@ -79,25 +79,60 @@ def metrics(record: Record) -> Metrics:
     >>> found["tracking"]["position"]["norm_peak"], found["step_response"][0]["rise_time"]
     """
     kept = finite_part(record)
+    found: dict[str, Any] = {"outcome": outcome_of(record)}
     n = kept.table.height
-    time = kept["time"]
-    # overflow becomes None
-    with np.errstate(all="ignore"):
-        return Metrics(
-            {
-                "outcome": outcome_of(record),
-                "rows": n,
-                "duration": float(time[-1] - time[0]) if n else None,
-                "tracking": _tracking(kept) if n else None,
-                "step_response": _step_responses(kept) if n else None,
-                "force": _force(kept) if n else None,
-                "power": _power(kept) if n else None,
-                "energy": _energy(kept) if n else None,
-                "saturation": _saturation(kept) if n else None,
-                "stroke": _stroke(kept) if n else None,
-                "limits": _limits(kept) if n else None,
-            }
-        )
+    parts = dict[str, Any](_parts(kept) if n else {})
+    steps = parts.pop("step_response", {})
+    knows_steps = bool(n) and _reference(kept) is not None
+    names = ("tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
+    found |= {"rows": n, "duration": parts.get("duration"), **{name: parts.get(name) for name in names}}
+    found["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()] if knows_steps else None
+    if n:
+        found["stroke"].setdefault("exceeded", None)
+    return Metrics(found)
+
+
+def _parts(record: Record) -> dict[str, Any]:
+    """Metrics of a record of at least one row, nested by the parts of their paths."""
+    folds = metric_folds(record["time"], _reference(record), record.metadata["platform"], record.__contains__)
+    results = _folded(record, folds)
+    found = dict[str, Any]()
+    for metric in METRICS:
+        if metric.path not in results:
+            continue
+        *above, name = metric.path.split(".")
+        part = found
+        for each in above:
+            part = part.setdefault(each, {})
+        values = results[metric.path][..., 0]
+        part[name] = [_number(value) for value in values] if values.ndim else _number(values)
+    return found
+
+
+def _folded(record: Record, folds: Sequence[Fold]) -> dict[str, FloatArray]:
+    """Results of folds over the rows of a record, as over those of a run."""
+    names = dict.fromkeys([*(name for fold in folds for name in fold.needs), STROKE_EXCEEDED])
+    columns = {name: _column(record, name) for name in names if name in record}
+    folding, scratch, n = Folding(folds, 1), Scratch(), record.table.height
+    for first in range(0, n, _ROWS):
+        last = min(first + _ROWS, n)
+        # in the first block, any row stands for the one before
+        before = slice(first - 1, last) if first else np.r_[0, :last]
+        part = {name: values[before] for name, values in columns.items()}
+        folding.add(Block(first, last - first, part, folding.running, scratch))
+    return folding.results()
+
+
+def _column(record: Record, name: str) -> NDArray[Any]:
+    """A column (n, size, 1), row by row in memory, so that sums take rows in the order of a run."""
+    values = np.ascontiguousarray(record[name])[:, :, None]
+    return values.astype(bool) if name.startswith("flag.") else values
+
+
+def _reference(record: Record) -> FloatArray | None:
+    """The reference poses (n, 6), if the record has them."""
+    names = ("reference.position", "reference.orientation")
+    return np.hstack([record[name] for name in names]) if all(name in record for name in names) else None
 
 
 def metrics_json(metrics: dict[str, Any]) -> bytes:
@@ -108,138 +143,15 @@ def metrics_json(metrics: dict[str, Any]) -> bytes:
 def finite_part(record: Record) -> Record:
     """The rows before the first one with values of the plant that are not finite."""
     fine: NDArray[np.bool_] = np.ones(record.table.height, dtype=bool)
-    for name in (*_USED, *(f"error.{e}" for e in _ERRORS), "reference.position", "reference.orientation"):
+    for name in (*Rows.needs, *ERRORS, "reference.position", "reference.orientation"):
         if name in record:
             fine &= np.isfinite(record[name]).all(axis=1)
     rows = len(fine) if fine.all() else int(fine.argmin())
     return Record(record.table.head(rows), record.metadata)
 
 
-def _tracking(record: Record) -> dict[str, Any] | None:
-    found: dict[str, Any] = {}
-    for name in _ERRORS:
-        if f"error.{name}" not in record:
-            continue
-        error = record[f"error.{name}"]
-        found[name] = {"rms": _list(_rms(error)), "peak": _list(np.abs(error).max(axis=0))}
-        if name != "leg_length":
-            norm = np.linalg.norm(error, axis=1)
-            found[name] |= {"norm_rms": _number(_rms(norm)), "norm_peak": _number(norm.max())}
-    return found or None
-
-
-def _step_responses(record: Record) -> list[dict[str, Any]] | None:
-    if "reference.position" not in record or "reference.orientation" not in record:
-        return None
-    responses = (
-        _step_response(axis, record["time"], record[f"reference.{name}"][:, k], record[name][:, k])
-        for axis, name, k in AXES
-    )
-    return [response for response in responses if response is not None]
-
-
-def _step_response(axis: str, time: FloatArray, reference: FloatArray, actual: FloatArray) -> dict[str, Any] | None:
-    step = step_in(reference)
-    if not step.exists:
-        return None
-    start, first, last = int(step.start), step.first, step.last
-    response = (actual[start:] - first) / (last - first)
-    outside = np.flatnonzero(np.abs(response - 1) >= BAND)
-    low, high = (np.asarray((response >= level).argmax()) for level in (LOW, HIGH))
-    settled = np.asarray(outside[-1] + 1 if outside.size else 0)
-    numbers = step_numbers(time, step.start, response.max(), start + low, start + high, start + settled)
-    return {
-        "axis": axis,
-        "from": _number(first),
-        "to": _number(last),
-        "at": _number(time[start]),
-        **{name: _number(value) for name, value in numbers._asdict().items()},
-        "final_error": _number(last - actual[-1]),
-    }
-
-
-def _force(record: Record) -> dict[str, Any]:
-    force = record["actuator_force"]
-    return {"peak": _list(np.abs(force).max(axis=0)), "rms": _list(_rms(_held(force)))}
-
-
-def _power(record: Record) -> dict[str, Any]:
-    force, velocity, time = record["actuator_force"], record["leg_velocity"], record["time"]
-    ends = np.concatenate([force * velocity, force[:-1] * velocity[1:]])
-    duration = time[-1] - time[0]
-    mean = _list(_work(record).sum(axis=0) / duration) if duration > 0 else [None] * 6
-    return {"peak": _list(np.abs(ends).max(axis=0)), "mean": mean}
-
-
-def _energy(record: Record) -> dict[str, Any]:
-    net, absolute = _work(record).sum(axis=0), np.abs(_work(record)).sum(axis=0)
-    return {
-        "net": _list(net),
-        "absolute": _list(absolute),
-        "net_total": _number(net.sum()),
-        "absolute_total": _number(absolute.sum()),
-    }
-
-
-def _work(record: Record) -> FloatArray:
-    """Work F_k (L_{k+1} − L_k) over each row (n − 1, 6) [J]."""
-    work: FloatArray = record["actuator_force"][:-1] * np.diff(record["leg_length"], axis=0)
-    return work
-
-
-def _saturation(record: Record) -> dict[str, Any] | None:
-    names = [name for name in ("force_limited", "rate_limited") if f"flag.{name}" in record]
-    return {name: _shares(_held(record[f"flag.{name}"])) for name in names} or None
-
-
-def _stroke(record: Record) -> dict[str, Any]:
-    length, platform = record["leg_length"], record.metadata["platform"]
-    low, high = platform.get("leg_length_min"), platform.get("leg_length_max")
-    margins = [length.min() - low] if low is not None else []
-    margins += [high - length.max()] if high is not None else []
-    return {
-        "shortest": _list(length.min(axis=0)),
-        "longest": _list(length.max(axis=0)),
-        "margin": _number(min(margins)) if margins else None,
-        "exceeded": _shares(record["flag.stroke_exceeded"]) if "flag.stroke_exceeded" in record else None,
-    }
-
-
-def _limits(record: Record) -> dict[str, Any] | None:
-    time, platform = record["time"], record.metadata["platform"]
-    found = {}
-    for name, share in shares_of_limits(record, platform).items():
-        beyond = share > 1
-        firsts = [float(time[leg.argmax()]) if leg.any() else None for leg in beyond.T]
-        found[name] = {"limit": platform[name], "used": _list(share.max(axis=0)), "first_exceeded": firsts}
-    return found or None
-
-
-def _shares(flags: NDArray[Any]) -> dict[str, Any]:
-    flags = flags.astype(bool)
-    return {"legs": _list(flags.mean(axis=0)), "any": _number(flags.any(axis=1).mean())}
-
-
-def _held(rows: NDArray[Any]) -> NDArray[Any]:
-    """All rows but the last, which lasts for no time; a single row is kept."""
-    return rows[:-1] if len(rows) > 1 else rows
-
-
-def _rms(values: FloatArray) -> FloatArray:
-    root: FloatArray = np.sqrt(np.mean(values**2, axis=0))
-    return root
-
-
 def _number(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _list(values: FloatArray) -> list[float | None]:
-    return [_number(value) for value in values]
-
-
-# How a list by leg or axis becomes one number; all others become their largest value.
-_LEAST = ("shortest", "first_exceeded")
 
 
 def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
@@ -255,7 +167,7 @@ def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
             for name, part in value.items():
                 add(f"{path}.{name}" if path else name, part)
         elif isinstance(value, list):
-            found[path] = _of_list(path.rpartition(".")[2], value)
+            found[path] = _of_list(path, value)
         elif value is not None or "." in path:
             found[path] = value
 
@@ -267,8 +179,8 @@ def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     return found
 
 
-def _of_list(name: str, values: list[float | None]) -> float | None:
+def _of_list(path: str, values: list[float | None]) -> float | None:
     finite = [value for value in values if value is not None]
-    if not finite or (len(finite) < len(values) and name != "first_exceeded"):
+    if not finite or (len(finite) < len(values) and not path.endswith(".first_exceeded")):
         return None
-    return min(finite) if name in _LEAST else max(finite)
+    return min(finite) if metric_of(path).is_least else max(finite)

@@ -15,8 +15,9 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import substeps_of
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.folds import RowsInBlocks
 from gough_stewart.harness.loop.observe import observe_all
-from gough_stewart.harness.results.streamed import Merit
+from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.tuning.conditions import Condition
 from gough_stewart.harness.tuning.space import Axis
@@ -87,7 +88,8 @@ class Candidates:
         if some is None:
             self.leave_out_impossible()
             raise TuningError(f"{self.members.nominal.where}: no member can run")
-        return tuple(Merit(some.loop, limits_of_members([some], 1)).columns())
+        folds = folds_of_loop(some.loop, limits_of_members([some], 1))
+        return tuple(columns_of(RowsInBlocks(some.loop, folds).results()))
 
     def leave_out_impossible(self) -> tuple[int, str]:
         """Remove the members that are impossible in the original experiment; their number, and the first reason."""
@@ -181,12 +183,13 @@ class Candidates:
         """Metrics (n, names) and outcomes."""
         n = len(prepared)
         batch = batch_of(prepared, self.substeps)
-        merit = Merit(batch.loop, limits_of_members(prepared, batch.size), batch.size)
+        folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size))
+        rows = RowsInBlocks(batch.loop, folds, batch.size)
         with batch.plant:
-            outcomes = observe_all(batch.plant, batch.law_from, batch.loop, merit)
+            outcomes = observe_all(batch.plant, batch.law_from, batch.loop, rows)
             self.integration_error = max(self.integration_error, float(np.max(batch.plant.integration_error[:n])))
         assert not hasattr(outcomes, "status")
-        columns = merit.columns()
+        columns = columns_of(rows.results())
         unknown = np.full(n, np.nan)  # margins are not part of runs
         return np.stack([columns.get(name, unknown)[:n] for name in names], axis=1), [
             (outcome.status, str(outcome.cause)) for outcome in outcomes[:n]

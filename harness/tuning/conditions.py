@@ -9,7 +9,7 @@ import numpy as np
 from gough_stewart.harness.ensemble.columns import MARGINS, SHORT
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.quantities import PLAIN, UNITS, number
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import nearest
 
 _CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
@@ -59,7 +59,7 @@ def condition_of(text: str, known: Iterable[str]) -> Condition:
     try:
         size = _bound(bound, metric)
     except ValueError:
-        units = UNITS.get(_si_unit(metric), {})
+        units = UNITS.get(metric_of(metric).quantity.si, {})
         expected = f"a number, or one with a unit such as {', '.join(list(units)[:3])}" if units else "a number"
         raise SearchError(f"--subject-to '{text}': the bound is '{bound}'; expected {expected}") from None
     return Condition(text.strip(), metric, sign.startswith("<"), "=" not in sign, size)
@@ -70,14 +70,9 @@ def _bound(text: str, metric: str) -> float:
     try:
         return number(float(text), PLAIN)
     except ValueError:
-        unit, shown = _si_unit(metric), shown_metric(metric)
-        size = number(text, unit)
-        return size if unit == PLAIN else size / (UNITS[unit][shown.unit] * shown.factor)
-
-
-def _si_unit(metric: str) -> str:
-    """Of the unit in which a metric is displayed."""
-    return next((si for si, units in UNITS.items() if shown_metric(metric).unit in units), PLAIN)
+        quantity = metric_of(metric).quantity
+        size = number(text, quantity.si)
+        return size if quantity.si == PLAIN else size / (UNITS[quantity.si][quantity.unit] * quantity.factor)
 
 
 def check_metric(name: str, known: Iterable[str], where: str) -> str:

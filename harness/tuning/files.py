@@ -15,7 +15,7 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, pictures
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.quantities import PLAIN
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.result import Tuning
 from gough_stewart.harness.tuning.search import Search

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.space import Axis, values_of
 from gough_stewart.model.errors import GoughStewartError

@@ -6,32 +6,11 @@ from typing import Any
 
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.tables import quantity_text
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import METRICS, metric_of, shown_metric
 from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.harness.results.outcome import is_sound, outcome_text
 from gough_stewart.harness.results.record import Record
 
-# Prefixes of the paths that are shown, in this order.
-_SHOWN = (
-    "tracking.position.norm_",
-    "tracking.orientation.norm_",
-    "tracking.leg_length.",
-    "step_response.",
-    "force.",
-    "power.",
-    "energy.absolute_total",
-    "energy.net_total",
-    "saturation.force_limited.any",
-    "saturation.rate_limited.any",
-    "stroke.margin",
-    "stroke.exceeded.any",
-    "limits.",
-)
-_NOT_SHOWN = (".from", ".to", ".at", ".limit", ".first_exceeded")
-# Metrics that are better if larger, and metrics that are better if smaller; all others are not ranked.
-_LARGER = ("stroke.margin",)
-_SMALLER = ("tracking.", "saturation.", "stroke.exceeded.", "force.", "power.peak", "energy.absolute_total", "limits.")
-_SMALLER_OF_STEPS = (".overshoot_percent", ".settling_time", ".final_error")
 _BEST = '<span class="best">★</span> '
 
 
@@ -50,7 +29,7 @@ def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]
     outcomes = "".join(f"<td>{escape(outcome_text(each['outcome']))}</td>" for each in metrics)
     rows = [f'<tr><th scope="row">outcome</th>{outcomes}</tr>']
     marks = _same_task(records) and all(is_sound(each["outcome"]) for each in metrics)
-    for path in sorted(filter(_is_shown, paths), key=_place):
+    for path in (metric.path for metric in METRICS if metric.is_compared and metric.path in paths):
         rows.append(_row(path, [each.get(path) for each in flat], marks))
     note = ' <span class="unit">★ best of the row</span>' if marks else ""
     caption = f"<caption>Runs side by side{note}</caption>"
@@ -60,10 +39,10 @@ def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]
 
 def best(path: str, values: Sequence[float | None]) -> set[int]:
     """Indices of the best values of a metric, as displayed; none if all are equal or the metric is not ranked."""
-    sign = 1.0 if path.startswith(_LARGER) else -1.0
-    is_better_smaller = path.startswith(_SMALLER) or path.endswith(_SMALLER_OF_STEPS)
+    better = metric_of(path).better
+    sign = 1.0 if better == "larger" else -1.0
     known = {k: abs(value) if sign < 0 else value for k, value in enumerate(values) if value is not None}
-    if not (is_better_smaller or sign > 0) or len(known) < 2:
+    if better is None or len(known) < 2:
         return set()
     most = max(sign * value for value in known.values())
     unit = shown_metric(path).unit
@@ -83,14 +62,6 @@ def _row(path: str, values: Sequence[float | None], marks: bool) -> str:
     )
     unit = f' <span class="unit">{escape(shown.unit)}</span>' if shown.unit else ""
     return f'<tr><th scope="row">{escape(shown.text)}{unit}</th>{"".join(cells)}</tr>'
-
-
-def _is_shown(path: str) -> bool:
-    return path.startswith(_SHOWN) and not path.endswith(_NOT_SHOWN)
-
-
-def _place(path: str) -> int:
-    return next(k for k, beginning in enumerate(_SHOWN) if path.startswith(beginning))
 
 
 def _same_task(records: Sequence[Record]) -> bool:

@@ -5,6 +5,8 @@ import polars
 import pytest
 
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.loop.folds import RowsInBlocks
+from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.observing import Row
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.bands import Bands, bands_frame, together
@@ -19,21 +21,14 @@ ENDS = np.where(np.arange(N) % 5 == 2, 13 + np.arange(N), STEPS + 1)
 
 
 def run(bands: Bands, members: slice = slice(None)) -> Bands:
+    """The bands of members in a run of random numbers."""
+    loop = Loop(TIMING, WANTED[:, members], np.zeros((26, 6)), np.zeros(6))
+    rows = RowsInBlocks(loop, [bands], len(ENDS[members]))
     for k in range(STEPS + 1):
-        flags = np.zeros((N, 6), dtype=bool)
-        bands.row(
-            Row(
-                k,
-                0.0,
-                SIGNALS[k, members],
-                FORCES[k, members],
-                WANTED[k, members],
-                FORCES[k, members, :6],
-                flags,
-                flags,
-                (k < ENDS)[members],
-            )
-        )
+        flags = np.zeros((len(ENDS[members]), 6), dtype=bool)
+        given = (SIGNALS[k, members], FORCES[k, members], WANTED[k, members], FORCES[k, members, :6])
+        rows.row(Row(k, 0.0, *given, flags, flags, (k < ENDS)[members]))
+    assert rows.results() == {}
     return bands
 
 
@@ -94,10 +89,14 @@ def test_quantiles_and_extremes_are_those_of_the_members_that_still_run() -> Non
 
 def test_values_that_are_not_finite_count_as_none() -> None:
     """Expected: the other members' numbers; none where nobody has one; no error without a reference."""
-    bands, row = Bands(("velocity", "error.leg_length"), TIMING, 3, times=51), np.zeros(3, dtype=bool)
+    bands, flags = Bands(("velocity", "error.leg_length"), TIMING, 3, times=51), np.zeros((3, 6), dtype=bool)
     signals = np.arange(72.0).reshape(3, 24)
     signals[1, 6], signals[:, 7] = np.inf, np.nan
-    bands.row(Row(7, 0.0, signals, FORCES[0, :3], None, FORCES[0, :3, :6], row, row, ~row))
+    rows = RowsInBlocks(Loop(TIMING, None, np.zeros((26, 6)), np.zeros(6)), [bands], 3)
+    for k in range(8):
+        given = (signals + 100 * (7 - k), FORCES[0, :3], None, FORCES[0, :3, :6])
+        rows.row(Row(k, 0.0, *given, flags, flags, np.ones(3, dtype=bool)))
+    rows.results()
     frame = bands_frame(bands.samples()).filter(polars.col("time") == 7 * 2e-3)
     first, second, third, *errors = frame.iter_rows(named=True)
     assert (first["lowest"], first["q25"], first["q50"], first["highest"]) == (6.0, 18.0, 30.0, 54.0)

@@ -9,7 +9,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.results.metric_names import shown_metric
+from gough_stewart.harness.results.metric_folds import shown_metric
 from tests.support.ensembles import ensemble_of
 
 # As the table names them, with unit and the number that stands for 0.0123 in SI units.
@@ -84,25 +84,26 @@ NAMED = {
     "power.mean": ("mean power", "W", 1.0),
     "energy.absolute_total": ("work, absolute", "J", 1.0),
     "energy.net_total": ("work, net", "J", 1.0),
-    "energy.net": ("energy.net", "", 1.0),
+    "energy.net": ("work of a leg, net", "J", 1.0),
     "saturation.force_limited.any": ("force limited", "%", 100.0),
     "saturation.rate_limited.any": ("rate limited", "%", 100.0),
-    "saturation.rate_limited.legs": ("saturation.rate_limited.legs", "", 1.0),
+    "saturation.rate_limited.legs": ("rate limited, a leg", "%", 100.0),
     "stroke.margin": ("stroke margin", "mm", 1e3),
     "stroke.exceeded.any": ("beyond stroke", "%", 100.0),
-    "stroke.shortest": ("stroke.shortest", "", 1.0),
+    "stroke.shortest": ("shortest leg", "mm", 1e3),
     "limits.leg_velocity_max.used": ("leg velocity, of its limit", "%", 100.0),
     "limits.actuator_power_max.used": ("actuator power, of its limit", "%", 100.0),
-    "limits.actuator_force_max.limit": ("limits.actuator_force_max.limit", "", 1.0),
+    "limits.actuator_force_max.limit": ("limit of actuator force", "N", 1.0),
     "margins.disk": ("disk margin", "", 1.0),
     "margins.stable": ("stable", "", 1.0),
     "rows": ("rows", "", 1.0),
+    "unheard.of": ("unheard.of", "", 1.0),
 }
 
 
 @pytest.mark.parametrize("path", NAMED)
 def test_each_metric_has_its_words_unit_and_factor(path: str) -> None:
-    """Expected: the table above; what has no words has its path."""
+    """Expected: the table above; what is no metric has its path."""
     assert shown_metric(path) == NAMED[path]
 
 

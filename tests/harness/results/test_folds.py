@@ -1,4 +1,4 @@
-"""Figures of merit kept row by row, of many members, against those of each member's whole record."""
+"""Metrics of many members, folded during their runs, against those of each member's whole record."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,13 +10,15 @@ import pytest
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run_prepared
+from gough_stewart.harness.loop import folds
+from gough_stewart.harness.loop.folds import RowsInBlocks
 from gough_stewart.harness.loop.loop import Limits, Loop
 from gough_stewart.harness.loop.observing import Row
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.results.metric_folds import METRICS, columns_of, folds_of_loop
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.record import Record, columns
-from gough_stewart.harness.results.streamed import Merit
 from gough_stewart.model.vectors import FloatArray
 
 LIMITS: dict[str, Any] = {
@@ -50,8 +52,11 @@ class Member:
     record: Record
 
 
-def seen_again(merit: Merit, members: list[Member], is_one: bool = False) -> dict[str, FloatArray]:
-    """What the observer says of members side by side; those that have ended stay as they are, as a loop has it."""
+def seen_again(
+    loop: Loop, limits: dict[str, Any], members: list[Member], is_one: bool = False
+) -> dict[str, FloatArray]:
+    """The metrics of members side by side; those that have ended stay as they are, as a loop has it."""
+    rows = RowsInBlocks(loop, folds_of_loop(loop, limits), len(members))
     n = max(len(member.signals) for member in members)
 
     def together(values: list[FloatArray]) -> Any:
@@ -61,7 +66,7 @@ def seen_again(merit: Merit, members: list[Member], is_one: bool = False) -> dic
         at = [min(k, len(member.signals) - 1) for member in members]
         running = np.array([k < len(member.signals) for member in members])
         wanted = None if members[0].wanted is None else together([member.wanted[k] for member in members])  # type: ignore[index]
-        merit.row(
+        rows.row(
             Row(
                 k,
                 0.0,
@@ -74,7 +79,7 @@ def seen_again(merit: Merit, members: list[Member], is_one: bool = False) -> dic
                 np.asarray(running[0]) if is_one else running,
             )
         )
-    return merit.columns()
+    return columns_of(rows.results())
 
 
 def check(found: dict[str, FloatArray], members: list[Member]) -> None:
@@ -117,7 +122,7 @@ def test_members_that_end_differently_have_the_figures_of_their_records(
     status = [member.record.metadata["outcome"]["status"] for member in members]
     assert status == ["completed"] * 4 + ["diverged"]
     wanted = np.stack([loop.reference for loop in loops if loop.reference is not None], axis=1)
-    found = seen_again(Merit(replace(loops[0], reference=wanted), platform, 5), members)
+    found = seen_again(replace(loops[0], reference=wanted), platform, members)
     assert found["saturation.rate_limited.any"][2] > 0
     assert found["saturation.force_limited.any"][2] > 0
     assert np.isnan(found["step_response.z.rise_time"][3])
@@ -128,7 +133,7 @@ def test_members_that_end_differently_have_the_figures_of_their_records(
 def test_a_single_run_has_the_figures_of_its_record(runs: tuple[list[Member], list[Loop], dict[str, Any]]) -> None:
     """Expected: `metrics` of the record; the loop has no leading axis."""
     members, loops, platform = runs
-    check(seen_again(Merit(loops[2], platform), members[2:3], is_one=True), members[2:3])
+    check(seen_again(loops[2], platform, members[2:3], is_one=True), members[2:3])
 
 
 def noise(n: int, rows: int, rng: np.random.Generator, broken: int | None = None, at: int = 6) -> Member:
@@ -179,9 +184,9 @@ def test_numbers_that_are_noise_have_the_figures_of_their_records_limits_and_row
         limits=Limits((0.9, 2.4)),
     )
     wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
-    check(seen_again(Merit(replace(loop, reference=wanted), LIMITS, 5), members), members)
+    check(seen_again(replace(loop, reference=wanted), LIMITS, members), members)
     of_each = {**LIMITS, "actuator_force_max": np.array([2.3, 2.0, 1.0, 3.0, 0.5])}
-    found = seen_again(Merit(replace(loop, reference=wanted), of_each, 5), members)
+    found = seen_again(replace(loop, reference=wanted), of_each, members)
     for name in ("first_exceeded", "used"):
         assert np.isfinite(found[f"limits.actuator_power_max.{name}"]).sum() >= 4
     assert np.isfinite(found["step_response.x.settling_time"]).sum() >= 2
@@ -197,7 +202,7 @@ def test_references_of_members_that_step_at_other_rows_have_the_figures_of_their
     members = [noise(n, n, rng, at=at) for at in (6, 11, 4, 17)] + [noise(n, 25, rng, at=13)]
     wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
     loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    found = seen_again(Merit(loop, LIMITS, 5), members)
+    found = seen_again(loop, LIMITS, members)
     check(found, members)
     assert found["step_response.y.at"] == pytest.approx([0.006, 0.011, 0.004, 0.017, 0.013])
 
@@ -225,7 +230,7 @@ def test_a_member_that_ended_early_has_the_step_of_the_whole_run_or_none(levels:
             member.wanted[row:, 0] = value
     assert whole.wanted is not None
     loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), whole.wanted, np.zeros((20, 6)), np.zeros(6))
-    found = seen_again(Merit(loop, {}, 2), [whole, early])
+    found = seen_again(loop, {}, [whole, early])
     for name in ("from", "to", "at", "overshoot_percent", "final_error"):
         assert np.isfinite(found[f"step_response.x.{name}"]).tolist() == [True, has]
     final = 0.6 - early.signals[17, 0]
@@ -238,4 +243,36 @@ def test_without_a_reference_there_is_neither_tracking_nor_a_step() -> None:
     kept = [name for name in member.record.table.columns if not name.startswith(("error.", "reference."))]
     member = replace(member, wanted=None, record=Record(member.record.table.select(kept), member.record.metadata))
     loop = Loop(Timing(0.029, 1e-3, 1e-3), None, np.zeros((29, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    check(seen_again(Merit(loop, LIMITS), [member]), [member])
+    check(seen_again(loop, LIMITS, [member]), [member])
+
+
+@pytest.mark.parametrize("size", [1, 7, 5 * 13, 5 * 41])
+def test_neither_the_size_of_blocks_nor_the_other_members_change_a_bit(
+    size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the bits of each member alone, in one block; sums of numbers of all sizes depend on their order."""
+    rng = np.random.default_rng(6)
+    n = 41
+    members = [noise(n, rows, rng) for rows in (n, n, 30, n, 17)]
+    wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
+    timing = Timing((n - 1) * 1e-3, 2e-3, 1e-3)
+    loop = Loop(timing, wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
+    each = [seen_again(replace(loop, reference=member.wanted), LIMITS, [member], True) for member in members]
+    monkeypatch.setattr(folds, "_SIZE", size)
+    found = seen_again(loop, LIMITS, members)
+    for name, values in found.items():
+        assert values.tolist() == pytest.approx([own[name][0] for own in each], rel=0, abs=0, nan_ok=True), name
+
+
+def test_every_metric_of_a_run_is_declared_once_and_every_declared_one_is_there() -> None:
+    """Expected: the paths of a run with all columns; those of margins come from the linear loop."""
+    members = [noise(41, 41, np.random.default_rng(2))]
+    wanted = members[0].wanted
+    assert wanted is not None
+    wanted[6:, :6] = 0.5
+    loop = Loop(Timing(0.04, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6))
+    found = seen_again(loop, LIMITS, members, is_one=True)
+    declared = [metric.path for metric in METRICS if not metric.path.startswith("margins.")]
+    assert len(set(declared)) == len(declared)
+    assert set(found) == set(declared)
+    assert all(metric.text and metric.sentence for metric in METRICS)

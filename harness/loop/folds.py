@@ -1,0 +1,275 @@
+"""Folds over the rows of a run: what is kept of them, for one member or many.
+
+1. A fold names the columns it needs, as a record does. `start` gives its state: arrays with the members on their last
+   axis; `rows` adds a block of rows to it in place; `result` reads it.
+2. A row may be used with the one before it, which a block brings along: a result does not depend on where blocks end.
+3. A sum takes one row after the other, with the state as its first term: `add_rows`. So a member's sums have the same
+   bits alone, among others, and for every size of blocks.
+4. A fold need not look at which members have ended: their state is kept as it was at their last row. One that has to
+   know, such as a count of running members, reads `running` and sets `keeps_ended` to False.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.loop.loop import Loop
+
+# Rows times members in a block. Fewer cost calls, more no longer fit into the processor's cache.
+_SIZE = 8192
+FORCE, LIMITED = "actuator_force", ("flag.force_limited", "flag.rate_limited")
+_AT = {name: slice(int(at[0]), int(at[-1]) + 1) for name in signals.NAMES if len(at := signals.positions([name]))}
+# Signals whose errors are reference − actual, and their places among signals and references.
+ERRORS: Mapping[str, slice] = {f"error.{name}": _AT[name] for name in ("position", "orientation", "leg_length")}
+
+State = dict[str, NDArray[Any]]
+
+
+class Scratch:
+    """Arrays for intermediate results, kept from block to block: fresh memory costs more than the arithmetic."""
+
+    def __init__(self) -> None:
+        self._kept = dict[str, FloatArray]()
+
+    def __call__(self, name: str, rows: int, *size: int) -> FloatArray:
+        """An array (rows, *size) of undefined values, the same one for each name."""
+        kept = self._kept.get(name)
+        if kept is None or len(kept) < rows or kept.shape[1:] != size:
+            kept = self._kept[name] = np.empty((rows, *size))
+        return kept[:rows]
+
+
+class Block:
+    """Consecutive rows of N members; views, valid during the call only.
+
+    Parameters
+    ----------
+    first, rows
+        Index of the first row, and their number.
+    columns
+        Columns (rows + 1, size, N) by name, beginning with the row before, which is undefined in the first block.
+    running
+        Members (N,) for which these rows count.
+    scratch
+        For intermediate results.
+    reference
+        Reference signals (rows, 30, N), or (rows, 30, 1) if common to all members, for errors that are no columns.
+    whole
+        Contiguous arrays that have all numbers of the columns and the reference.
+    """
+
+    def __init__(
+        self,
+        first: int,
+        rows: int,
+        columns: Mapping[str, NDArray[Any]],
+        running: BoolArray,
+        scratch: Scratch,
+        reference: FloatArray | None = None,
+        whole: Sequence[FloatArray] = (),
+    ) -> None:
+        self.first, self.rows, self.running, self.scratch, self.whole = first, rows, running, scratch, whole
+        self._columns, self._reference = columns, reference
+        self._errors = dict[str, FloatArray]()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._columns or (self._reference is not None and name in ERRORS)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """A column (rows, size, N)."""
+        if name in self._columns:
+            return self._columns[name][1:]
+        if name not in self._errors:
+            assert self._reference is not None
+            at, actual = ERRORS[name], self._columns[name.removeprefix("error.")][1:]
+            out = self.scratch(name, *actual.shape)
+            self._errors[name] = np.subtract(self._reference[:, at], actual, out=out)
+        return self._errors[name]
+
+    def linked(self, name: str) -> NDArray[Any]:
+        """A column after the row before it, if there is one: (rows + 1, size, N), or in the first block (rows, ...)."""
+        return self._columns[name] if self.first else self._columns[name][1:]
+
+    def part(self, first: int, last: int, running: BoolArray) -> "Block":
+        """Rows first to last − 1 of the block, for these members."""
+        reference = None if self._reference is None else self._reference[first:last]
+        columns = {name: each[first : last + 1] for name, each in self._columns.items()}
+        return Block(self.first + first, last - first, columns, running, self.scratch, reference)
+
+
+class Fold(Protocol):
+    """What is kept of the rows of a run; see the rules above."""
+
+    needs: Sequence[str] = ()
+    keeps_ended: bool = True
+
+    def start(self, members: int) -> State:
+        """The state before the first row."""
+
+    def rows(self, state: State, block: Block) -> None:
+        """Add a block to the state, in place."""
+
+    def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
+        """Results (..., N) by name for members with these numbers of rows (N,); NaN where undefined."""
+
+
+def add_rows(total: FloatArray, terms: FloatArray) -> None:
+    """Add terms (rows, size, N), which change, to a total (size, N): one row after the other.
+
+    NumPy adds along the first axis in this order if there are at least two columns; a single one it adds in pairs.
+    """
+    if len(terms):
+        terms[0] += total
+        np.add.reduce(terms, axis=0, out=total)
+
+
+class Folding:
+    """Folds of some members, fed with blocks; members end at rows, or before one that is not finite."""
+
+    def __init__(self, folds: Sequence[Fold], members: int) -> None:
+        self._folds, self._states = tuple(folds), [fold.start(members) for fold in folds]
+        self._checked = tuple(dict.fromkeys(name for fold in folds if fold.keeps_ended for name in fold.needs))
+        self._final: list[State] | None = None  # of members that have ended
+        self._rows = np.zeros(members, dtype=np.intp)
+        self._count = 0
+        self.running: BoolArray = np.ones(members, dtype=bool)
+
+    def add(self, block: Block) -> None:
+        """Add a block; members whose values are not finite from a row on end before it."""
+        done = 0
+        # members that have ended may compute NaN, and squares may overflow
+        with np.errstate(all="ignore"):
+            for row, ending in [*self._breaks(block), (block.rows, None)]:
+                if row > done:
+                    part = block if row - done == block.rows else block.part(done, row, self.running)
+                    for fold, state in zip(self._folds, self._states, strict=True):
+                        fold.rows(state, part)
+                    done, self._count = row, block.first + row
+                if ending is not None:
+                    self.end(ending)
+
+    def end(self, members: BoolArray) -> None:
+        """End members (N,): later rows do not count for them."""
+        if not members.any():
+            return
+        if self._final is None:
+            self._final = [{name: np.zeros_like(each) for name, each in state.items()} for state in self._states]
+        for final, state in zip(self._final, self._states, strict=True):
+            for name, values in state.items():
+                final[name][..., members] = values[..., members]
+        self._rows[members] = self._count
+        self.running &= ~members
+
+    def results(self) -> dict[str, FloatArray]:
+        """Results (..., N) of all folds by name, so far."""
+        rows = np.where(self.running, self._count, self._rows)
+        found = dict[str, FloatArray]()
+        for k, (fold, state) in enumerate(zip(self._folds, self._states, strict=True)):
+            kept = state
+            if self._final is not None and fold.keeps_ended:
+                kept = {name: np.where(self.running, each, self._final[k][name]) for name, each in state.items()}
+            with np.errstate(all="ignore"):
+                found |= fold.result(kept, rows)
+        return found
+
+    def _breaks(self, block: Block) -> list[tuple[int, BoolArray]]:
+        """Rows of a block before which members end (N,), since values that a fold needs are not finite."""
+        # squares are finite only if all values are; ones that overflow are looked at closely
+        if block.whole and all(np.isfinite(np.vdot(each, each)) for each in block.whole):
+            return []
+        used = [each for name in self._checked if (each := block[name]).dtype != bool]
+        broken = ~np.logical_and.reduce([np.isfinite(each).all(axis=1) for each in used]) & self.running
+        at = np.where(broken.any(axis=0), broken.argmax(axis=0), block.rows)
+        return [(row, at == row) for row in np.unique(at[at < block.rows]).tolist()]
+
+
+class RowsInBlocks(Observer):
+    """A loop observer that collects rows and passes them to folds in blocks.
+
+    Parameters
+    ----------
+    loop
+        The loop to be run.
+    folds
+        What is kept.
+    members
+        Number of members; 1 for a loop without leading axes.
+    """
+
+    def __init__(self, loop: "Loop", folds: Sequence[Fold], members: int = 1) -> None:
+        self._folding = Folding(folds, members)
+        reference = loop.reference
+        # (n, 30, N), or (n, 30, 1) if common to all members
+        if reference is not None:
+            reference = reference[..., None] if reference.ndim == 2 else np.moveaxis(reference, 1, 2)
+        self._reference = reference
+        self._most = size = min(max(1, _SIZE // max(members, 1)), loop.timing.steps + 1)
+        self._signals = np.zeros((size + 1, signals.SIZE, members))
+        needs = {name.removeprefix("error.") for fold in folds for name in fold.needs}
+        self._copied = _joined([_AT[name] for name in signals.NAMES if name in needs])
+        self._forces = np.zeros((size + 1, 6, members))
+        self._limited = np.zeros((2, size + 1, 6, members), dtype=bool)
+        self._columns = {
+            **{name: self._signals[:, _AT[name]] for name in signals.NAMES},
+            FORCE: self._forces,
+            **dict(zip(LIMITED, self._limited, strict=True)),
+        }
+        self._scratch = Scratch()
+        self._first = self._filled = 0
+        self._n_running = members
+
+    def row(self, row: Row) -> None:
+        """Collect a row."""
+        running = int(np.count_nonzero(row.running))
+        if running != self._n_running:
+            self._pass_on()
+            self._folding.end(self._folding.running & ~row.running)
+            self._n_running = running
+        self._filled += 1
+        k = self._filled
+        # (size, N), or (size, 1) for a loop without leading axes
+        now, inputs, forced, held_back = (
+            each.T if each.ndim > 1 else each[:, None]
+            for each in (row.signals, row.inputs, row.force_limited, row.rate_limited)
+        )
+        for part in self._copied:
+            self._signals[k, part] = now[part]
+        self._forces[k], self._limited[0, k], self._limited[1, k] = inputs[:6], forced, held_back
+        if k == self._most:
+            self._pass_on()
+
+    def results(self) -> dict[str, FloatArray]:
+        """Results (..., N) of all folds by name, of the rows so far."""
+        self._pass_on()
+        return self._folding.results()
+
+    def _pass_on(self) -> None:
+        rows, self._filled = self._filled, 0
+        if not rows:
+            return
+        reference = None if self._reference is None else self._reference[self._first : self._first + rows]
+        columns = {name: each[: rows + 1] for name, each in self._columns.items()}
+        whole = [self._signals[1 : rows + 1], self._forces[1 : rows + 1], *([] if reference is None else [reference])]
+        self._folding.add(Block(self._first, rows, columns, self._folding.running, self._scratch, reference, whole))
+        for each in (self._signals, self._forces, *self._limited):
+            each[0] = each[rows]
+        self._first += rows
+
+
+def _joined(parts: Sequence[slice]) -> list[slice]:
+    """Slices in order, neighbours as one."""
+    found = list[slice]()
+    for part in parts:
+        if found and found[-1].stop == part.start:
+            found[-1] = slice(found[-1].start, part.stop)
+        else:
+            found.append(part)
+    return found
