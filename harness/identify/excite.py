@@ -121,7 +121,7 @@ def excite(
 
     best: tuple[float, FloatArray, float, float] | None = None
     independent = max(1, int(_FIRST * trials))
-    for k in range(max(1, trials)):
+    for k in range(trials):
         drawn = rng.standard_normal((2, harmonics, 6)) * size / np.sqrt(2 * harmonics)
         if best is not None and k >= independent:
             spread = 0.5 * 0.02 ** ((k - independent) / max(1, trials - independent))

@@ -12,6 +12,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import prepare
 from tests.support.small_ensemble import SMALL, small
 
+NORMAL = {"normal": [1, 1]}
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown parameter": (
         {"platform_mas": {"normal": [1, 1]}},
@@ -39,6 +40,32 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "twice": ({"plant": {"platform_mass": {"uniform": [1, 2]}}}, "varies twice"),
     "no disturbance": ({"disturbance": {"3": {"force": {"normal": "2 N"}}}}, "expected disturbance.1 to disturbance.1"),
+    **{
+        f"disturbance {'.'.join(inner)}": (
+            {"disturbance": {inner[0]: {inner[1]: NORMAL} if inner[1:] else NORMAL}},
+            f"ensemble.disturbance.{'.'.join(inner)}: expected disturbance.1 to disturbance.1 and a key of it",
+        )
+        for inner in (("0", "force"), ("2", "force"), ("x", "force"), ("1",))
+    },
+    "no list": ({"change": {"1": {"factors": {"platform_mass": NORMAL}}}}, "platform_mass: no [[change]]"),
+    "no table": ({"injection": {"amplitude": NORMAL}}, "amplitude: the experiment has no [injection]"),
+    "a key of a number": ({"loop": {"delay": {"x": {"choice": [1, 2]}}}}, "delay.x: loop.delay is not a table"),
+    "a key of a parameter": ({"plant": {"platform_com": {"x": NORMAL}}}, "platform_com.x: no such parameter; expected"),
+    "unknown parameter of the machine": (
+        {"plant": {"parameters": {"platform_mss": NORMAL}}},
+        "plant.parameters.platform_mss: no such parameter; did you mean 'platform_mass'?",
+    ),
+    "unknown parameter of the belief": ({"platform": {"parameters": {"x": NORMAL}}}, "parameters.x: no such parameter"),
+    "a key of a signal": ({"sensors": {"noise": {"leg_length": {"x": NORMAL}}}}, "x: expected one name after noise"),
+    "no signal": ({"sensors": {"noise": NORMAL}}, "sensors.noise: expected one name after noise"),
+    "a whole table": ({"sensors": NORMAL}, "ensemble.sensors: is common to all members"),
+    "itself": ({"ensemble": {"members": NORMAL}}, "ensemble.members: is common to all members"),
+    "another number of elements": ({"platform_com": {"normal": [[1, 2], [1]]}}, "is [1, 2]; expected 3 elements"),
+    "a word": ({"controller": {"feedforward": {"uniform": [1, 2]}}}, "feedforward: uniform applies to numbers only"),
+    "a factor of a word": (
+        {"actuators": {"force_limit": {"factor": NORMAL}}},
+        "force_limit: has no value to vary about",
+    ),
     "nothing there": (
         {
             "plant": {
