@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from gough_stewart.harness.output.decimation import decimated
-from gough_stewart.harness.results.figures import _told_apart, run_figures
+from gough_stewart.harness.results.figures import _told_apart, _view, run_figures
 from gough_stewart.harness.results.record import Record, columns
+from tests.support.svg_figures import panels_of
 
 VARIABLES = {"position": 3, "orientation": 3, "leg_length": 6}
 NAMES = ("pose", "errors", "forces", "legs")
@@ -118,6 +119,49 @@ def test_limits_are_drawn_where_they_are_near(files: dict[str, bytes]) -> None:
 def test_limits_are_told_where_they_are_far(ended_early: dict[str, str]) -> None:
     assert "limit ±1000 N" in ended_early["forces.svg"]
     assert "stroke 50 to 60 m" in ended_early["legs.svg"]
+
+
+@pytest.mark.parametrize(
+    ("bounds", "least", "low", "high"),
+    [
+        ((), 0.01, 1.0, 1.1),
+        ((0.81,), 0.01, 0.81, 1.1),
+        ((0.79,), 0.01, 1.0, 1.1),
+        ((1.29,), 0.01, 1.0, 1.29),
+        ((1.31,), 0.01, 1.0, 1.1),
+        ((0.79, 1.29), 0.01, 1.0, 1.29),
+        ((0.81, 1.29), 0.01, 0.81, 1.29),
+        ((1.05,), 0.01, 1.0, 1.1),
+        ((), 0.4, 0.85, 1.25),
+        ((0.06, 2.04), 0.4, 0.06, 2.04),
+    ],
+)
+def test_an_axis_fits_values_and_limits_within_two_spans_of_them(
+    bounds: tuple[float, ...], least: float, low: float, high: float
+) -> None:
+    """Expected: by hand, with 6 % of room, or more at the top; values that are not finite do not count."""
+    values = np.array([[1.0, np.nan], [1.1, np.inf]])
+    room = 0.06 * (high - low)
+    view = _view(values, least, bounds)
+    assert view == pytest.approx((low - room, high + room))
+    assert _view(values, least, bounds, top=0.16) == pytest.approx((low - room, high + 0.16 * (high - low)))
+    for share, holds in ((0.99, True), (1.01, False)):
+        assert view.holds(low - share * room) == view.holds(high + share * room) == holds
+    assert view.holds(view.low)
+    assert view.holds(view.high)
+
+
+def test_an_axis_that_hardly_moves_looks_like_it() -> None:
+    """Expected: panels at least a fiftieth as high as the highest of their kind, around their own values."""
+    record = record_of(closed=False)
+    moves = {"position[1]": 0.3 + 1e-4 * np.sin(np.arange(60)), "position[2]": np.linspace(-0.5, 0.5, 60)}
+    table = record.table.with_columns(*(polars.Series(name, values) for name, values in moves.items()))
+    drawn = run_figures(Record(table.with_columns(polars.lit(2.0).alias("position[3]")), record.metadata))["pose.svg"]
+    panels = {panel.title: panel.y_view for panel in panels_of(drawn, (0.0, 0.059))[0]}
+    assert panels["y [m]"] == pytest.approx((-0.56, 0.56), abs=2e-3)
+    least = 1.12 / 50
+    for title, middle in (("x [m]", 0.3), ("z [m]", 2.0)):
+        assert panels[title] == pytest.approx((middle - 0.56 * least, middle + 0.56 * least), abs=2e-4)
 
 
 @given(st.integers(1, 3000), st.integers(0, 900), st.integers(0, 2**31))

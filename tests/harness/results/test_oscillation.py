@@ -513,3 +513,43 @@ def test_the_lines_of_each_kind_are_those_of_the_metadata() -> None:
         {**whole, "platform": {}},
     ):
         assert oscillation(Record(record.table, known)) is not None
+
+
+def test_each_leg_is_explained_by_its_own_motion() -> None:
+    """Expected: of six motions at other frequencies, large errors that follow them are none; beside them, a cycle."""
+    angle = 2 * np.pi * np.outer(TIME, [0.4, 0.9, 0.5, 1.1, 0.7, 0.6]) + np.arange(6)
+    reference: FloatArray = np.asarray(2 + 0.05 * np.sin(angle), dtype=float)
+    error: FloatArray = np.asarray(0.3 * np.cos(angle) + 0.1 * np.sin(angle), dtype=float)
+    cycling = error + 3e-4 * np.sin(2 * np.pi * 47 * TIME)[:, None] * np.eye(6)[3]
+    assert own_motion(LegRows(TIME, error, reference, N - 1, lambda _frequency: 1e-6)) is None
+    found = own_motion(LegRows(TIME, cycling, reference, N - 1, lambda _frequency: 1e-6))
+    assert found is not None
+    assert found.leg == 4
+    assert found.amplitude == pytest.approx(3e-4, rel=0.03)
+    assert found.frequency == pytest.approx(47, rel=1e-3)
+    assert may_move(np.stack([error, cycling], axis=1), TIME, reference, N - 1).tolist() == [False, True]
+
+
+def test_growth_that_sensors_explain_is_none() -> None:
+    """Expected: a cycle that grows to 1.3 mm, beside 6 σ of 1.2 mm and of 1.5 mm."""
+    growing = 4e-4 * np.exp(0.6 * TIME) * np.sin(2 * np.pi * 38 * TIME)
+    louder, quieter = (found_in(growing, noise={"leg_length": sigma}) for sigma in (2.5e-4, 2.0e-4))
+    assert louder is None
+    assert quieter is not None
+    assert quieter.is_growing
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_step_counts_from_rest_in_either_direction(sign: float) -> None:
+    """Expected: growth by its size after a motion that ended long before; not after one that ended just there."""
+    after = TIME >= 1.5
+    error = sign * np.where(after, 0.01 * np.cos(4 * np.pi * (TIME - 1.5)) * np.exp(3 * (TIME - 1.5)), 0.0)
+    step = sign * np.where(after, 0.01, 0.0)
+    early = np.where(TIME < 0.5, 0.02 * (1 - np.cos(4 * np.pi * TIME)), 0.0)
+    for moves in (step, step + early):
+        found = found_in(error, moves)
+        assert found is not None
+        assert (found.is_growing, found.since) == (True, pytest.approx(1.5))
+        assert found.earlier == pytest.approx(0.01)
+    ramp = sign * np.where(after, 0.01, np.maximum(TIME - 1.49, 0.0))
+    assert found_in(error, ramp) is None
