@@ -549,7 +549,8 @@ def test_a_step_counts_from_rest_in_either_direction(sign: float) -> None:
     for moves in (step, step + early):
         found = found_in(error, moves)
         assert found is not None
-        assert (found.is_growing, found.since) == (True, pytest.approx(1.5))
+        assert found.is_growing
+        assert found.since == pytest.approx(1.5)
         assert found.earlier == pytest.approx(0.01)
     ramp = sign * np.where(after, 0.01, np.maximum(TIME - 1.49, 0.0))
     assert found_in(error, ramp) is None
