@@ -42,10 +42,10 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no disturbance": ({"disturbance": {"3": {"force": {"normal": "2 N"}}}}, "expected disturbance.1 to disturbance.1"),
     **{
         f"disturbance {'.'.join(inner)}": (
-            {"disturbance": {inner[0]: {inner[1]: NORMAL} if inner[1:] else NORMAL}},
+            {"disturbance": {inner[0]: dict.fromkeys(inner[1:], NORMAL) or NORMAL}},
             f"ensemble.disturbance.{'.'.join(inner)}: expected disturbance.1 to disturbance.1 and a key of it",
         )
-        for inner in (("0", "force"), ("2", "force"), ("x", "force"), ("1",))
+        for inner in (["0", "force"], ["2", "force"], ["x", "force"], ["1"])
     },
     "no list": ({"change": {"1": {"factors": {"platform_mass": NORMAL}}}}, "platform_mass: no [[change]]"),
     "no table": ({"injection": {"amplitude": NORMAL}}, "amplitude: the experiment has no [injection]"),

@@ -175,3 +175,22 @@ def test_a_sensor_is_too_coarse_beyond_a_twentieth_of_its_scale(kind: str, name:
                 f"sensors.{kind}.{name} is {share * size:g} {unit}, 0.0501 of the platform's scale of {size:.3g} "
                 f"{unit}; check its unit"
             ]
+
+
+@pytest.mark.parametrize("is_told", [True, False])
+def test_a_function_that_keeps_memory_is_said_once_and_in_the_record(is_told: bool) -> None:
+    """Expected: what it keeps by name, after the warnings of the experiment; nothing of one that keeps none."""
+    times, lines = list[float](), list[str]()
+
+    def law(sample: gs.Sample) -> FloatArray:
+        times.append(sample.time)
+        return np.full(6, 4000.0)
+
+    settings = {"loop.duration": 0.02, "reference.at": 0.05}
+    record = gs.run("heave_step", settings, controller=law, warn=lines.append if is_told else None)
+    late, keeps = record.metadata["warnings"]
+    assert late.startswith("reference.at is 0.05 s")
+    assert "law() keeps memory: the run has changed the closure variable 'times', and another run goes on" in keeps
+    assert lines == ([late, keeps] if is_told else [])
+    without = gs.run("heave_step", settings, controller=lambda _: np.full(6, 4000.0))
+    assert without.metadata["warnings"] == [late]

@@ -23,6 +23,7 @@ from tests.support.machine_logs import (
     random_machine,
 )
 
+SURE = Sensing(force_noise=0.0)
 INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)))
 
 
@@ -131,7 +132,19 @@ def test_sizes_of_what_a_motion_needs_are_those_of_changes_of_each_leg() -> None
     # the filter takes the first and the last of a log, which are slow
     assert rows.velocity == pytest.approx(np.mean([np.sqrt((each**2).mean()) for each in velocities]), rel=0.15)
     aside = np.array([0.0, 9e3, -4e3, 2e4, 1e3, -7e3])
-    held = [Part(replace(log, actuator_force=log.actuator_force + aside), np.inf, k) for k, log in enumerate(logs)]
-    found = motion_rows(held, NOMINAL)
-    assert found is not None
-    assert found.force == pytest.approx(rows.force, rel=1e-9)
+    exact = [
+        np.asarray(machine_log(course=Course(swing, duration=3.0, rate=500.0), sensing=SURE).actuator_force)
+        for swing in swings
+    ]
+    # forces without noise are known to a thousandth of their changes, whatever they are about
+    with_forces = [
+        motion_rows(
+            [Part(replace(log, actuator_force=force + by), np.inf, 0) for log, force in zip(logs, exact, strict=True)],
+            NOMINAL,
+        )
+        for by in (0.0, aside)
+    ]
+    assert with_forces[0] is not None
+    assert with_forces[1] is not None
+    assert with_forces[1].force == pytest.approx(with_forces[0].force, rel=1e-9)
+    np.testing.assert_allclose(with_forces[1].regressor, with_forces[0].regressor, rtol=1e-6)
