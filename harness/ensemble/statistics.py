@@ -24,6 +24,7 @@ from gough_stewart.harness.ensemble.columns import (
     numbers,
 )
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
+from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.vectors import FloatArray
 
 # A number in the text of a cause, which differs between members.
@@ -149,16 +150,13 @@ def integration_warning(members: polars.DataFrame, tolerance: float) -> str:
 def worst_members(members: polars.DataFrame, by: str, number: int) -> list[int]:
     """The members with the largest value of a metric; before them those that did not complete, earliest first.
 
-    Impossible members have no run and are left out. For margins, the smallest are the worst.
+    Impossible members have no run and are left out. Of a metric that is better if larger, such as a margin, the
+    smallest are the worst.
     """
     runs = members.filter(polars.col(OUTCOME) != IMPOSSIBLE)
-    merit = numbers(runs, by)
-    badness = -merit if by in SMALL_IS_BAD else merit
+    values = numbers(runs, by)
+    badness = -values if metric_of(by).better == "larger" else values
     completed = (runs[OUTCOME] == "completed").to_numpy()
     ended = numbers(runs, ENDED)
     order = np.lexsort((np.where(np.isnan(badness), np.inf, -badness), np.where(completed, 0.0, ended), completed))
     return [int(member) for member in runs[MEMBER].to_numpy()[order][:number]]
-
-
-# Metrics whose larger values are better.
-SMALL_IS_BAD = ("stroke.margin", "margins.disk", "margins.stable")

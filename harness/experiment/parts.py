@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import Change, Limits
+from gough_stewart.harness.loop.loop import Change, Limits, stroke_of
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.by_leg import by_leg
@@ -79,13 +79,12 @@ def force_limit_of(choice: schema.ActuatorChoice, platform: Platform) -> float |
 
 
 def limits_of(experiment: Experiment, platform: Platform, is_closed: bool) -> Limits:
-    low = 0.0 if platform.leg_length_min is None else platform.leg_length_min
-    high = math.inf if platform.leg_length_max is None else platform.leg_length_max
+    stroke = stroke_of(platform.leg_length_min, platform.leg_length_max)
     bound = experiment.limits.position_error
     if bound is None and is_closed:
         # at a distance of a leg length, control is lost
         bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
-    return Limits((low, high), experiment.limits.stroke, math.inf if bound is None else bound)
+    return Limits(stroke, experiment.limits.stroke, math.inf if bound is None else bound)
 
 
 def parameter_changes(experiment: Experiment, platform: Platform) -> list[Change]:

@@ -49,6 +49,11 @@ class Limits:
         return np.asarray((lengths < low) | (lengths > high))
 
 
+def stroke_of(low: PerMember | None, high: PerMember | None) -> tuple[PerMember, PerMember]:
+    """The ends of the stroke [m] from limits of a platform, None where it states none."""
+    return 0.0 if low is None else low, np.inf if high is None else high
+
+
 @dataclass(frozen=True)
 class Loop:
     """Everything in a run except plant and controller.

@@ -1,30 +1,58 @@
-"""How much of the platform's limits a run uses: velocity, force and power of the legs."""
+"""The platform's limits on what its drives do, and how much a run uses of them: velocity, force, power of the legs."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.results.metric import FORCE, POWER, VELOCITY, Quantity
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.vectors import FloatArray
 
 
-def shares_of_limits(record: Record, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """Share of each limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit.
+class DriveLimit(NamedTuple):
+    """A limit of the platform on what its drives do."""
 
-    - `leg_velocity_max`: |L̇|;
-    - `actuator_force_max`: |F|;
-    - `actuator_power_max`: |F L̇|, the larger of the values at both ends of the row, over which F is held.
+    name: str  # of the platform's parameter
+    text: str
+    quantity: Quantity
+
+
+# In the order of `limited_quantities`.
+DRIVE_LIMITS = (
+    DriveLimit("leg_velocity_max", "leg velocity", VELOCITY),
+    DriveLimit("actuator_force_max", "actuator force", FORCE),
+    DriveLimit("actuator_power_max", "actuator power", POWER),
+)
+
+
+def limited_quantities(
+    velocity: FloatArray, force: FloatArray, out: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What the platform limits, by row (n, ...): |L̇|, |F|, and |F L̇|, the larger of the values at both ends of the row.
+
+    The force is held over its row, so L̇ at its end is that of the next row; the last row has none. From the squares of
+    |L̇| and |F| come those of all three.
+
+    Parameters
+    ----------
+    velocity, force
+        |L̇| and |F|, or their squares (n, ...).
+    out
+        For the power.
     """
-    velocity, force = record["leg_velocity"], record["actuator_force"]
-    values = {
-        "leg_velocity_max": np.abs(velocity),
-        "actuator_force_max": np.abs(force),
-        "actuator_power_max": np.abs(force) * _larger_of_both_ends(np.abs(velocity)),
+    power = np.empty_like(velocity) if out is None else out
+    np.maximum(velocity[:-1], velocity[1:], out=power[:-1])
+    power[-1:] = velocity[-1:]
+    power *= force
+    return velocity, force, power
+
+
+def shares_of_limits(record: Record, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit."""
+    used = limited_quantities(np.abs(record["leg_velocity"]), np.abs(record["actuator_force"]))
+    return {
+        limit.name: each / platform[limit.name]
+        for limit, each in zip(DRIVE_LIMITS, used, strict=True)
+        if platform.get(limit.name) is not None
     }
-    return {name: used / platform[name] for name, used in values.items() if platform.get(name) is not None}
-
-
-def _larger_of_both_ends(values: FloatArray) -> FloatArray:
-    """The larger of each row and the next (n, 6); the last row has no next."""
-    return np.asarray(np.maximum(values, np.concatenate([values[1:], values[-1:]])))

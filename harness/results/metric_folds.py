@@ -4,13 +4,15 @@ The same folds give the metrics of a record, of a run, and of thousands of membe
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folds import FORCE as FORCES
 from gough_stewart.harness.loop.folds import Block, Fold, State, add_rows
+from gough_stewart.harness.loop.loop import Limits, stroke_of
+from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit, limited_quantities
 from gough_stewart.harness.results.metric import (
     ANGLE,
     ENERGY,
@@ -20,7 +22,6 @@ from gough_stewart.harness.results.metric import (
     POWER,
     SHARE,
     TIME,
-    VELOCITY,
     Metric,
     Quantity,
     Shown,
@@ -33,21 +34,6 @@ if TYPE_CHECKING:
 
 
 STROKE_EXCEEDED = "flag.stroke_exceeded"
-
-
-class DriveLimit(NamedTuple):
-    """A limit of the platform on what its drives do."""
-
-    name: str  # of the platform's parameter
-    text: str
-    quantity: Quantity
-
-
-DRIVE_LIMITS = (
-    DriveLimit("leg_velocity_max", "leg velocity", VELOCITY),
-    DriveLimit("actuator_force_max", "actuator force", FORCE),
-    DriveLimit("actuator_power_max", "actuator power", POWER),
-)
 
 
 class Rows(Fold):
@@ -156,11 +142,7 @@ class Drives(Fold):
         n, members = len(force), force.shape[2]
         of_force = np.multiply(force, force, out=block.scratch("of force", n, 6, members))
         of_velocity = np.multiply(velocity, velocity, out=block.scratch("of velocity", n, 6, members))
-        power = block.scratch("power", n, 6, members)
-        np.maximum(of_velocity[:-1], of_velocity[1:], out=power[:-1])
-        power[-1] = of_velocity[-1]
-        power *= of_force
-        squares = (of_velocity, of_force, power)
+        squares = limited_quantities(of_velocity, of_force, block.scratch("power", n, 6, members))
         for k, each in enumerate(squares):
             peak = np.maximum.reduce(each)
             if k in self._limits and (peak > (bound := np.square(self._limits[k]))).any():
@@ -173,7 +155,7 @@ class Drives(Fold):
         add_rows(state["total"], of_force[:-1])
         work = np.subtract(length[1:], length[:-1], out=of_velocity[:-1])
         work *= force[:-1]
-        size = np.abs(work, out=power[:-1])
+        size = np.abs(work, out=squares[2][:-1])
         add_rows(state["net"], work)
         add_rows(state["absolute"], size)
 
@@ -205,7 +187,7 @@ def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
         Metric(f"{path}.used", f"{what}, of its limit", SHARE, "largest share of the limit, by leg", "smaller"),
         Metric(
             f"{path}.first_exceeded",
-            f"{what} first over its limit",
+            f"{what}, first beyond",
             TIME,
             "when the limit was first exceeded, by leg",
             is_compared=False,
@@ -261,7 +243,7 @@ class Stroke(Fold):
 
     def __init__(self, limits: Mapping[str, Any], knows_exceeded: bool = True) -> None:
         self._low, self._high = limits.get("leg_length_min"), limits.get("leg_length_max")
-        self._knows_exceeded = knows_exceeded
+        self._limits, self._knows_exceeded = Limits(stroke_of(self._low, self._high)), knows_exceeded
 
     def start(self, members: int) -> State:
         """Ends of the lengths, and counts of rows by leg and, last, for any leg."""
@@ -274,11 +256,8 @@ class Stroke(Fold):
         shortest, longest = np.minimum.reduce(length), np.maximum.reduce(length)
         if STROKE_EXCEEDED in block:
             _count(state["count"], block[STROKE_EXCEEDED])
-        else:
-            low = -np.inf if self._low is None else self._low
-            high = np.inf if self._high is None else self._high
-            if (shortest < low).any() or (longest > high).any():
-                _count(state["count"], (length < low) | (length > high))
+        elif self._beyond(shortest).any() or self._beyond(longest).any():
+            _count(state["count"], self._beyond(length))
         np.minimum(state["shortest"], shortest, out=state["shortest"])
         np.maximum(state["longest"], longest, out=state["longest"])
 
@@ -292,6 +271,10 @@ class Stroke(Fold):
         every = (shortest, longest, margin, shares[:6], shares[6])
         known = self.metrics if self._knows_exceeded else self.metrics[:3]
         return _named(known, [_defined(rows > 0, each) for each in every[: len(known)]])
+
+    def _beyond(self, lengths: FloatArray) -> NDArray[np.bool_]:
+        """Which lengths (..., 6, N) are beyond the stroke."""
+        return np.moveaxis(self._limits.beyond_stroke(np.moveaxis(lengths, -2, -1)), -1, -2)
 
 
 # All folds but `Steps`, which depends on the reference; the metrics of the linear loop come from `margins`.

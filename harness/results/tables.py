@@ -6,6 +6,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, to_terminal
+from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.harness.results.outcome import is_sound, outcome_text
 
 
@@ -71,10 +72,10 @@ def _legs(metrics: dict[str, Any]) -> Sheet:
     row("net work", "J", energy["net"], number_text(energy["net_total"]))
     row("work, absolute", "J", energy["absolute"], number_text(energy["absolute_total"]))
     for name, part in (metrics["limits"] or {}).items():
-        what = name.removesuffix("_max").replace("_", " ")
-        row(f"{what}, of its limit", "%", [None if used is None else 100 * used for used in part["used"]])
-        if any(first is not None for first in part["first_exceeded"]):
-            row(f"{what}, first beyond", "s", part["first_exceeded"])
+        used, first = (shown_metric(f"limits.{name}.{which}") for which in ("used", "first_exceeded"))
+        row(used.text, used.unit, [None if each is None else used.factor * each for each in part["used"]])
+        if any(each is not None for each in part["first_exceeded"]):
+            row(first.text, first.unit, part["first_exceeded"])
     shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
     for name, share in shares.items():
         # skip rows of zeros
