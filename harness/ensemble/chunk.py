@@ -115,6 +115,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
         if controller is None:
             continue
         loop, motion = each.loop, each.motion
+        assert motion is not None  # a controller has a reference
         try:
             found = loop_margins(
                 loop_transfer(
@@ -123,8 +124,8 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
                     loop.timing.sample_time,
                     delay=loop.actuators.delay,
                     lag=loop.actuators.lag,
-                    position=None if motion is None else motion.position[0],
-                    orientation=None if motion is None else motion.orientation[0],
+                    position=motion.position[0],
+                    orientation=motion.orientation[0],
                     believed=each.platform,
                 )
             )

@@ -153,14 +153,15 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
 def _loop(prepared: Prepared, controller: LinearController, sample_time: float, delay: int, lag: float) -> Any:
     """The loop transfer at the first pose of the reference."""
     motion = prepared.motion
+    assert motion is not None  # a controller has a reference
     return loop_transfer(
         prepared.platform,
         controller,
         sample_time,
         delay=delay,
         lag=lag,
-        position=None if motion is None else motion.position[0],
-        orientation=None if motion is None else motion.orientation[0],
+        position=motion.position[0],
+        orientation=motion.orientation[0],
     )
 
 

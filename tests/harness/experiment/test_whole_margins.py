@@ -267,6 +267,9 @@ def test_the_bode_figure_shows_the_loops_of_the_legs(said: Said) -> None:
         assert np.abs(np.diff(degrees[seen_ones])).max() < 180
     _check_styles(gain)
     _check_styles(phase)
+    assert _in_legend(gain) == [f"leg {k + 1}" for k in range(6)]
+    assert _in_legend(phase) == []
+    assert _in_legend(sigma) == [f"σ({name}), largest to smallest" for name in "ST"]
     worst = int(np.argmin([leg["phase"] for leg in legs]))
     arrows = [line for line in gain.get_lines() if line.get_linewidth() == 1.4]
     arrows += [line for line in phase.get_lines() if line.get_linewidth() == 1.4]
@@ -285,6 +288,11 @@ def test_the_bode_figure_shows_the_loops_of_the_legs(said: Said) -> None:
     assert np.degrees(np.angle(leg_loop(LOOP.response(2 * np.pi * hertz), worst)))[0] % 360 == pytest.approx(
         end % 360, abs=0.1
     )
+
+
+def _in_legend(axes: Any) -> list[str]:
+    legend = axes.get_legend()
+    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
 
 
 def _check_styles(axes: Any) -> None:
@@ -322,6 +330,7 @@ def test_the_step_figure_shows_each_legs_own_answer(said: Said) -> None:
     assert axes.get_title(loc="left") == "share of the disturbance that the controller compensates"
     assert axes.get_xlabel() == "time [s]"
     _check_styles(axes)
+    assert _in_legend(axes) == [f"leg {k + 1}" for k in range(6)]
     A, B, C = (np.asarray(getattr(said.found.loop, name)) for name in "ABC")
     assert not np.asarray(said.found.loop.D).any()  # there is a delay
     for k in range(6):
