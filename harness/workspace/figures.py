@@ -126,10 +126,10 @@ def _placed(figure: Figure, size: tuple[float, float], left: float, top: float, 
 
 def _map_size(workspace: Workspace, width: float) -> tuple[float, float]:
     """Size of a map [inch]; the area is about the same for all shapes."""
-    ratio = height_over_width(workspace)
     # a long and thin grid needs room for its labels
-    width = width / np.sqrt(max(ratio, 0.9)) if ratio < 4 else width / 2
-    return float(width), float(width * min(max(ratio, 0.25), 4.0))
+    ratio = min(max(height_over_width(workspace), 0.25), 4.0)
+    across = float(width / np.sqrt(max(ratio, 0.9)))
+    return across, across * ratio
 
 
 def _chosen_slices(workspace: Workspace) -> list[int]:

@@ -12,11 +12,19 @@ import matplotlib as mpl
 import numpy as np
 import polars as pl
 import pytest
+from lxml import etree
 from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.output.tables import Named, Sheet
-from gough_stewart.harness.workspace.display import clearance, fixed_text, limits_text, swept_text
+from gough_stewart.harness.workspace.display import (
+    Shown,
+    clearance,
+    clearance_of,
+    fixed_text,
+    limits_text,
+    swept_text,
+)
 from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.maps import LIMIT_COLOURS
 from gough_stewart.harness.workspace.page import workspace_page
@@ -25,6 +33,7 @@ from gough_stewart.harness.workspace.tables import extent_text, sheets_of, size_
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, PoseQualities, evaluate_poses
 from gough_stewart.model.workspace_grid import Workspace, sweep
@@ -435,3 +444,109 @@ def test_what_leads_back_home_is_said_in_the_order_of_its_use() -> None:
     for one in ("leg_length_min", "leg_length_max", "joint_angle_max"):
         without = dict.fromkeys({"leg_length_min", "leg_length_max", "joint_angle_max"} - {one})
         assert notices(sweep(replace(UNEVEN, **without), _NEAR, points=3)) == []  # type: ignore[arg-type]
+
+
+# --- the page in words -----------------------------------------------------------------------------------------------
+
+
+def test_the_page_says_each_thing_in_its_place(seen: Seen) -> None:
+    """Expected: by element: platform, ranges, share, notices, limits that are met in their colours, all tables."""
+    space, page = seen.space, workspace_page(seen.space).decode()
+    tree: Any = etree.HTML(page)
+    name = space.platform.name
+    assert tree.findtext(".//title") == tree.findtext(".//h1") == f"Workspace of {name}"
+    said = {one.get("class"): " ".join(one.itertext()) for one in tree.iterfind(".//header/p") if one.get("class")}
+    assert said["lead"] == f"{swept_text(space)}; at {fixed_text(space)}"
+    assert said["size"] == size_text(space)
+    assert [one.text for one in tree.findall(".//p[@class='notice']")] == notices(space)
+    hint = "Point at a map to see all values there. Drag to zoom all maps; double-click to reset."
+    more = " Move the slider to choose a slice; drag the volume to turn it."
+    assert tree.findtext(".//p[@class='hint']") == hint + (more if len(seen.swept) == 3 else "")
+    codes = sorted({int(q.limit) for q in seen.each.values()})
+    swatches = [(span.find("i").get("class"), span.find("i").get("style")) for span in _legend(tree)]
+    assert [span.find("i").tail for span in _legend(tree)] == [Limit(code).text for code in codes]
+    assert swatches == [
+        (None, f"background:{LIMIT_COLOURS[Limit(code)]}") if code else ("reachable", None) for code in codes
+    ]
+    sheets = [sheet for sheet in sheets_of(space) if sheet.rows]
+    tables = tree.findall(".//section[@class='tables']/div")
+    assert len(tables) == len(sheets) == 3
+    for table, sheet in zip(tables, sheets, strict=True):
+        words = " ".join(" ".join(table.itertext()).split())
+        assert sheet.title in words
+        for row in rows_of(sheet):
+            assert " ".join(" ".join(row).split()) in words
+    footer = tree.findtext(".//footer") or ""
+    source = space.platform.source
+    assert footer.startswith(f"{source}. Largest payload: a point mass" if source else "Largest payload: a point mass")
+    assert footer.endswith("Made by gough-stewart; includes plotly.js.")
+    assert "largest force there, in any direction, held at rest." in footer
+
+
+def _legend(tree: Any) -> list[Any]:
+    return list(tree.findall(".//div[@class='legend']/span"))
+
+
+def test_an_empty_region_has_no_swatch_and_no_table_of_results() -> None:
+    """Expected: limits only; the table of what can be reached is left out, since it has no rows."""
+    space = sweep(replace(UNEVEN, source=""), _NEAR, {"z": 1.0}, points=3)
+    tree: Any = etree.HTML(workspace_page(space).decode())
+    assert [span.find("i").tail for span in _legend(tree)] == ["a leg too short"]
+    assert [span.find("i").get("class") for span in _legend(tree)] == [None]
+    assert len(tree.findall(".//section[@class='tables']/div")) == 2
+    assert [one.text for one in tree.findall(".//p[@class='notice']")] == notices(space)
+    assert (tree.findtext(".//footer") or "").startswith("Largest payload")
+    rows = rows_of(sheets_of(space)[0])
+    assert [row[4:6] for row in rows] == [("–", "–")] * 2
+
+
+@pytest.mark.parametrize("aside", [-2e-9, -0.5e-9, 0.5e-9, 2e-9, -0.2, 0.2])
+@pytest.mark.parametrize("name", ["z", "yaw"])
+def test_a_plane_goes_through_home_where_all_other_coordinates_agree(name: str, aside: float) -> None:
+    """Expected: to a billionth, from both sides; the first of two coordinates counts as the last does."""
+    home = {"z": 2.9, "yaw": 0.11}
+    space = sweep(UNEVEN, {"x": (-0.1, 0.12), "y": (-0.1, 0.1)}, {name: home[name] + aside}, points=3)
+    assert (_data(space)["home"] is not None) == (abs(aside) < 1e-9)
+
+
+def test_where_home_is_told_only_for_coordinates_that_are_away_from_it() -> None:
+    """Expected: above home as below; a range that ends a billionth before home includes it."""
+    for away in (-0.7, 0.7):
+        text = _notice(UNEVEN, {"x": (1.0, 1.1), "y": (0.0, 0.1)}, {"z": 2.9 + away, "roll": 0.04 + 1e-12})
+        assert text.endswith("Home can be reached, with z at 2.9 m: fix coordinates nearer to it."), text
+    for low, high in ((3.5, 3.6), (-3.2, -3.1)):
+        text = _notice(UNEVEN, {"y": (low, high), "x": (-9.0, 9.0)}, {})
+        assert text.endswith("with y at -0.05 m: sweep a range about it, or omit the range."), text
+    for over in ({"y": (-0.05 + 5e-10, 7.0)}, {"y": (-7.0, -0.05 - 5e-10)}):
+        text = _notice(replace(UNEVEN, joint_angle_max=1e-4), over | {"x": (-9.0, 9.0)}, {})
+        assert text.endswith("but lies between two poses of this grid: use more points or smaller ranges."), text
+
+
+def test_a_value_is_shown_with_its_unit_and_without_a_negative_zero() -> None:
+    """Expected: by hand; degrees without a space, numbers without a unit alone, and what is not finite."""
+    degrees, metres, plain = Shown("°", 180 / np.pi), Shown("mm", 1e3), Shown("", 1.0)
+    assert [degrees.text(x) for x in (np.pi / 6, -1e-14, -0.5)] == ["30°", "0°", "-28.65°"]
+    assert [metres.text(x, 3) for x in (0.123456, -0.0, 1e-13)] == ["123 mm", "0 mm", "0 mm"]
+    assert [plain.text(x) for x in (2.0, 1234.56, np.inf)] == ["2", "1235", "inf"]
+
+
+def test_the_clearance_is_the_least_of_its_margins_in_their_own_scales() -> None:
+    """Expected: by hand, each margin the least in turn; lengths over the characteristic length, NaN passed over."""
+    size = UNEVEN.characteristic_length
+    q = evaluate_poses(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation)
+    nan = np.nan
+    cases = [
+        ((0.3 * size, 0.5, 0.4), 0.1, 0.3),
+        ((-0.2 * size, 0.5, 0.4), 0.1, -0.2),
+        ((0.9 * size, 0.25, 0.4), 0.1, 0.25),
+        ((0.9 * size, 0.5, 0.15), 0.1, 0.15),
+        ((0.9 * size, 0.5, 0.4), -1.5, LARGEST_PITCH - 1.5),
+        ((0.9 * size, 0.5, 0.4), 1.5, LARGEST_PITCH - 1.5),
+        ((nan, nan, 0.4), 0.0, 0.4),
+    ]
+    for (length, angle, singular), pitch, expected in cases:
+        margins = {"leg_length_margin": length, "joint_angle_margin": angle, "singular_margin": singular}
+        found = clearance_of(UNEVEN, q._replace(**{k: np.array(v) for k, v in margins.items()}), np.array(pitch))
+        assert float(found) == pytest.approx(expected)
+    alone = q._replace(leg_length_margin=None, joint_angle_margin=None, singular_margin=np.array(0.7))
+    assert float(clearance_of(UNEVEN, alone, np.array(0.0))) == 0.7
