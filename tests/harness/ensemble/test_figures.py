@@ -286,11 +286,11 @@ def test_without_failures_and_sensitivity_no_legend_and_the_order_of_the_experim
     """Expected: four inputs as in the table, nothing above the largest, rows of three panels."""
     x = np.random.default_rng(2).normal(size=(60, 4))
     with figures_drawn(is_rendered=False) as figures:
-        ensemble_figures(ensemble_of(x), "stroke.margin")
+        ensemble_figures(ensemble_of(x), "margins.disk")
     bands, histograms, dependence = figures
     assert title_of(bands) == "closed forms: 60 members; median, 25 to 75 %, 5 to 95 %, extremes"
     assert title_of(histograms) == "closed forms: metrics of 60 members; 5, 50, 95 % dashed"
-    assert title_of(dependence) == "closed forms: stroke margin [mm] against what varies"
+    assert title_of(dependence) == "closed forms: disk margin against what varies"
     assert [axes.get_title(loc="left") for axes in panels_of(dependence)] == [
         *("platform_mass [kg]", "controller.bandwidth", "base_points[1,2] [m]", "leg_coulomb_friction [N]")
     ]

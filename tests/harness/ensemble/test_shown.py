@@ -13,7 +13,6 @@ from lxml import html
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
-from gough_stewart.harness.ensemble.figures import ensemble_figures
 from gough_stewart.harness.ensemble.files import worst_by
 from gough_stewart.harness.ensemble.page import ensemble_page, worst_sheet
 from gough_stewart.harness.ensemble.result import Ensemble
@@ -30,7 +29,6 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Named
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, ensemble_of
-from tests.support.figures import figures_drawn
 
 PEAK = "tracking.position.norm_peak"
 
@@ -329,12 +327,6 @@ def test_inputs_that_are_no_numbers_are_the_same_in_both() -> None:
     """Expected: names of files that vary have no value as numbers, which is no difference."""
     a = with_columns(ensemble_of(normal(5)), varied__controller__file=["a", "b", "c", "d", "e"])
     assert compare(a, a).both_completed == 5
-
-
-def test_a_metric_without_a_unit_is_drawn_without_one() -> None:
-    with figures_drawn(is_rendered=False) as figures:
-        ensemble_figures(ensemble_of(normal(30)), "margins.disk")
-    assert figures[-1].get_suptitle() == "closed forms: disk margin against what varies"
 
 
 def test_each_step_of_an_ensemble_is_told(tmp_path: Any) -> None:
