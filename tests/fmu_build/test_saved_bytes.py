@@ -55,8 +55,10 @@ def stepped(fmu: Fmu) -> tuple[Fmu, bytes]:
 
 
 def test_the_checksum_is_fnv_1a(stepped: tuple[Fmu, bytes]) -> None:
+    """Expected: by the published constants, over all bytes before it, the first eight of which name the format."""
     _, blob = stepped
     assert blob == sealed(blob[:-8])
+    assert blob[:8] == b"GSTEWART"
 
 
 def test_numbers_that_no_state_has_are_refused(stepped: tuple[Fmu, bytes]) -> None:
