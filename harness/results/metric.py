@@ -39,3 +39,4 @@ class Metric(NamedTuple):
     better: Literal["smaller", "larger"] | None = None
     is_compared: bool = True  # whether it is shown beside that of other runs
     is_least: bool = False  # of several legs or axes, the least stands for all; of other metrics, the largest
+    needs: tuple[str, ...] = ()  # columns of the record

@@ -204,9 +204,10 @@ class Saturation(Fold):
 
     def __init__(self, name: str) -> None:
         self.needs, what, path = (f"flag.{name}",), name.replace("_", " "), f"saturation.{name}"
+        share = "share of the rows but the last in which"
         self.metrics = (
-            Metric(f"{path}.legs", f"{what}, a leg", SHARE, f"share of the time with {what}, by leg", "smaller", False),
-            Metric(f"{path}.any", what, SHARE, f"share of the time with any leg {what}", "smaller"),
+            Metric(f"{path}.legs", f"{what}, a leg", SHARE, f"{share} a leg is {what}, by leg", "smaller", False),
+            Metric(f"{path}.any", what, SHARE, f"{share} any leg is {what}", "smaller"),
         )
 
     def start(self, members: int) -> State:
@@ -237,8 +238,15 @@ class Stroke(Fold):
         Metric("stroke.shortest", "shortest leg", LENGTH, "shortest length, by leg", None, False, True),
         Metric("stroke.longest", "longest leg", LENGTH, "largest length, by leg", None, False),
         Metric("stroke.margin", "stroke margin", LENGTH, "to the nearest end of the stroke; < 0 beyond it", "larger"),
-        Metric("stroke.exceeded.legs", "beyond stroke, a leg", SHARE, "share of the rows, by leg", "smaller", False),
-        Metric("stroke.exceeded.any", "beyond stroke", SHARE, "share of the rows with any leg beyond", "smaller"),
+        Metric(
+            "stroke.exceeded.legs",
+            "beyond stroke, a leg",
+            SHARE,
+            "share of the rows beyond the stroke, by leg",
+            "smaller",
+            False,
+        ),
+        Metric("stroke.exceeded.any", "beyond stroke", SHARE, "share of the rows with any leg beyond it", "smaller"),
     )
 
     def __init__(self, limits: Mapping[str, Any], knows_exceeded: bool = True) -> None:
@@ -277,36 +285,38 @@ class Stroke(Fold):
         return np.moveaxis(self._limits.beyond_stroke(np.moveaxis(lengths, -2, -1)), -1, -2)
 
 
-# All folds but `Steps`, which depends on the reference; the metrics of the linear loop come from `margins`.
-def _folds(time: FloatArray, limits: Mapping[str, Any], knows_exceeded: bool = True) -> list[Any]:
-    return [
-        Rows(time),
-        Tracking("position", "position error", 3, LENGTH, has_norm=True),
-        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
-        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
-        Drives(time, limits),
-        Saturation("force_limited"),
-        Saturation("rate_limited"),
-        Stroke(limits, knows_exceeded),
-    ]
-
-
 _OF_MARGINS = (
     Metric("margins.disk", "disk margin", NUMBER, "disk margin of the linear loop", "larger", False),
     Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
 )
 
 
-def _all_metrics() -> tuple[Metric, ...]:
-    found = list[Metric]()
-    for fold in _folds(np.zeros(0), {}):
-        found += fold.metrics
-        if isinstance(fold, Tracking) and fold.needs == ("error.leg_length",):
-            found += STEP_METRICS
-    return (*found, *(metric for each in LIMIT_METRICS for metric in each), *_OF_MARGINS)
+def _of_motion(time: FloatArray) -> list[Any]:
+    return [
+        Rows(time),
+        Tracking("position", "position error", 3, LENGTH, has_norm=True),
+        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
+        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
+    ]
 
 
-METRICS = _all_metrics()
+def _of_legs(time: FloatArray, limits: Mapping[str, Any], knows_exceeded: bool = True) -> list[Any]:
+    of_actuators = [Saturation("force_limited"), Saturation("rate_limited")]
+    return [Drives(time, limits), *of_actuators, Stroke(limits, knows_exceeded)]
+
+
+def _declared() -> tuple[Metric, ...]:
+    none = np.zeros(0)
+
+    def of(folds: list[Any]) -> list[Metric]:
+        return [metric._replace(needs=fold.needs) for fold in folds for metric in fold.metrics]
+
+    limits = [metric._replace(needs=Drives.needs) for each in LIMIT_METRICS for metric in each]
+    # the linear loop has no rows: whoever computes its margins gives these
+    return (*of(_of_motion(none)), *STEP_METRICS, *of(_of_legs(none, {})), *limits, *_OF_MARGINS)
+
+
+METRICS = _declared()
 _BY_PATH = {metric.path: metric for metric in METRICS}
 
 
@@ -332,7 +342,8 @@ def metric_folds(
     """
     stated = {name: value for name, value in limits.items() if value is not None}
     knows_exceeded = known is None or known(STROKE_EXCEEDED)
-    folds = [*_folds(time, stated, knows_exceeded), *([] if reference is None else [Steps(time, reference)])]
+    steps = [] if reference is None else [Steps(time, reference)]
+    folds = [*_of_motion(time), *steps, *_of_legs(time, stated, knows_exceeded)]
 
     def has(column: str) -> bool:
         return known(column) if known is not None else reference is not None or not column.startswith("error.")

@@ -55,7 +55,7 @@ def step_in(reference: FloatArray) -> Step:
 def _of_axis(axis: str, signal: str) -> tuple[Metric, ...]:
     """The metrics of a response (y − from)/(to − from), as in python-control's `step_info`."""
     path, pose = f"step_response.{axis}", LENGTH if signal == "position" else ANGLE
-    return (
+    own = (
         Metric(f"{path}.from", f"{axis}: from", pose, "the reference before the step", None, False),
         Metric(f"{path}.to", f"{axis}: to", pose, "the reference after the step", None, False),
         Metric(f"{path}.at", f"{axis}: step at", TIME, "start of the response", None, False),
@@ -64,9 +64,12 @@ def _of_axis(axis: str, signal: str) -> tuple[Metric, ...]:
             *("overshoot in percent of the step; 0 if it did not rise", "smaller"),
         ),
         Metric(f"{path}.rise_time", f"{axis}: rise time", TIME, "from 10 to 90 % of the step"),
-        Metric(f"{path}.settling_time", f"{axis}: settling time", TIME, "until it stays within 2 %", "smaller"),
+        Metric(
+            f"{path}.settling_time", f"{axis}: settling time", TIME, "until it stays within 2 % of the step", "smaller"
+        ),
         Metric(f"{path}.final_error", f"{axis}: final error", pose, "reference − actual at the end", "smaller"),
     )
+    return tuple(each._replace(needs=(signal, f"reference.{signal}")) for each in own)
 
 
 _OF_AXES = tuple(_of_axis(axis, signal) for axis, signal, _ in AXES)

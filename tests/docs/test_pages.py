@@ -24,6 +24,7 @@ import gough_stewart as gs
 from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.harness.experiment.file import experiment_from, with_settings
+from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.model import interface
 from tests.support.c_hosts import ZIG
 from tests.support.demo import Demo
@@ -37,7 +38,8 @@ from tests.support.snippets import (
     commands_of,
     runner,
 )
-from tools.pages.blocks import ROOT, Block
+from tools.pages.blocks import ROOT, Block, text_of
+from tools.pages.metrics import PAGE, page_with_table
 from tools.pages.story import run_in_shell, run_page
 
 COMMANDS = {page: commands_of(page) for page in PAGES}
@@ -228,3 +230,12 @@ def test_what_the_pages_install_are_extras_of_this_package() -> None:
 
 def test_the_environment_that_the_pages_activate_is_there() -> None:
     assert (ROOT / ".venv/bin/activate").exists()
+
+
+def test_the_table_of_metrics_is_what_the_metrics_declare() -> None:
+    """Expected: the page as `python -m tools.pages` writes it; a metric of a run that is read back is in its table."""
+    text = text_of(PAGE)
+    assert text == page_with_table(text)
+    of_a_run = flattened(gs.metrics(gs.run("heave_step", {"loop.duration": 0.3, "reference.at": 0.02})))
+    for path in of_a_run:
+        assert f"| `{path.replace('step_response.z.', 'step_response.AXIS.')}` |" in text

@@ -1,4 +1,4 @@
-"""Metrics of many members, folded during their runs, against those of each member's whole record."""
+"""Metrics of many members, folded during their runs, against loops over the rows of each member's record."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import polars
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
@@ -20,6 +22,7 @@ from gough_stewart.harness.results.metric_folds import METRICS, columns_of, fold
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.model.vectors import FloatArray
+from tests.support.metric_definitions import as_one_number, defined_metrics
 
 LIMITS: dict[str, Any] = {
     "leg_length_min": 0.9,
@@ -83,16 +86,20 @@ def seen_again(
 
 
 def check(found: dict[str, FloatArray], members: list[Member]) -> None:
+    """By loops over the rows of each record, written from the documentation; and to the bit what its record says."""
     known = set[str]()
     for k, member in enumerate(members):
-        expected = flattened(metrics(member.record))
+        table, platform = member.record.table, member.record.metadata["platform"]
+        used = [name for name in table.columns if table[name].dtype == polars.Float64]
+        finite = np.isfinite(table.select(used).to_numpy()).all(axis=1)
+        expected = as_one_number(defined_metrics(table.head(int(np.append(finite, False).argmin())), platform))
+        numbers = {name: None if np.isnan(values[k]) else values[k] for name, values in found.items()}
+        assert {name for name, number in numbers.items() if number is not None} <= set(expected)
         for name, value in expected.items():
-            number = found[name][k] if name in found else np.nan
-            assert (None if np.isnan(number) else number) == (
-                None if value is None else pytest.approx(value, rel=1e-12, abs=1e-14)
-            ), f"{name} of member {k}"
-        # what a member has not is not known of it
-        assert all(np.isnan(values[k]) for name, values in found.items() if name not in expected)
+            close = None if value is None else pytest.approx(value, rel=1e-12, abs=1e-12)
+            assert numbers.get(name) == close, f"{name} of member {k}"
+        same = flattened(metrics(member.record))
+        assert {name: numbers.get(name) for name in same} == same
         known |= set(expected)
     assert set(found) == known
 
@@ -101,8 +108,8 @@ def check(found: dict[str, FloatArray], members: list[Member]) -> None:
 def runs() -> tuple[list[Member], list[Loop], dict[str, Any]]:
     """Runs of a shipped experiment that end as differently as runs can."""
     members, loops, platform = [], [], {}
-    for settings in RUNS:
-        experiment = load_experiment("heave_step", {"loop.duration": 0.6, "loop.plant_step": "1 ms", **settings})
+    for options in RUNS:
+        experiment = load_experiment("heave_step", {"loop.duration": 0.6, "loop.plant_step": "1 ms", **options})
         prepared = prepare(experiment)
         record = run_prepared(experiment, prepared)
         platform = record.metadata["platform"]
@@ -136,8 +143,17 @@ def test_a_single_run_has_the_figures_of_its_record(runs: tuple[list[Member], li
     check(seen_again(loops[2], platform, members[2:3], is_one=True), members[2:3])
 
 
-def noise(n: int, rows: int, rng: np.random.Generator, broken: int | None = None, at: int = 6) -> Member:
+def noise(
+    n: int,
+    rows: int,
+    rng: np.random.Generator,
+    broken: int | None = None,
+    at: int = 6,
+    limits: dict[str, Any] | None = None,
+) -> Member:
     """A member of random numbers whose reference steps on three axes, of so many of n rows; one of them not finite."""
+    limits = LIMITS if limits is None else limits
+    low, high = limits.get("leg_length_min", 0.0), limits.get("leg_length_max", np.inf)
     everything = rng.normal(size=(n, 24))
     everything[:, 12:18] = rng.uniform(0.8, 2.5, (n, 6))
     wanted = rng.normal(size=(n, 30))
@@ -156,18 +172,19 @@ def noise(n: int, rows: int, rng: np.random.Generator, broken: int | None = None
         "actuator_force": forces,
         "reference.position": wanted[:, :3],
         "reference.orientation": wanted[:, 3:6],
+        "reference.leg_length": wanted[:, 12:18],
         "error.position": wanted[:, :3] - everything[:, :3],
         "error.orientation": wanted[:, 3:6] - everything[:, 3:6],
         "error.leg_length": wanted[:, 12:18] - everything[:, 12:18],
         "flag.force_limited": flags[0],
         "flag.rate_limited": flags[1],
-        "flag.stroke_exceeded": (everything[:, 12:18] < 0.9) | (everything[:, 12:18] > 2.4),
+        "flag.stroke_exceeded": (everything[:, 12:18] < low) | (everything[:, 12:18] > high),
     }
     table = {"time": 1e-3 * np.arange(rows)}
     for name, values in parts.items():
         table |= dict(zip(columns(name, values.shape[1]), values[:rows].T.copy(), strict=True))
     outcome = {"status": "completed", "time": 1e-3 * (rows - 1), "cause": None}
-    record = Record(polars.DataFrame(table), {"outcome": outcome, "platform": LIMITS})
+    record = Record(polars.DataFrame(table), {"outcome": outcome, "platform": dict(limits)})
     return Member(everything[:rows], forces[:rows], wanted, flags[0][:rows], flags[1][:rows], record)
 
 
@@ -238,30 +255,76 @@ def test_a_member_that_ended_early_has_the_step_of_the_whole_run_or_none(levels:
 
 
 def test_without_a_reference_there_is_neither_tracking_nor_a_step() -> None:
-    """Expected: `metrics` of a record without these columns."""
-    member = noise(30, 30, np.random.default_rng(8))
-    kept = [name for name in member.record.table.columns if not name.startswith(("error.", "reference."))]
-    member = replace(member, wanted=None, record=Record(member.record.table.select(kept), member.record.metadata))
-    loop = Loop(Timing(0.029, 1e-3, 1e-3), None, np.zeros((29, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    check(seen_again(loop, LIMITS, [member]), [member])
+    """Expected: all else as with one, and as `metrics` of a record without these columns."""
+    with_one = noise(30, 30, np.random.default_rng(8))
+    kept = [name for name in with_one.record.table.columns if not name.startswith(("error.", "reference."))]
+    record = Record(with_one.record.table.select(kept), with_one.record.metadata)
+    member = replace(with_one, wanted=None, record=record)
+    loop = Loop(Timing(0.029, 1e-3, 1e-3), with_one.wanted, np.zeros((29, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
+    expected = {
+        name: values
+        for name, values in seen_again(loop, LIMITS, [with_one]).items()
+        if not name.startswith(("tracking.", "step_response."))
+    }
+    found = seen_again(replace(loop, reference=None), LIMITS, [member])
+    assert found == expected
+    assert flattened(metrics(record)) == {name: value[0] for name, value in expected.items()}
 
 
-@pytest.mark.parametrize("size", [1, 7, 5 * 13, 5 * 41])
-def test_neither_the_size_of_blocks_nor_the_other_members_change_a_bit(
-    size: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: the bits of each member alone, in one block; sums of numbers of all sizes depend on their order."""
-    rng = np.random.default_rng(6)
+LACKING = [(), ("leg_length_min",), ("leg_length_max",), ("leg_length_min", "leg_length_max", "leg_velocity_max")]
+
+
+@given(st.data())
+@settings(max_examples=20)
+def test_random_members_in_blocks_of_any_size_have_the_figures_of_their_records(data: st.DataObject) -> None:
+    """Expected: loops over rows; to the bit those of each member alone, in one block, and of its record.
+
+    Members end at any row, or before one that is not finite; limits are on both sides, on one, or none.
+    """
     n = 41
-    members = [noise(n, rows, rng) for rows in (n, n, 30, n, 17)]
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    lacking, size = data.draw(st.sampled_from(LACKING)), data.draw(st.integers(1, 5 * n))
+    limits = {name: value for name, value in LIMITS.items() if name not in lacking}
+    members = [noise(n, n, rng, limits=limits)]
+    for _ in range(data.draw(st.integers(0, 4))):
+        rows, broken = data.draw(st.sampled_from([n, n, 2, 19])), data.draw(st.one_of(st.none(), st.integers(1, n - 1)))
+        members.append(noise(n, rows, rng, broken=broken, limits=limits))
     wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
-    timing = Timing((n - 1) * 1e-3, 2e-3, 1e-3)
-    loop = Loop(timing, wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    each = [seen_again(replace(loop, reference=member.wanted), LIMITS, [member], True) for member in members]
-    monkeypatch.setattr(folds, "_SIZE", size)
-    found = seen_again(loop, LIMITS, members)
+    loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
+    each = [seen_again(replace(loop, reference=member.wanted), limits, [member], True) for member in members]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(folds, "_SIZE", size)
+        found = seen_again(loop, limits, members)
     for name, values in found.items():
         assert values.tolist() == pytest.approx([own[name][0] for own in each], rel=0, abs=0, nan_ok=True), name
+    check(found, members)
+
+
+def test_a_members_bits_are_the_same_among_1_8_512_and_600() -> None:
+    """Expected: results by leg and axis of each number of members, to the bit; some end, some are not finite."""
+    n, most = 37, 600
+    rng = np.random.default_rng(11)
+    values, wanted = rng.normal(size=(n, 24, most)), rng.normal(size=(n, most, 30))
+    values[:, 12:18] = rng.uniform(0.8, 2.5, (n, 6, most))
+    wanted[:, :, :6] = np.where(np.arange(n) < 6, 0.1, 0.7)[:, None, None]
+    values[21, 14, 3::7] = np.nan
+    forces, ends = rng.normal(size=(n, 12, most)), np.where(np.arange(most) % 5 == 1, 9 + np.arange(most) % 20, n)
+    flags = rng.random((2, n, 6, most)) < 0.1
+    timing = Timing((n - 1) * 1e-3, 2e-3, 1e-3)
+
+    def results(number: int) -> dict[str, FloatArray]:
+        loop = Loop(timing, wanted[:, :number], np.zeros((18, 6)), np.zeros(6))
+        rows = RowsInBlocks(loop, folds_of_loop(loop, LIMITS), number)
+        for k in range(n):
+            parts = (values[k, :, :number].T, forces[k, :, :number].T, wanted[k, :number], forces[k, :6, :number].T)
+            limited = (flags[0, k, :, :number].T, flags[1, k, :, :number].T)
+            rows.row(Row(k, 0.0, *parts, *limited, k < ends[:number]))
+        return rows.results()
+
+    whole = results(most)
+    for number in (1, 2, 8, 512):
+        for name, found in results(number).items():
+            np.testing.assert_array_equal(found, whole[name][..., :number], err_msg=name)
 
 
 def test_every_metric_of_a_run_is_declared_once_and_every_declared_one_is_there() -> None:
