@@ -135,12 +135,9 @@ def unit_of(component: Component, fmi_version: str) -> Unit:
 
 def contents(unit: Unit, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
     """Everything in the archive by its path."""
-    binaries = _fmi2_binaries if unit.fmi_version == "2.0" else _fmi3_binaries
-    return unit.documents | binaries(unit.library, libraries)
-
-
-def _fmi3_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
-    return {f"binaries/{t.name}/{name}{t.suffix}": library for t, library in libraries.items()}
+    if unit.fmi_version == "2.0":
+        return unit.documents | _fmi2_binaries(unit.library, libraries)
+    return unit.documents | {f"binaries/{t.name}/{unit.library}{t.suffix}": each for t, each in libraries.items()}
 
 
 def _fmi2_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:

@@ -1,12 +1,10 @@
 """modelDescription.xml of FMI 2.0: one scalar variable per slot."""
 
-from collections.abc import Mapping
-
 from lxml import etree
 
 from gough_stewart.fmu_build import dependencies
 from gough_stewart.fmu_build import model_description as shared
-from gough_stewart.fmu_build.component import Component, Kind
+from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.fmu_build.model_description import Identity
 
@@ -81,10 +79,7 @@ def _add_structure(root: etree._Element, component: Component) -> None:
         if slots:
             element = etree.SubElement(structure, name)
             for slot in slots:
-                _add_unknown(element, component, slot, dependencies.of_slot(component, slot, knowns))
-
-
-def _add_unknown(parent: etree._Element, component: Component, slot: int, knowns: Mapping[int, Kind]) -> None:
-    unknown = etree.SubElement(parent, "Unknown", index=str(_index(component, slot)))
-    unknown.set("dependencies", " ".join(str(_index(component, known)) for known in knowns))
-    unknown.set("dependenciesKind", " ".join(knowns.values()))
+                of_slot = dependencies.of_slot(component, slot, knowns)
+                unknown = etree.SubElement(element, "Unknown", index=str(_index(component, slot)))
+                unknown.set("dependencies", " ".join(str(_index(component, known)) for known in of_slot))
+                unknown.set("dependenciesKind", " ".join(of_slot.values()))

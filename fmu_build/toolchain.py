@@ -62,7 +62,8 @@ def compile_library(
         command += ["-I", str(include), *files, "-o", str(library), "-lm"]
         stop = stop or Event()
         code, message = _run(command, scratch, stop, in_use)
-        if code != 0 and not stop.is_set() and _may_be_the_cache(message, scratch):
+        # an error that neither the sources nor a full disk explain may be of the cache
+        if code != 0 and not (stop.is_set() or _is_about_sources(message) or _nearly_full(scratch)):
             empty_objects(in_use)
             code, message = _run(command, scratch, stop, in_use)
         if code != 0:
@@ -81,10 +82,6 @@ def _nearly_full(scratch: str) -> Path | None:
         if shutil.disk_usage(folder).free < _SPACE:
             return folder
     return None
-
-
-def _may_be_the_cache(message: str, scratch: str) -> bool:
-    return not _is_about_sources(message) and _nearly_full(scratch) is None
 
 
 def _complaint(code: int, message: str, scratch: str) -> str:

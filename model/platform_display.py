@@ -13,7 +13,11 @@ from gough_stewart.model.vectors import FloatArray
 def platform_text(platform: PlatformFields) -> str:
     """Name, masses, geometry, home pose and limits, one line each."""
     legs = leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    limits = [f"{name} {_text(getattr(platform, name))} {row.unit}" for name, row in _limits(platform).items()]
+    limits = [
+        f"{name} {_text(getattr(platform, name))} {row.unit}"
+        for name, row in TABLE.items()
+        if row.is_optional and getattr(platform, name) is not None
+    ]
     return "\n".join(
         [
             f"Platform {platform.name}",
@@ -40,10 +44,6 @@ def platform_html(platform: PlatformFields) -> str:
     heads = "".join(f"<th scope=col>{head}</th>" for head in ("parameter", "value", "unit", "meaning"))
     head = f"<caption>Platform {texts}</caption><thead><tr>{heads}</tr></thead>"
     return f"<table>{head}<tbody>{''.join(rows)}</tbody></table>"
-
-
-def _limits(platform: PlatformFields) -> dict[str, Any]:
-    return {name: row for name, row in TABLE.items() if row.is_optional and getattr(platform, name) is not None}
 
 
 def _radii(points: FloatArray) -> str:

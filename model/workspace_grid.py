@@ -143,7 +143,8 @@ def default_ranges(
     for _ in range(_ROUNDS if free else 0):
         swept = {name: np.linspace(*ranges[name], _SEARCH[len(over)]) for name in over}
         # a region too thin for the grid still contains home
-        swept |= {name: np.union1d(swept[name], home[name]) for name in free if _within(home[name], ranges[name])}
+        around = [name for name in free if ranges[name][0] <= home[name] <= ranges[name][1]]
+        swept |= {name: np.union1d(swept[name], home[name]) for name in around}
         poses = _poses(swept, fixed)
         reached = limits_at(platform, poses[..., :3], poses[..., 3:]) == Limit.NONE
         if not reached.any():
@@ -157,10 +158,6 @@ def default_ranges(
         low, high = _rounded(name, low, high)
         ranges[name] = (max(low, box[name][0]), min(high, box[name][1]))
     return ranges
-
-
-def _within(value: float, given: Range) -> bool:
-    return given[0] <= value <= given[1]
 
 
 def _ends(values: FloatArray, reached: NDArray[np.bool_], axis: int) -> Range:

@@ -10,7 +10,6 @@ from gough_stewart.fmu_build.controller.documentation import documentation_page
 from gough_stewart.fmu_build.controller.tables import controller_header
 from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.fmu_build.sources import c_folder
-from gough_stewart.model.interface import Variable
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart_controller"
@@ -29,7 +28,8 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
         Beginning of the archives' names.
     """
     layout = controller.layout
-    starts = {row.variable.name: _zeros(row.variable) for row in layout.rows if row.variable.causality == "input"}
+    variables = [row.variable for row in layout.rows]
+    starts = {each.name: np.zeros(each.shape) for each in variables if each.causality == "input"}
     starts |= {p.variable.name: _start(p) for p in controller.parameters}
     starts[OUTPUT_DELAY] = np.array(float(controller.output_delay))
     own = c_folder("controller")
@@ -58,10 +58,6 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
         # the plain C defines the meaning of the memory
         saved_form=hashlib.sha256(f"{texts}{controller.most_output_delay}".encode()).hexdigest(),
     )
-
-
-def _zeros(variable: Variable) -> Array:
-    return np.zeros(variable.shape)
 
 
 def _start(parameter: Parameter) -> Array:

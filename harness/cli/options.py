@@ -174,20 +174,16 @@ def chosen_targets(names: list[str] | None) -> list[str]:
     return names
 
 
-def _its_law(experiment: "Experiment") -> tuple[str, ...]:
-    """What a design executes of an experiment: not the FMU of its plant."""
-    return experiment.controller.code
-
-
 def chosen_experiment(
     experiment: str,
     settings: list[str] | None,
     no_python: bool,
-    executed: "Callable[[Experiment], tuple[str, ...]]" = _its_law,
+    executed: "Callable[[Experiment], tuple[str, ...]]" = lambda chosen: chosen.controller.code,
 ) -> "Experiment":
     """The experiment from a file, or a shipped one by name; a file of that name takes precedence.
 
-    `executed` gives the files among those that it names which the command executes; each is announced.
+    `executed` gives the files among those that it names which the command executes; each is announced. By
+    default only the controller's, as for a design, which does not run the FMU of the plant.
 
     Raises
     ------

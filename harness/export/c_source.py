@@ -75,7 +75,11 @@ def controller_sources(
     functions = traced(designed, home)
     counts = operations_of(functions)
     facts = _facts(designed, functions, prefix, home)
-    facts |= {"WORK": words_of(counts), "DEVIATION": _comment_lines(deviation), "deviates": bool(deviation)}
+    facts |= {
+        "WORK": words_of(counts),
+        "DEVIATION": fill(deviation, 118, initial_indent="   ", subsequent_indent="   "),
+        "deviates": bool(deviation),
+    }
     source, header = filled(SOURCE, facts), filled(HEADER, facts)
     if home is not None:
         source, header = with_floats(source), with_floats(header)
@@ -86,10 +90,6 @@ def controller_sources(
         sum(counts.values()),
         _n_states(functions),
     )
-
-
-def _comment_lines(text: str) -> str:
-    return fill(text, 118, initial_indent="   ", subsequent_indent="   ")
 
 
 def _n_states(functions: Traced) -> int:

@@ -170,8 +170,9 @@ def judged(
     # a file or a factory makes it
     controller = None if prepared.controller is None else made_from(prepared.controller)
     if not isinstance(controller, LinearController):
-        what = NO_FEEDBACK if controller is None else f"{_kind_of(controller)} has no linear form"
-        return dict.fromkeys(hosts, Judged(reason=what))
+        kind = "an FMU" if isinstance(controller, UnitController) else "a function"
+        reason = NO_FEEDBACK if controller is None else f"{kind} has no linear form"
+        return dict.fromkeys(hosts, Judged(reason=reason))
     loops = _Loops(prepared, controller)
     around = {host: surroundings_of(host, experiment) for host in hosts}
     try:
@@ -197,10 +198,6 @@ def judged(
         host: Judged(tuple(_judgement(loops, s, own[s], members[s], margins=margins) for s in found))
         for host, found in around.items()
     }
-
-
-def _kind_of(controller: Any) -> str:
-    return "an FMU" if isinstance(controller, UnitController) else "a function"
 
 
 def _judgement(

@@ -101,7 +101,8 @@ def system_structure(system: System) -> bytes:
         ends = {"startElement": connection.start[0], "startConnector": connection.start[1]}
         ends |= {"endElement": connection.end[0], "endConnector": connection.end[1]}
         etree.SubElement(connections, _ssd("Connection"), ends)
-    _add_units(root, _ssd("Units"), _units_of(system.components))
+    units = {connector.unit for component in system.components for connector in component.connectors}
+    _add_units(root, _ssd("Units"), units)
     experiment = etree.SubElement(root, _ssd("DefaultExperiment"), startTime="0", stopTime=repr(system.duration))
     annotations = etree.SubElement(experiment, _ssd("Annotations"))
     annotation = etree.SubElement(annotations, f"{{{_SSC}}}Annotation", type="com.opensimulationplatform")
@@ -156,10 +157,6 @@ def _add_units(parent: etree._Element, tag: str, names: set[str]) -> None:
         unit = etree.SubElement(units, f"{{{_SSC}}}Unit", name=name)
         exponents = {base: str(power) for base, power in BY_NAME[name].exponents.items()}
         etree.SubElement(unit, f"{{{_SSC}}}BaseUnit", exponents)
-
-
-def _units_of(components: Iterable[Component]) -> set[str]:
-    return {connector.unit for component in components for connector in component.connectors}
 
 
 def _ssd(name: str) -> str:

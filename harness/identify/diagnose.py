@@ -138,15 +138,10 @@ def _ranked(rows: Whitened, projection: Projection) -> tuple[tuple[Finding, ...]
         if beyond(projection, best.coordinates, whole) > SEPARATED:
             others.append(each)
     named = [best, *others]
-    findings = tuple(
-        _fitted(rows, each, _clipped((each.improvement - each.coordinates.shape[1]) / total)) for each in named
-    )
+    shares = [(each.improvement - each.coordinates.shape[1]) / total for each in named]
+    findings = tuple(_fitted(rows, *each) for each in zip(named, np.clip(shares, 0.0, 1.0).tolist(), strict=True))
     names = tuple(_named(each) for each in others)
     return findings, names, _rest(projection, best.coordinates)
-
-
-def _clipped(share: float) -> float:
-    return min(max(share, 0.0), 1.0)
 
 
 def _named(candidate: _Candidate) -> str:

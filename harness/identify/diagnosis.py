@@ -88,7 +88,7 @@ class Diagnosis:
             said.append(f"the residuals are those of noise (p = {self.test.combined:.2g} of lack of fit)")
         if self.findings:
             first = self.findings[0]
-            share = "" if first.name == COLOURED else f"; this explains {_share(first.improvement)} of the misfit"
+            share = f"; this explains {100 * first.improvement:.0f} % of the misfit" if first.name != COLOURED else ""
             said.append(f"most likely: {first.text}{share}")
             if self.not_separated:
                 said.append(f"not separated from it by this log: {'; '.join(self.not_separated)}")
@@ -145,10 +145,6 @@ class Diagnosis:
 
 def _p(value: float) -> str:
     return f"= {value:.2g}" if value > 3e-4 else "< 0.0003"
-
-
-def _share(value: float) -> str:
-    return f"{100 * value:.0f} %"
 
 
 def _unit(name: str) -> str:

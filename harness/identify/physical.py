@@ -66,7 +66,7 @@ def best_fit(
     theta = least_squares(residual, inside, jacobian, bounds=(low, largest), **options).x
     held = tuple(name for name, value, b, s in zip(names, theta, low, scale, strict=True) if value < b + 1e-5 * s)
     inertias = [k for k, name in enumerate(names) if name in INERTIA]
-    if not inertias or _is_body(with_estimated(elements, names, theta)):
+    if not inertias or np.linalg.eigvalsh(_second_moments(with_estimated(elements, names, theta)))[0] > 0:  # a body
         return BestFit(theta, held)
     if len(inertias) < len(INERTIA):
         # whether it is one with the other elements is for the platform to say
@@ -137,7 +137,3 @@ def _second_moments(elements: Mapping[str, float]) -> FloatArray:
     for (a, b), name in zip(PAIRS, INERTIA, strict=True):
         J[a, b] = J[b, a] = elements[name]
     return np.asarray(np.trace(J) / 2 * np.eye(3) - J)
-
-
-def _is_body(elements: Mapping[str, float]) -> bool:
-    return bool(np.linalg.eigvalsh(_second_moments(elements))[0] > 0)

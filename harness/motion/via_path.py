@@ -39,10 +39,6 @@ def _poses(value: Any) -> list[tuple[float, ...]]:
     return found
 
 
-def _timing(value: Any) -> float | str:
-    return positive_or_word(value, "s", "fastest")
-
-
 class ViaPath(ReferenceChoice):
     """Move along a smooth path through poses, from rest to rest.
 
@@ -65,7 +61,7 @@ class ViaPath(ReferenceChoice):
     file: FileName | None = None
     relative_to: Literal["world", "home"] = "world"
     interpolation: Literal["quintic", "cubic"] = "quintic"
-    timing: Annotated[float | str, BeforeValidator(_timing)]
+    timing: Annotated[float | str, BeforeValidator(lambda value: positive_or_word(value, "s", "fastest"))]
     margin: Share = 0.0
     ramp: Time = 0.0
     at: Time = 0.0

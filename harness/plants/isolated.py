@@ -69,8 +69,10 @@ class Isolated:
         try:
             # an interrupt inside of Popen would lose sight of the process
             with self._printed.open("wb") as printed, interrupts_held_back():
+                # with the module path of this process
+                program = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve()"
                 self._process = subprocess.Popen(
-                    [sys.executable, "-c", _program()],
+                    [sys.executable, "-c", program],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=printed,
@@ -230,11 +232,6 @@ def _end_with_parent(parent: int) -> None:
 def _send(stream: IO[bytes], message: Any) -> None:
     pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
     stream.flush()
-
-
-def _program() -> str:
-    """The program of the process, with the module path of this one."""
-    return f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve()"
 
 
 def _own_group() -> dict[str, Any]:

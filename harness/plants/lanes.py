@@ -60,7 +60,7 @@ class LanesPlant(Plant):
         for name in (v.name for v in interface.PLATFORM_PARAMETERS):
             batch.put_parameter(name, np.stack([np.asarray(getattr(platform, name)) for platform in platforms]))
         batch.states[:] = batch.padded(np.stack([start.to_vector() for start in starts]))
-        home = batch.padded(np.stack([_home_pose(platform) for platform in platforms])).T
+        home = batch.padded(np.stack([np.append(each.home_position, each.home_orientation) for each in platforms])).T
         batch.inputs[:6] = static_leg_forces(batch.parameters_of(), home[:, :3], home[:, 3:]).T
         batch.running[: len(platforms)] = -1
 
@@ -205,7 +205,3 @@ def _compiled() -> CompiledLanes:
 @cache
 def _warn(reason: str) -> None:
     warnings.warn(f"many platforms are stepped by NumPy, some fifty times slower: {reason}", stacklevel=2)
-
-
-def _home_pose(platform: Platform) -> FloatArray:
-    return np.concatenate([platform.home_position, platform.home_orientation])

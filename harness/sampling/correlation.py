@@ -104,7 +104,7 @@ def reordered(u: FloatArray, correlation: FloatArray) -> FloatArray:
     ordered = np.sort(u, axis=0)
     scores, P = ndtri(ordered), np.linalg.cholesky(correlation)
     # of few members, which have no correlation of their own to correct
-    best, least = _in_the_order_of(correlated(u, correlation), ordered), np.inf
+    best, least = np.take_along_axis(ordered, _ranks(correlated(u, correlation)), axis=0), np.inf
     z = ndtri(u)
     for _ in range(_ROUNDS if n > k else 0):
         try:
@@ -118,11 +118,6 @@ def reordered(u: FloatArray, correlation: FloatArray) -> FloatArray:
             break
         best, least = np.take_along_axis(ordered, ranks, axis=0), gap
     return best
-
-
-def _in_the_order_of(values: FloatArray, ordered: FloatArray) -> FloatArray:
-    """Columns of sorted numbers (N, k) in the order of other columns."""
-    return np.take_along_axis(ordered, _ranks(values), axis=0)
 
 
 def _ranks(values: FloatArray) -> NDArray[np.intp]:

@@ -146,7 +146,14 @@ def _tables(shown: Sequence[_Shown], more: Sequence[Sheet]) -> str:
     parts = ["<h2>Results</h2>", _sheets(more)] if more else []
     found = [metrics(each.record) for each in shown]
     if len(shown) == 1:
-        return "".join([*parts, "<h2>Metrics</h2>", _sheets(_of_run(shown[0], found[0])), _circumstances(shown[0])])
+        parts += [
+            "<h2>Metrics</h2>",
+            _sheets(_of_run(shown[0], found[0])),
+            "<details><summary>Run, parameters, versions</summary>",
+            _sheets(_of_circumstances(shown[0]), "sheets wide"),
+            "</details>",
+        ]
+        return "".join(parts)
     table = comparison_table([each.finite for each in shown], found, [each.name for each in shown])
     parts += ["<h2>Metrics</h2>", f'<div class="sheets">{_scrolling("Runs side by side", table)}</div>']
     for k, each in enumerate(shown):
@@ -163,11 +170,6 @@ def _tables(shown: Sequence[_Shown], more: Sequence[Sheet]) -> str:
 def _of_run(shown: _Shown, found: dict[str, Any]) -> list[Sheet]:
     limits = limits_sheet(shown.finite, shown.platform)
     return [*metrics_sheets(found), *([limits] if limits else [])]
-
-
-def _circumstances(shown: _Shown) -> str:
-    sheets = _sheets(_of_circumstances(shown), "sheets wide")
-    return f"<details><summary>Run, parameters, versions</summary>{sheets}</details>"
 
 
 def _of_circumstances(shown: _Shown) -> list[Sheet]:

@@ -69,7 +69,7 @@ def case_of(platform: Platform) -> OpenLoopCase:
     paper's case.
     """
     paper = paper_case()
-    if _same_plant(platform, paper.platform):
+    if replace(platform, name="", source="") == replace(paper.platform, name="", source=""):
         return replace(paper, platform=platform)
     scale = np.sqrt(_mean_home_length(platform) / _mean_home_length(paper.platform))
     turned = platform.home_orientation + paper.start.orientation
@@ -93,10 +93,6 @@ def with_pairs_swapped(platform: Platform) -> Platform:
     """Swap the numbers of legs 1 and 2, 3 and 4, 5 and 6; the mechanism is the same."""
     order = [1, 0, 3, 2, 5, 4]
     return replace(platform, base_points=platform.base_points[order], platform_points=platform.platform_points[order])
-
-
-def _same_plant(one: Platform, other: Platform) -> bool:
-    return replace(one, name="", source="") == replace(other, name="", source="")
 
 
 def _mean_home_length(platform: Platform) -> float:
