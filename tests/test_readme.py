@@ -5,6 +5,7 @@ Commands and snippets of the README are run by `tests/docs/test_pages.py`.
 
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,18 @@ def built(fmus: dict[str, Fmu], tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 def test_the_two_commands_come_first() -> None:
     assert commands_of("README.md")[:2] == ["make demo", "make test"]
+
+
+def test_the_picture_of_the_house_is_that_of_the_contracts() -> None:
+    """Expected: the layers that import-linter checks, each on a line of its own, from the highest to the lowest."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    layers = {each["containers"][0]: each["layers"] for each in settings["contracts"] if each["type"] == "layers"}
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (picture,) = re.findall(r"^```text\n(gough_stewart .*?)^```$", page, re.MULTILINE | re.DOTALL)
+    drawn = re.findall(r"^(  [├└]─ )?(\w+(?: \| \w+)*)(?:  .*)?$", picture, re.MULTILINE)
+    assert [names for room, names in drawn if room] == layers["gough_stewart.harness"]
+    assert [names for room, names in drawn if not room] == ["gough_stewart", *layers["gough_stewart"][1:]]
+    assert len(drawn) + picture.count("\n  │\n") == len(picture.splitlines())
 
 
 def test_the_demo_runs(demo: Demo) -> None:
