@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from gough_stewart.harness.errors import TableError
+from gough_stewart.harness.heading import Heading
 from gough_stewart.harness.quantities import UNITS
 
 if TYPE_CHECKING:
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
 
 _SEPARATORS = (";", "\t", ",")
 _COMMENT = "#"
-# at the end of a name; indices such as [1,3] are none
-_UNIT = re.compile(r"[\[(]([^\])\d][^\])]*)[\])]$")
 _KNOWN_UNITS = {unit for units in UNITS.values() for unit in units} | {"-", ""}
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
@@ -95,10 +94,10 @@ def _row_of_units(lines: list[str], separator: str) -> list[str] | None:
 
 def _with_unit(name: str, unit: str) -> str:
     """A name with the unit of the second row."""
-    own = _UNIT.search(name)
+    own = Heading.of(name).unit
     if own is None or not unit:
         return f"{name} [{unit}]" if unit else name
-    if own[1].strip() == unit:
+    if own == unit:
         return name
     raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
 

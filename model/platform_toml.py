@@ -5,7 +5,6 @@ fewest digits that give the same float, so TOML → Platform → TOML is lossles
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomlkit
@@ -17,7 +16,7 @@ from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.toml import toml_values
+from gough_stewart.model.toml import toml_item, toml_values
 
 KEYS = (*TEXTS, *TABLE)
 _FILE_KEYS = (*KEYS, *joint_circles.KEYS)
@@ -67,7 +66,7 @@ def platform_to_toml(platform: Platform) -> str:
     for key, value in platform.as_dict().items():
         if key in FACTOR_OF.values() and np.all(value == 1):
             continue  # identical legs
-        item = _item(value)
+        item = toml_item(value)
         if key in TABLE:
             item.comment(f"[{TABLE[key].unit}] {TABLE[key].description}")
         document.add(key, item)
@@ -166,12 +165,3 @@ def _holds_other_than_numbers(value: object) -> bool:
     if isinstance(value, list):
         return any(_holds_other_than_numbers(v) for v in value)
     return isinstance(value, bool) or not isinstance(value, int | float)
-
-
-def _item(value: Any) -> Any:
-    """TOML of a value, with one line per row of a matrix."""
-    if not isinstance(value, np.ndarray):
-        return tomlkit.item(value)
-    array = tomlkit.array()
-    array.extend(value.tolist())
-    return array.multiline(value.ndim == 2)

@@ -1,8 +1,11 @@
-"""TOML parsing with errors that name line and key."""
+"""TOML, read with errors that name line and key, and values as they are written."""
 
 import re
 import tomllib
 from typing import Any
+
+import numpy as np
+import tomlkit
 
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)")
 _TABLE_TWICE = re.compile(r"Cannot declare (\(.*?\)) twice")
@@ -24,6 +27,17 @@ def toml_values(text: str) -> dict[str, Any]:
         raise ValueError("is not TOML: its values are nested too deeply") from None
     except ValueError as error:  # decoding errors, and integers with too many digits
         raise ValueError(f"is not TOML: {_explained(str(error), text)}") from error
+
+
+def toml_item(value: Any) -> tomlkit.items.Item:
+    """A value as it is written, lossless; an array with a line for each row of a matrix."""
+    if not isinstance(value, np.ndarray):
+        item: tomlkit.items.Item = tomlkit.item(value)
+        return item
+    array = tomlkit.array()
+    array.extend(value.tolist())
+    array.multiline(value.ndim == 2)
+    return array
 
 
 def _explained(message: str, text: str) -> str:

@@ -1,6 +1,5 @@
 """Experiments from TOML files, from the shipped ones, and with changed settings."""
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -217,8 +216,8 @@ def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
         if "\n" in text:
             raise SettingError(where, "", "expected one line")
         try:
-            yield where, key, tomllib.loads(f"value = {text}")["value"]
-        except (ValueError, RecursionError):
+            yield where, key, toml_values(f"value = {text}")["value"]
+        except ValueError:
             yield where, key, text.strip()
 
 

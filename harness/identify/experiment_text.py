@@ -1,10 +1,8 @@
 """The text of an experiment file with an optimised excitation."""
 
-import tomlkit
-
 from gough_stewart.harness.identify.excite import Excited
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.toml import toml_item
 
 _TEXT = """\
 # Written by `gough-stewart excite` with --seed {seed}: finite Fourier series in six coordinates that excite
@@ -53,16 +51,11 @@ def experiment_text(found: Excited, platform: Platform, chosen: str, names: str,
         seed=seed,
         names=names,
         number=found.condition_number,
-        title=tomlkit.item(title).as_string(),
+        title=toml_item(title).as_string(),
         platform=chosen,
         frequency=float(reference.frequency),
         duration=float(reference.duration),
         fade=float(reference.fade),
-        coefficients="\n".join(f"{name} = {_rows(values)}" for name, values in parts.items()),
+        coefficients="\n".join(f"{name} = {toml_item(values).as_string()}" for name, values in parts.items()),
         bandwidth=max(1.0, _ABOVE * reference.highest_frequency),
     )
-
-
-def _rows(values: FloatArray) -> str:
-    rows = "".join(f"    [{', '.join(map(repr, row))}],\n" for row in values.tolist())
-    return f"[\n{rows}]"

@@ -13,14 +13,15 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError, TableError
+from gough_stewart.harness.heading import Heading
 from gough_stewart.harness.polars_paths import readable
 from gough_stewart.harness.quantities import UNITS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.model.vectors import FloatArray
 
-# A name, optionally with an index, optionally with a unit: "leg_length[1]", "leg_length_1 (mm)", "time [ms]".
-_HEAD = re.compile(r"([A-Za-z][\w.]*?)(?:\[(\d+)\]|_(\d+))?(?:\s*[\[(]([^\])\d][^\])]*)[\])])?")
+# A name, optionally with an index: "leg_length[1]", "leg_length_1".
+_ELEMENT = re.compile(r"([A-Za-z][\w.]*?)(?:\[(\d+)\]|_(\d+))?")
 _UNITS = {**UNITS, "A": {"A": 1, "mA": 1e-3}}
 # Possible column names of each quantity, preferred first, with size and unit.
 _QUANTITIES = {
@@ -152,32 +153,28 @@ def _table(path: Path) -> polars.DataFrame:
 
 def _columns(heads: list[str], path: str) -> dict[str, list[tuple[str, float]]]:
     """The columns of each available quantity in order, each with its factor to SI units."""
-    parts: dict[tuple[str, int], tuple[str, str | None]] = {}
-    for head in heads:
-        match = _HEAD.fullmatch(head.strip())
+    elements: dict[tuple[str, int], Heading] = {}
+    for heading in map(Heading.of, heads):
+        match = _ELEMENT.fullmatch(heading.name)
         if match is not None:
-            name, bracket, tail, unit = match.groups()
-            parts[(name, int(bracket or tail or 1))] = (head, unit)
+            name, bracket, tail = match.groups()
+            elements[(name, int(bracket or tail or 1))] = heading
     found = {}
     for quantity, (names, size, unit) in _QUANTITIES.items():
         for name in names:
-            present = [k for k in range(1, size + 1) if (name, k) in parts]
+            present = [k for k in range(1, size + 1) if (name, k) in elements]
             if not present:
                 continue
             if len(present) < size:
                 missing = ", ".join(f"{name}[{k}]" for k in range(1, size + 1) if k not in present)
                 raise LogError(f"{path}: has no column {missing}; {_FORM}")
-            found[quantity] = [_with_factor(*parts[(name, k)], unit, path) for k in present]
+            try:
+                headings = [elements[(name, k)] for k in present]
+                found[quantity] = [(each.column, each.factor(_UNITS[unit])) for each in headings]
+            except ValueError as error:
+                raise LogError(f"{path}: {error}") from None
             break
     return found
-
-
-def _with_factor(head: str, unit: str | None, expected: str, path: str) -> tuple[str, float]:
-    if unit is None:
-        return head, 1.0
-    if unit not in _UNITS[expected]:
-        raise LogError(f"{path}: column '{head}' is in {unit}; expected one of {', '.join(_UNITS[expected])}")
-    return head, _UNITS[expected][unit]
 
 
 def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: str) -> FloatArray:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.heading import Heading
 from gough_stewart.harness.quantities import UNITS
 from gough_stewart.model.interface import nearest
 
@@ -14,14 +15,6 @@ class Column(NamedTuple):
 
     name: str
     factor: float
-
-
-class _Heading(NamedTuple):
-    """A heading split into its parts: "x [mm]"."""
-
-    column: str  # as in the file
-    name: str
-    unit: str | None
 
 
 def _elements(name: str, size: int) -> tuple[str, ...]:
@@ -56,7 +49,6 @@ _USUAL: dict[str, tuple[str, ...]] = {
     **{f"quaternion[{k + 1}]": (f"q{axis}", f"q_{axis}", f"quaternion_{axis}") for k, axis in enumerate("xyzw")},
     **{f"rotation_vector[{k + 1}]": (f"rotation_vector_{axis}", f"rotvec_{axis}") for k, axis in enumerate("xyz")},
 }
-_WITH_UNIT = re.compile(r"(.*?)(\s*)[\[(]([^\[\]()]*)[\])]")
 _OWN_PREFIX = re.compile(r"^(reference|measured)\.")
 
 
@@ -79,7 +71,7 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
     MotionError
         A column is missing, or several match; or its unit is missing or unknown.
     """
-    headings = [_heading(column) for column in header]
+    headings = [Heading.of(column) for column in header]
     if isinstance(chosen, str):
         pose = (*_elements("position", 3), *_TURNING["orientation"])
         chosen = {name: f"{chosen}.{name}" for name in pose} if chosen else {}
@@ -99,15 +91,7 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
     return _in_units({name: heading for name in required if (heading := found[name]) is not None})
 
 
-def _heading(text: str) -> _Heading:
-    parts = _WITH_UNIT.fullmatch(text.strip())
-    # "position[1]" has no unit; "qx [1]" has one
-    if parts is None or (parts[3].isdigit() and not parts[2]):
-        return _Heading(text, text.strip(), None)
-    return _Heading(text, parts[1], parts[3].strip())
-
-
-def _found(quantity: str, headings: Sequence[_Heading], chosen: Mapping[str, str]) -> _Heading | None:
+def _found(quantity: str, headings: Sequence[Heading], chosen: Mapping[str, str]) -> Heading | None:
     """The column of a quantity: as chosen, by this project's name, or by a usual one."""
     if quantity in chosen:
         return _chosen(quantity, headings, chosen[quantity])
@@ -119,10 +103,10 @@ def _found(quantity: str, headings: Sequence[_Heading], chosen: Mapping[str, str
     return found[0] if found else None
 
 
-def _chosen(quantity: str, headings: Sequence[_Heading], text: str) -> _Heading:
+def _chosen(quantity: str, headings: Sequence[Heading], text: str) -> Heading:
     """A column by its whole heading, or by its name, optionally with a unit."""
     whole = [heading for heading in headings if heading.column == text]
-    name, unit = _heading(text)[1:]
+    name, unit = Heading.of(text)[1:]
     found = whole or [heading for heading in headings if name in (heading.column, heading.name)]
     if not found:
         raise MotionError(
@@ -137,7 +121,7 @@ def _chosen(quantity: str, headings: Sequence[_Heading], text: str) -> _Heading:
     return found[0]._replace(unit=of_file if unit is None else unit)
 
 
-def _kind_of_turning(found: Mapping[str, _Heading | None], chosen: Mapping[str, str]) -> str:
+def _kind_of_turning(found: Mapping[str, Heading | None], chosen: Mapping[str, str]) -> str:
     """The one of orientation, quaternion and rotation_vector to read."""
     kinds = [kind for kind, names in _TURNING.items() if not set(names).isdisjoint(chosen)]
     whole = kinds or [kind for kind, names in _TURNING.items() if all(found[name] is not None for name in names)]
@@ -153,21 +137,17 @@ def _kind_of_turning(found: Mapping[str, _Heading | None], chosen: Mapping[str, 
     return max(_TURNING, key=lambda kind: sum(found[name] is not None for name in _TURNING[kind]))
 
 
-def _in_units(headings: Mapping[str, _Heading]) -> dict[str, Column]:
+def _in_units(headings: Mapping[str, Heading]) -> dict[str, Column]:
     is_ours = all(_OWN_PREFIX.sub("", heading.name) == quantity for quantity, heading in headings.items())
-    columns, without = dict[str, Column](), dict[str, _Heading]()
+    columns, without = dict[str, Column](), dict[str, Heading]()
     for quantity, heading in headings.items():
         kind = quantity.partition("[")[0]
-        units = _UNITS[kind]
-        if heading.unit is None:
-            if not is_ours and kind != "quaternion":
-                without[quantity] = heading
-            columns[quantity] = Column(heading.column, 1.0)
-        elif heading.unit in units:
-            columns[quantity] = Column(heading.column, units[heading.unit])
-        else:
-            known = ", ".join(unit for unit in units if unit)
-            raise MotionError(f"{heading.column} has the unit '{heading.unit}'; expected one of {known}")
+        if heading.unit is None and not is_ours and kind != "quaternion":
+            without[quantity] = heading
+        try:
+            columns[quantity] = Column(heading.column, heading.factor(_UNITS[kind]))
+        except ValueError as error:
+            raise MotionError(str(error)) from None
     if without:
         quantity, heading = next(iter(without.items()))
         example = f"{heading.name} [{_EXAMPLES[quantity.partition('[')[0]]}]"

@@ -88,7 +88,7 @@ def test_a_record_gives_what_encoders_measured_and_forces_held_from_sample_to_sa
         ({k: v for k, v in table().items() if k != "actuator_force[4]"}, r"no column actuator_force\[4\]"),
         (
             {"time [h]": np.arange(8.0)} | six("leg_length", LENGTHS),
-            r"column 'time \[h\]' is in h; expected one of s, ms",
+            r"time \[h\] has the unit 'h'; expected one of s, ms",
         ),
         ({k: v[:1] for k, v in table().items()}, "1 rows; expected a log of some seconds"),  # type: ignore[index]
     ],
