@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.errors import IdentificationError, MotionError
 from gough_stewart.harness.identify.excite import condition_number_of, excite, within_limits
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.references import Circle
@@ -78,3 +78,10 @@ def test_the_same_seed_gives_the_same_motion_and_another_another() -> None:
     first, second, other = (excite(platform, "platform_mass", duration=5.0, trials=3, seed=s) for s in (4, 4, 5))
     np.testing.assert_array_equal(first.reference.coefficients, second.reference.coefficients)
     assert np.abs(np.subtract(first.reference.coefficients, other.reference.coefficients)).max() > 1e-3
+
+
+def test_a_platform_that_cannot_hold_itself_has_no_motion() -> None:
+    """Expected: a refusal with the platform and the parameters; no actuator carries the platform with 1 N."""
+    weak = replace(UNEVEN, actuator_force_max=1.0)
+    with pytest.raises(IdentificationError, match="no motion was found within the limits of uneven that excites plat"):
+        excite(weak, "platform_mass", duration=3.0, trials=2)
