@@ -21,7 +21,8 @@ STEP, N = 1e-3, 2000
 TIME: FloatArray = np.asarray(STEP * np.arange(N), dtype=float)
 # Six different legs.
 SHARES = np.array([1.0, -0.7, 0.4, 0.9, -0.2, 0.55])
-POINTS = [[0.3, 0.1, 0.0]] * 6
+# The fourth is the farthest from Op.
+POINTS = [[0.1, 0.05, 0.0], [-0.2, 0.1, 0.0], [0.0, -0.25, 0.05], [0.3, 0.1, 0.0], [-0.1, -0.2, 0.0], [0.2, 0.0, 0.1]]
 
 
 def record_of(error: FloatArray, motion: FloatArray | None = None, **sensors: Any) -> Record:
