@@ -281,6 +281,8 @@ def test_processes_are_started_only_where_chunks_wait_for_them(
         return gs.ensemble(small(), members=3, out=tmp_path, **options)
 
     if way == "two workers":
+        # they import while the run is planned
+        monkeypatch.setattr(runner, "plan_of", lambda *_: pytest.fail("planned before its processes were started"))
         with pytest.raises(Started, match="2"):
             run(workers=2)
     elif way == "elsewhere":
