@@ -301,6 +301,18 @@ def test_what_is_alike_for_all_stays_as_it_is() -> None:
     assert both.shape == (2,)
 
 
+def test_a_member_without_noise_has_none_whatever_the_first_has() -> None:
+    """Expected: 0 where a member names no signal, of noise and of quantisation, in the order of the members."""
+    parts: list[dict[str, float | None]] = [{"leg_length": 1e-3}, {}, {"leg_length": None, "position": 2e-3}]
+    loops = [loop_with(sensors=Sensors(noise, noise)) for noise in parts]
+    both = together(loops).sensors
+    for found in (both.noise, both.quantisation):
+        assert {name: np.asarray(values).tolist() for name, values in found.items()} == {
+            "leg_length": [1e-3, 0.0, 0.0],
+            "position": [0.0, 0.0, 2e-3],
+        }
+
+
 def test_controllers_that_cannot_be_together_are_refused() -> None:
     pd_only, pid_too = (LinearController(sampled(pid(gains_of_member(0, integral)), T)) for integral in (False, True))
     with pytest.raises(ControllerError, match=r"different structure.*12 states, 18 inputs.*6 states, 12 inputs"):

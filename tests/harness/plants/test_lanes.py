@@ -726,6 +726,20 @@ def test_short_legs_are_told_of_members_that_start_only(compiler: bool) -> None:
     plant.do_step(1e-6, 1e-6)
 
 
+@pytest.mark.parametrize("part", ["leg_lower_com", "leg_upper_com"])
+def test_a_centre_of_mass_is_within_the_shortest_leg_of_the_start(part: str) -> None:
+    """Expected: refused 1 % beyond the shortest leg, which leaves home by 20 %, and taken 1 % before."""
+    rest = np.zeros(3)
+    start = State(0.8 * UNEVEN.home_position, UNEVEN.home_orientation, rest, rest)
+    shortest = float(leg_geometry(UNEVEN, start.position, start.orientation).length.min())
+    sizes: list[dict[str, Any]] = [{part: factor * shortest} for factor in (0.99, 1.01)]
+    platforms = [replace(UNEVEN, **size) for size in sizes]
+    plant = lanes_plant(platforms, [start, start], substeps=1, compiler=False)
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, 1e-6)
+    assert {k: error.quantity for k, error in caught.value.failures.items()} == {1: part}
+
+
 def test_a_plant_of_many_gives_arrays_of_its_members_alone(compiler: bool) -> None:
     """Expected: N rows, before and after a step; inputs of another number of members are refused by shape."""
     platforms, starts, inputs = _members(N)
