@@ -66,7 +66,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     batch = batch_of(prepared, plan.substeps)
     timing = prepared[0].loop.timing
     bands = Bands(_signals(members), timing, len(prepared), first)
-    errors = LegErrors(timing, len(prepared))
+    errors = LegErrors(timing)
     folds = [*folds_of_loop(batch.loop, limits_of_members(prepared, batch.size)), bands, errors]
     rows_in_blocks = RowsInBlocks(batch.loop, folds, batch.size)
     with batch.plant:

@@ -29,27 +29,27 @@ MOST_ROWS = 2048
 
 
 class LegErrors(Fold):
-    """Keeps the errors of the leg lengths of the first members (rows, 6, N), of every row or of each so-many-th."""
+    """Keeps the errors of the leg lengths (rows, 6, N), of every row or of each so-many-th."""
 
     needs = ("error.leg_length",)
     keeps_ended = False
 
-    def __init__(self, timing: Timing, members: int) -> None:
+    def __init__(self, timing: Timing) -> None:
         self.every = ceil((timing.steps + 1) / MOST_ROWS)
         self.time = timing.times[:: self.every]
-        self.errors: FloatArray = np.zeros((len(self.time), 6, members))
+        self.errors: FloatArray = np.zeros((len(self.time), 6, 0))
 
-    def start(self, _members: int) -> State:
+    def start(self, members: int) -> State:
         """None by member: whoever reads the errors knows who has ended."""
+        self.errors = np.zeros((len(self.time), 6, members))
         return {}
 
     def rows(self, _state: State, block: Block) -> None:
         """Keep the rows whose turn it is."""
         first = -block.first % self.every
         if self.needs[0] in block and first < block.rows:
-            kept = block[self.needs[0]][first :: self.every, :, : self.errors.shape[2]]
-            at = (block.first + first) // self.every
-            self.errors[at : at + len(kept)] = kept
+            at, rows = (block.first + first) // self.every, slice(first, None, self.every)
+            block.of_rows(rows, self.needs[0], self.errors[at : at + len(range(first, block.rows, self.every))])
 
     def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """None; see `errors`."""

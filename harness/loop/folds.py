@@ -9,6 +9,7 @@
    know, such as a count of running members, reads `running` and sets `keeps_ended` to False.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -34,17 +35,21 @@ State = dict[str, NDArray[Any]]
 
 
 class Scratch:
-    """Arrays for intermediate results, kept from block to block: fresh memory costs more than the arithmetic."""
+    """Arrays for intermediate results, kept from block to block: fresh memory costs more than the arithmetic.
+
+    Folds that use the same names use the same memory, one after the other, which is then in the processor's cache.
+    """
 
     def __init__(self) -> None:
         self._kept = dict[str, FloatArray]()
 
     def __call__(self, name: str, rows: int, *size: int) -> FloatArray:
-        """An array (rows, *size) of undefined values, the same one for each name."""
+        """An array (rows, *size) of undefined values."""
+        number = rows * math.prod(size)
         kept = self._kept.get(name)
-        if kept is None or len(kept) < rows or kept.shape[1:] != size:
-            kept = self._kept[name] = np.empty((rows, *size))
-        return kept[:rows]
+        if kept is None or kept.size < number:
+            kept = self._kept[name] = np.empty(number)
+        return kept[:number].reshape(rows, *size)
 
 
 class Block:
@@ -78,21 +83,25 @@ class Block:
     ) -> None:
         self.first, self.rows, self.running, self.scratch, self.whole = first, rows, running, scratch, whole
         self._columns, self._reference = columns, reference
-        self._errors = dict[str, FloatArray]()
 
     def __contains__(self, name: str) -> bool:
         return name in self._columns or (self._reference is not None and name in ERRORS)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A column (rows, size, N)."""
+        return self.of_rows(slice(None), name)
+
+    def of_rows(self, rows: slice, name: str, out: FloatArray | None = None) -> NDArray[Any]:
+        """A column at some rows of the block, in `out` if there is one; else a view, or an error that is computed."""
         if name in self._columns:
-            return self._columns[name][1:]
-        if name not in self._errors:
-            assert self._reference is not None
-            at, actual = ERRORS[name], self._columns[name.removeprefix("error.")][1:]
-            out = self.scratch(name, *actual.shape)
-            self._errors[name] = np.subtract(self._reference[:, at], actual, out=out)
-        return self._errors[name]
+            values = self._columns[name][1:][rows]
+            if out is None:
+                return values
+            np.copyto(out, values)
+            return out
+        assert self._reference is not None
+        actual = self._columns[name.removeprefix("error.")][1:][rows]
+        return np.subtract(self._reference[rows, ERRORS[name]], actual, out=out)
 
     def linked(self, name: str) -> NDArray[Any]:
         """A column after the row before it, if there is one: (rows + 1, size, N), or in the first block (rows, ...)."""

@@ -165,5 +165,5 @@ def _values(name: str, block: Block, row: int) -> FloatArray:
     if column not in block:
         size = 1 if column != name else BY_NAME[name.removeprefix("error.")].size
         return np.full((size, len(block.running)), np.nan)
-    values: FloatArray = block[column][row]
+    values: FloatArray = block.of_rows(slice(row, row + 1), column)[0]
     return values if column == name else np.sqrt((values * values).sum(axis=0, keepdims=True))

@@ -87,8 +87,9 @@ class Tracking(Fold):
 
     def rows(self, state: State, block: Block) -> None:
         """Add squares."""
-        error, n = block[self.needs[0]], self._size
-        squares = block.scratch(f"squares {n}", block.rows, *state["total"].shape)
+        n = self._size
+        squares = block.scratch("first", block.rows, *state["total"].shape)
+        error = block.of_rows(slice(None), self.needs[0], squares[:, :n])
         np.multiply(error, error, out=squares[:, :n])
         if self._has_norm:
             norm = squares[:, n]
@@ -140,9 +141,9 @@ class Drives(Fold):
         """Add squares and work."""
         force, velocity, length = (block.linked(name) for name in self.needs)
         n, members = len(force), force.shape[2]
-        of_force = np.multiply(force, force, out=block.scratch("of force", n, 6, members))
-        of_velocity = np.multiply(velocity, velocity, out=block.scratch("of velocity", n, 6, members))
-        squares = limited_quantities(of_velocity, of_force, block.scratch("power", n, 6, members))
+        of_force = np.multiply(force, force, out=block.scratch("first", n, 6, members))
+        of_velocity = np.multiply(velocity, velocity, out=block.scratch("second", n, 6, members))
+        squares = limited_quantities(of_velocity, of_force, block.scratch("third", n, 6, members))
         for k, each in enumerate(squares):
             peak = np.maximum.reduce(each)
             if k in self._limits and (peak > (bound := np.square(self._limits[k]))).any():

@@ -118,7 +118,7 @@ class Steps(Fold):
     def rows(self, state: State, block: Block) -> None:
         """Add the responses."""
         first, n, size = block.first, block.rows, state["pose"].shape
-        response, none = block.scratch("response", n, *size), len(self._time)
+        response, none = block.scratch("first", n, *size), len(self._time)
         for j, axis in enumerate(self._axes):
             _, signal, k = AXES[axis]
             response[:, j] = block[signal][:, k]
@@ -132,14 +132,17 @@ class Steps(Fold):
             response[np.broadcast_to(early, response.shape)] = -np.inf
         np.maximum(state["highest"], np.maximum.reduce(response), out=state["highest"])
         for name, level in (("low", LOW), ("high", HIGH)):
-            if (state[name] == none).any():
-                reached = response >= level
+            # most blocks are before or after
+            if (state[name] == none).any() and (reached := response >= level).any():
                 at = np.where(reached.any(axis=0), first + reached.argmax(axis=0), none)
                 np.minimum(state[name], at, out=state[name])
         response -= 1.0
         outside = np.abs(response, out=response) >= BAND
-        after = first + n - outside[::-1].argmax(axis=0)
-        np.copyto(state["settled"], after, where=outside.any(axis=0))
+        if outside[-1].all():
+            state["settled"][...] = first + n
+        elif outside.any():
+            after = first + n - outside[::-1].argmax(axis=0)
+            np.copyto(state["settled"], after, where=outside.any(axis=0))
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Metrics of the steps by axis; NaN without a step."""
