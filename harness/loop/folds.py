@@ -101,7 +101,8 @@ class Block:
             return out
         assert self._reference is not None
         actual = self._columns[name.removeprefix("error.")][1:][rows]
-        return np.subtract(self._reference[rows, ERRORS[name]], actual, out=out)
+        error: FloatArray = np.subtract(self._reference[rows, ERRORS[name]], actual, out=out)
+        return error
 
     def linked(self, name: str) -> NDArray[Any]:
         """A column after the row before it, if there is one: (rows + 1, size, N), or in the first block (rows, ...)."""
