@@ -16,7 +16,7 @@ from rich.table import Table
 
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.observe import observe
@@ -58,7 +58,7 @@ def seconds_of_many() -> tuple[float, float, float]:
         plant = lanes_plant([prepared.machine] * n, [prepared.start] * n, substeps=1)
         inside = [Stopwatch(getattr(plant, name)) for name in ("set_inputs", "signals", "do_step")]
         plant.set_inputs, plant.signals, plant.do_step = inside  # type: ignore[method-assign]
-        law_from = laws_together([prepared.controller] * n, loop.timing.sample_time, prepared.jacobians)
+        law_from = laws_of([prepared.controller] * n, loop.timing.sample_time, prepared.jacobians)
         start = time.perf_counter()
         observe(plant, law_from, loop, Nothing())
         whole = time.perf_counter() - start

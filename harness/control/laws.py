@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any, Literal, NamedTuple, Protocol, cast
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.casadi_function import CasadiFunction, is_casadi_function
-from gough_stewart.harness.control.linear_law import N_LEGS, LegLaw, TaskLaw
+from gough_stewart.harness.control.linear_law import N_LEGS
 from gough_stewart.harness.control.makers import Copied, Design, Made, Maker, is_maker, name_of
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
 from gough_stewart.harness.control.unit_controller import UnitController
@@ -116,8 +117,7 @@ class LinearController:
             raise ControllerError(f"space is {self.space!r}; expected 'leg' or 'task'")
         if self.space == "task" and self.signals != ("leg_length",):
             raise ControllerError("a controller in task space needs the signal leg_length to compute the pose")
-        n = len(signals.positions(self.signals))
-        sizes = (n, 2 * n, 2 * n + N_LEGS)
+        sizes = self._sizes
         if self.system.ninputs not in sizes or self.system.noutputs != N_LEGS:
             raise ControllerError(
                 f"controller has {self.system.ninputs} inputs and {self.system.noutputs} outputs; expected for the "
@@ -132,6 +132,16 @@ class LinearController:
                 "controller is in continuous time; expected discrete time: sample it, for instance by "
                 "control.sample_system(controller, 1e-3, method='tustin')"
             )
+
+    @cached_property
+    def kinds(self) -> int:
+        """How many kinds of inputs it has: 1 (errors), 2 (references, measurements) or 3 (also the excess)."""
+        return 1 + self._sizes.index(self.system.ninputs)
+
+    @property
+    def _sizes(self) -> tuple[int, int, int]:
+        n = len(signals.positions(self.signals))
+        return n, 2 * n, 2 * n + N_LEGS
 
     @property
     def sample_time(self) -> float | None:
@@ -158,16 +168,12 @@ class LinearController:
 Controller = LinearController | UnitController | ControlFunction | Maker
 
 
-class Law(Protocol):
-    """A controller with its memory during a run."""
+class OwnLaw(Protocol):
+    """The controller of one member, with its memory, during a run."""
 
     @property
     def used(self) -> tuple[str, ...]:
         """The signals that it uses."""
-
-    @property
-    def state(self) -> FloatArray:
-        """Its memory (n_states,)."""
 
     @property
     def limited(self) -> "NDArray[np.bool_] | None":
@@ -235,42 +241,6 @@ def linear_of(controller: Controller | None) -> LinearController | None:
     return found if isinstance(found, LinearController) else None
 
 
-def law_of(
-    controller: Controller,
-    sample_time: float,
-    jacobians: FloatArray,
-    reference: FloatArray,
-    measured: FloatArray,
-    known: Known | None = None,
-) -> Law:
-    """The law of a controller, ready for a run, with fresh memory; a controller that is an FMU is opened instead.
-
-    Parameters
-    ----------
-    sample_time
-        Of the run [s].
-    jacobians
-        Leg Jacobians (n, 6, 6) in the reference poses of all samples.
-    reference, measured
-        References and measurements at the first sample (24,): the controller's memory starts in steady state for these
-        constant inputs, its integrators at zero, so that a start off the reference gives no derivative kick.
-
-    Raises
-    ------
-    ControllerError
-        The controller has another sample time, or its maker fails.
-    """
-    if isinstance(controller, UnitController):
-        raise ControllerError("a controller that is an FMU has to be opened, and closed after the run")
-    made = made_from(controller)
-    if isinstance(made, UnitController):
-        raise ControllerError("a class or factory made an FMU; expected type = 'fmu', or the path of the FMU")
-    if not isinstance(made, LinearController):
-        return FunctionLaw(made, known)
-    made.check_sample_time(sample_time)
-    return (TaskLaw if made.space == "task" else LegLaw)(made, jacobians, reference, measured)
-
-
 class FunctionLaw:
     """A control function during a run; exceptions and invalid results become errors of the controller."""
 
@@ -282,13 +252,8 @@ class FunctionLaw:
         self._known = known
         self._command = _NO_FORCE
 
-    @property
-    def state(self) -> FloatArray:
-        """Empty: the memory of a function is not visible."""
-        return np.zeros(0)
-
     def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """As `Law`."""
+        """As `OwnLaw`."""
         by_name = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), reference.copy())
         sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
         if self._known is not None:

@@ -1,12 +1,20 @@
-"""Linear controllers in a run, in leg and in task space; their initial state."""
+"""Linear controllers in a run of N members: x⁺ = A x + B u, w = C x + D u, in leg and in task space.
 
-from typing import TYPE_CHECKING, Any
+What a controller gets, `inputs_of`, and what task space makes of the legs, `displacements`, are stated here once, for
+the arrays of a run, for CasADi symbols and for small signals.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.state_space import Solve
+from gough_stewart.harness.control.sums import MatrixProducts, Product
+from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -17,90 +25,189 @@ N_LEGS = 6
 _INTEGRATES = 1e-12
 
 
+def inputs_of(kinds: int, reference: Any, measured: Any, excess: Any) -> tuple[Any, ...]:
+    """The parts of u by `LinearController.kinds`: errors, or references and measurements, or these and the excess."""
+    return (reference - measured,) if kinds == 1 else (reference, measured, excess)[:kinds]
+
+
+class LegMaps(Protocol):
+    """The leg Jacobian J of one pose as maps of columns."""
+
+    def to_pose(self, change: Any) -> Any:
+        """J⁻¹ v: from legs [m] to the platform [m, rad]."""
+
+    def to_wrench(self, force: Any) -> Any:
+        """Jᵀ F: from leg forces [N] to a wrench [N, N m]."""
+
+    def to_force(self, wrench: Any) -> Any:
+        """J⁻ᵀ w: from a wrench to leg forces."""
+
+
+def displacements(maps: LegMaps, pose: Any, before: Any, wanted: Any, lengths: Any) -> tuple[Any, Any]:
+    """References and measurements in task space [m, rad], from those at the last sample and the leg lengths [m].
+
+    The measured displacement is y = Σ J⁻¹ ΔL. Its rate is the twist J⁻¹ L̇; the rate of J⁻¹ (L − L₀) is not, where J
+    changes. References are y + J⁻¹ (L_reference − L).
+    """
+    now = pose + maps.to_pose(lengths - before)
+    return now + maps.to_pose(wanted - lengths), now
+
+
+class MapsOfPose:
+    """The leg maps of one pose for columns (6, n), from its Jacobian (6, 6)."""
+
+    def __init__(self, jacobian: FloatArray) -> None:
+        self._J, self._J_inverse = jacobian, np.linalg.inv(jacobian)
+
+    def to_pose(self, change: FloatArray) -> FloatArray:
+        """As `LegMaps`."""
+        return np.asarray(self._J_inverse @ change)
+
+    def to_wrench(self, force: FloatArray) -> FloatArray:
+        """As `LegMaps`."""
+        return np.asarray(self._J.T @ force)
+
+    def to_force(self, wrench: FloatArray) -> FloatArray:
+        """As `LegMaps`."""
+        return np.asarray(self._J_inverse.T @ wrench)
+
+
+class _Turn(NamedTuple):
+    """(x, u) of a sample, and the product that gives x⁺ and forces; samples alternate between two buffers."""
+
+    xu: FloatArray
+    x: FloatArray  # views, which take as long to make as the arithmetic
+    inputs: tuple[FloatArray, ...]  # of the parts of u
+    next_state: Callable[[], None]
+    outputs: Callable[[], None]
+
+
 class LinearLaw:
-    """x⁺ = A x + B u, w = C x + D u, computed as one product with (x, u)."""
+    """The linear controllers of N members, of one structure; (x, u) of all members are columns.
+
+    Parameters
+    ----------
+    jacobians
+        Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6), for task space.
+    reference, measured
+        References (30,) or (N, 30) and measurements (N, 24) at the first sample: the memory starts in steady state for
+        these constant inputs, integrators at zero, so that a start off the reference gives no derivative kick.
+    """
 
     limited = None
+    failures: Mapping[int, ControllerError] = {}
 
-    def __init__(self, controller: "LinearController") -> None:
-        system = controller.system
-        n = system.nstates
-        self._matrix = np.ascontiguousarray(np.block([[system.A, system.B], [system.C, system.D]]))
-        self._xu = np.zeros(n + system.ninputs)
-        self._x, self._u = self._xu[:n], self._xu[n:]  # views
-        self.used = controller.signals
-        self._at = as_slice(signals.positions(controller.signals))
-        self._form = system.ninputs
+    def __init__(
+        self,
+        controllers: Sequence["LinearController"],
+        jacobians: FloatArray,
+        reference: FloatArray,
+        measured: FloatArray,
+    ) -> None:
+        first, n_members = controllers[0], len(controllers)
+        # if all members have the same system, one matrix serves all
+        same = all(each.system is first.system for each in controllers)
+        systems = [each.system for each in (controllers[:1] if same else controllers)]
+        A, B, C, D = (np.stack([getattr(system, name) for system in systems]) for name in "ABCD")
+        n = first.system.nstates
+        self._matrices = np.concatenate([np.concatenate([A, B], axis=2), np.concatenate([C, D], axis=2)], axis=1)
+        next_state = Product(self._matrices[:, :n, :], n_members)
+        outputs = Product(self._matrices[:, n:, :], n_members)
+        self._y = np.zeros((N_LEGS, n_members))
+        one, other = np.zeros((2, n + first.system.ninputs, n_members))
+        self._now, self._next = (
+            _Turn(now, now[:n], _parts(now[n:], first), next_state.of(now, following), outputs.of(now, self._y))
+            for now, following in ((one, other), (other, one))
+        )
+        self.used = first.signals
+        self._kinds = first.kinds
+        self._at = as_slice(signals.positions(first.signals))
+        self._maps = _MapsOfSamples(jacobians, n_members) if first.space == "task" else None
+        self._lengths = measured.T[self._at].copy()
+        self._pose = np.zeros_like(self._lengths)
+        self._start(reference, measured)
 
-    def _start(self, reference: FloatArray, measured: FloatArray) -> None:
-        """Set the steady state under constant inputs."""
-        self._feed(reference, measured, np.zeros(N_LEGS))
-        n = len(self._x)
-        A = self._matrix[:n, :n]
-        self._x[:] = rest(A, integrating_modes(A), self._matrix[:n, n:] @ self._u)
+    def force(
+        self,
+        k: int,
+        _time: float,
+        reference: FloatArray,
+        measured: FloatArray,
+        excess: FloatArray,
+        due: BoolArray | None = None,
+    ) -> FloatArray:
+        """As `Law`."""
+        self._feed(k, reference, measured, excess.T, due)
+        now, following = self._now, self._next
+        now.outputs()
+        now.next_state()
+        if due is not None:
+            np.copyto(following.x, now.x, where=~due)
+        self._now, self._next = following, now
+        return (self._y if self._maps is None else self._maps.to_force(self._y)).T
 
     @property
     def state(self) -> FloatArray:
-        """A copy of x (n,)."""
-        return self._x.copy()
+        """A view of x (N, n), valid until the sample after the next."""
+        return self._now.x.T
 
-    def _feed(self, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> None:
-        n = len(reference)
-        if self._form == n:
-            np.subtract(reference, measured, out=self._u)
-            return
-        self._u[:n], self._u[n : 2 * n] = reference, measured
-        if self._form > 2 * n:
-            self._u[2 * n :] = excess
-
-    def _advance(self) -> FloatArray:
-        n = len(self._x)
-        both: FloatArray = self._matrix.dot(self._xu)  # faster than @
-        self._x[:] = both[:n]
-        return both[n:]
-
-
-class LegLaw(LinearLaw):
-    """From the signals of the legs, or of the pose, to leg forces."""
-
-    def __init__(
-        self, controller: "LinearController", _jacobians: FloatArray, reference: FloatArray, measured: FloatArray
+    def _feed(
+        self, k: int, reference: FloatArray, measured: FloatArray, excess: FloatArray, due: BoolArray | None
     ) -> None:
-        super().__init__(controller)
-        self._start(reference[self._at], measured[self._at])
+        """Set u at sample k."""
+        r, y = columns(reference)[self._at], measured.T[self._at]
+        if self._maps is not None:
+            self._maps.k, lengths = k, y
+            r, y = displacements(self._maps, self._pose, self._lengths, r, lengths)
+            excess = self._maps.to_wrench(excess) if self._kinds == 3 else excess
+            everyone = True if due is None else due
+            np.copyto(self._pose, y, where=everyone)
+            np.copyto(self._lengths, lengths, where=everyone)
+        for place, part in zip(self._now.inputs, inputs_of(self._kinds, r, y, excess), strict=True):
+            place[...] = part
 
-    def force(
-        self, _k: int, _time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray
-    ) -> FloatArray:
-        """As `Law`."""
-        self._feed(reference[self._at], measured[self._at], excess)
-        return self._advance()
+    def _start(self, reference: FloatArray, measured: FloatArray) -> None:
+        """Set the steady state under constant inputs."""
+        n = len(self._now.x)
+        self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), None)
+        self._now.next_state()
+        forcing = self._next.x.T  # (N, n)
+        A = np.broadcast_to(self._matrices[:, :n, :n], (len(forcing), n, n))
+        poles = np.diagonal(A, axis1=1, axis2=2)
+        free = integrates(poles)
+        x = np.where(free, 0.0, forcing / np.where(free, 1.0, 1 - poles))
+        for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
+            x[member] = rest(A[member], integrating_modes(A[member]), forcing[member])
+        self._now.x[...] = x.T
 
 
-class TaskLaw(LinearLaw):
-    """From leg lengths to displacements of the platform, and from a wrench to leg forces."""
+def _parts(u: FloatArray, controller: "LinearController") -> tuple[FloatArray, ...]:
+    """Views of the parts of u (n, N), see `inputs_of`."""
+    n = len(signals.positions(controller.signals))
+    return tuple(u[first : first + n] for first in range(0, 2 * n, n))[: controller.kinds] + (
+        (u[2 * n :],) if controller.kinds > 2 else ()
+    )
 
-    def __init__(
-        self, controller: "LinearController", jacobians: FloatArray, reference: FloatArray, measured: FloatArray
-    ) -> None:
-        super().__init__(controller)
-        self._J = jacobians
-        self._J_inverse = np.linalg.inv(jacobians)
-        self._lengths = measured[self._at].copy()
-        self._pose = np.zeros(N_LEGS)
-        self._start(self._J_inverse[0] @ (reference[self._at] - self._lengths), self._pose)
 
-    def force(
-        self, k: int, _time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray
-    ) -> FloatArray:
-        """As `Law`."""
-        lengths = measured[self._at]
-        # the sum of J⁻¹ dL: its rate is the twist J⁻¹ L̇; the rate of J⁻¹ (L − L₀) is not, where J changes
-        self._pose = self._pose + self._J_inverse[k] @ (lengths - self._lengths)
-        self._lengths = lengths.copy()
-        # w = Jᵀ F also for the force that the limits cut off
-        self._feed(self._pose + self._J_inverse[k] @ (reference[self._at] - lengths), self._pose, self._J[k].T @ excess)
-        return np.asarray(self._J_inverse[k].T @ self._advance())
+class _MapsOfSamples:
+    """The leg maps of N members in the reference pose of sample `k`; a `LegMaps`."""
+
+    def __init__(self, jacobians: FloatArray, n_members: int) -> None:
+        # (n, 6, 6, N), or (n, 6, 6, 1) if common to all members
+        each = jacobians if jacobians.ndim == 4 else jacobians[:, None]
+        self._J = np.ascontiguousarray(np.moveaxis(each, 1, -1))
+        self._J_inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(each), 1, -1))
+        self._times = MatrixProducts(N_LEGS, n_members)
+        self.k = 0
+
+    def to_pose(self, change: FloatArray) -> FloatArray:
+        return self._times(self._J_inverse[self.k], change)
+
+    def to_wrench(self, force: FloatArray) -> FloatArray:
+        return self._times(self._J[self.k].swapaxes(0, 1), force)
+
+    def to_force(self, wrench: FloatArray) -> FloatArray:
+        return self._times(self._J_inverse[self.k].swapaxes(0, 1), wrench)
 
 
 def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:
@@ -128,3 +235,8 @@ def as_slice(positions: NDArray[np.intp]) -> slice | NDArray[np.intp]:
     """A slice for consecutive positions, which NumPy reads faster."""
     first, last = int(positions[0]), int(positions[-1])
     return slice(first, last + 1) if positions.tolist() == list(range(first, last + 1)) else positions
+
+
+def columns(values: FloatArray) -> FloatArray:
+    """(size, N) of values of the members (N, size), or (size, 1) of values common to all (size,)."""
+    return values.T if values.ndim == 2 else values[:, None]

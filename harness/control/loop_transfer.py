@@ -5,6 +5,7 @@ import numpy as np
 
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import linearise
+from gough_stewart.harness.control.linear_law import MapsOfPose, displacements, inputs_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.kinematics import leg_jacobian
@@ -74,14 +75,16 @@ def feedback_part(
     orientation: Array | None = None,
 ) -> control.StateSpace:
     """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
-    K = controller.system
-    n = len(signals.positions(controller.signals))
-    # errors are references − measurements; separate inputs have the measurements second
-    B, D = (K.B, K.D) if K.ninputs == n else (-K.B[:, n : 2 * n], -K.D[:, n : 2 * n])
-    C = control.ss(K.A, B, K.C, D, K.dt)
+    K, n = controller.system, len(signals.positions(controller.signals))
+    one, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
-        return C
-    p = platform.home_position if position is None else position
-    o = platform.home_orientation if orientation is None else orientation
-    J_inverse = np.linalg.inv(leg_jacobian(platform, p, o))
-    return control.ss(C.A, C.B @ J_inverse, J_inverse.T @ C.C, J_inverse.T @ C.D @ J_inverse, K.dt)
+        r, y, to_force = none, one, np.eye(6)
+    else:
+        p = platform.home_position if position is None else position
+        o = platform.home_orientation if orientation is None else orientation
+        maps = MapsOfPose(leg_jacobian(platform, p, o))
+        # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
+        (r, y), to_force = displacements(maps, none, none, none, one), maps.to_force(np.eye(6))
+    # what a measurement of each signal puts into u, for F = −C y
+    u = -np.concatenate(inputs_of(controller.kinds, r, y, np.zeros((6, n))))
+    return control.ss(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, K.dt)

@@ -77,18 +77,13 @@ class UnitController:
 
 
 class UnitLaw:
-    """The FMU as control law; see `gough_stewart.harness.control.laws.Law`."""
+    """The FMU as control law; see `gough_stewart.harness.control.laws.OwnLaw`."""
 
     used = signals.NAMES
 
     def __init__(self, step: Callable[..., FloatArray], close: Callable[[], None], sample_time: float) -> None:
         self._step, self.close, self._sample_time = step, close, sample_time
         self.limited: NDArray[np.bool_] = np.zeros(6, dtype=bool)
-
-    @property
-    def state(self) -> FloatArray:
-        """Empty: the memory of an FMU is not visible."""
-        return np.zeros(0)
 
     def force(
         self, k: int, _time: float, reference: FloatArray, measured: FloatArray, _excess: FloatArray

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.control.laws_of_members import LawFrom, laws_of
 from gough_stewart.harness.experiment.members import Draws, Members
 from gough_stewart.harness.experiment.preparation import Prepared
-from gough_stewart.harness.loop.loop import LawFrom, Loop
+from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.together import together
 from gough_stewart.harness.plants import members as in_memory
 from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
@@ -96,7 +96,7 @@ def batch_of(prepared: Sequence[Prepared], substeps: int, compiler: bool | None 
     controllers = [each.controller for each in prepared if each.controller is not None]
     law_from = None
     if controllers:
-        law_from = laws_together(
+        law_from = laws_of(
             controllers,
             loop.timing.sample_time,
             _jacobians(filled),

@@ -1,9 +1,6 @@
 """Full records of single members, bit for bit as in their ensemble."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import batch_of, prepared_members
@@ -11,7 +8,7 @@ from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.run import Run, simulate
+from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.progress import TimeProgress
 
@@ -52,7 +49,7 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
         run = simulate(batch.plant, batch.law_from, batch.loop, progress)
     return [
         record_of(
-            _alone(run, k, prepared),
+            run.of_member(k),
             prepared,
             {
                 "title": own.title,
@@ -65,24 +62,3 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
         )
         for k, (member, (own, prepared)) in enumerate(zip(members, each, strict=True))
     ]
-
-
-def _alone(run: Run, member: int, prepared: Prepared) -> Run:
-    """The history of one of many members, up to its end."""
-    outcome = run.outcomes[member]
-    rows = int(np.searchsorted(run.time, outcome.time + prepared.loop.timing.plant_step / 2))
-    by_member = run.sample_of_row if run.sample_of_row.ndim == 1 else run.sample_of_row[:, member]
-    return replace(
-        run,
-        time=run.time[:rows],
-        results=np.ascontiguousarray(run.results[:rows, member]),
-        inputs=run.inputs[:rows, member],
-        rate_limited=run.rate_limited[:rows, member],
-        stroke_exceeded=run.stroke_exceeded[:rows, member],
-        sample_of_row=by_member[:rows],
-        measured=run.measured[:, member],
-        command=run.command[:, member],
-        controller_state=run.controller_state[:, member],
-        force_limited=run.force_limited[:, member],
-        outcomes=(outcome,),
-    )

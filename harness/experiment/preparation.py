@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.control.feedforward import feedforward
-from gough_stewart.harness.control.laws import Controller, Known, Law, controller_of, law_of
+from gough_stewart.harness.control.laws import Controller, Known, controller_of
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, OwnLaws, law_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError
 from gough_stewart.harness.experiment.hints import hints_of
@@ -26,7 +27,7 @@ from gough_stewart.harness.experiment.parts import (
 from gough_stewart.harness.experiment.planning import Planning, part_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import LawFrom, Loop
+from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.motion.motion import Motion, Reference, end_of
 from gough_stewart.harness.motion.reach import LegMotion, legs_of
@@ -57,11 +58,10 @@ class Prepared:
     reference: Reference | None = None  # the motion at any time
 
     def law(self, reference: FloatArray, measured: FloatArray) -> Law:
-        """The control law for a run that begins with these references and signals (24,)."""
+        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
         if self.controller is None:
             raise ControllerError("an open loop has no control law")
-        sample_time = self.loop.timing.sample_time
-        return law_of(self.controller, sample_time, self.jacobians, reference, measured, self.known)
+        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)(reference, measured)
 
     @property
     def known(self) -> Known:
@@ -77,7 +77,7 @@ class Prepared:
             yield None
         elif isinstance(self.controller, UnitController):
             with self.controller.open(self.loop.timing.sample_time) as law:
-                yield lambda _reference, _measured: law
+                yield lambda _reference, _measured: OwnLaws([law])
         else:
             yield self.law
 

@@ -36,6 +36,7 @@ class Linear(NamedTuple):
     """x⁺ = A x + B u, w = C x + D u, as numbers and as symbols of coefficients."""
 
     system: StateSpace
+    kinds: int  # of inputs, as of `LinearController`
     start: Array  # (n, inputs): the steady state under constant inputs u is start @ u
     integrating: Array  # (n, n): projection on the integrators, at zero in that state
     symbols: casadi.SX  # the coefficients (k,)
@@ -129,7 +130,7 @@ class PidLaw:
         integrating = np.round(integrating_modes(numeric.A))
         start = rest(system.A, integrating, system.B, symbols.solve) if numeric.nstates else system.B
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
-        return Linear(system, start, integrating, c, function)
+        return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,14 @@ class MatrixLaw:
         A, B, C, D = (np.asarray(each, dtype=float) for each in (given.A, given.B, given.C, given.D))
         integrating = integrating_modes(A) if len(A) else A
         start = rest(A, integrating, B) if len(A) else B
-        return Linear(StateSpace(A, B, C, D, 1.0), start, integrating, casadi.SX.sym("coefficients", 0), None)
+        return Linear(
+            StateSpace(A, B, C, D, 1.0),
+            self.controller.kinds,
+            start,
+            integrating,
+            casadi.SX.sym("coefficients", 0),
+            None,
+        )
 
 
 ACCELERATIONS = ("acceleration", "angular_acceleration")

@@ -11,11 +11,11 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT
-from gough_stewart.harness.control.linear_law import N_LEGS
+from gough_stewart.harness.control.linear_law import N_LEGS, displacements, inputs_of
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
-from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw
+from gough_stewart.harness.export.laws import FunctionLaw, Law, Linear, MatrixLaw, PidLaw
 from gough_stewart.harness.export.path_source import path_function, path_of
 from gough_stewart.harness.export.relative import Home, change_of_lengths
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
@@ -92,22 +92,27 @@ def solve_by_orthogonal(matrix: Array, vector: Array) -> Array:
     Gram–Schmidt orthogonalisation of the columns of J needs no pivots, and is invariant to the scale of a column, which
     depends on the units of lengths and angles.
     """
-    return _Orthogonal(np.swapaxes(matrix, -1, -2)).transposed(vector)
+    return symbols.row(_Maps(np.swapaxes(matrix, -1, -2)).to_force(symbols.column(vector)))
 
 
-class _Orthogonal:
-    """J = Q R of an array (1, 6, 6)."""
+class _Maps:
+    """The leg maps of J = Q R, an array (1, 6, 6), for columns of symbols; see `LegMaps`."""
 
     def __init__(self, J: Array) -> None:
-        self._Q, self._R = casadi.qr(symbols.sparse(J[0]))
+        self._J = symbols.sparse(J[0])
+        self._Q, self._R = casadi.qr(self._J)
 
-    def solve(self, vector: Array) -> Array:
-        """J⁻¹ b (1, 6)."""
-        return symbols.row(casadi.solve(self._R, self._Q.T @ symbols.column(vector)))
+    def to_pose(self, change: casadi.SX) -> casadi.SX:
+        """As `LegMaps`."""
+        return casadi.solve(self._R, self._Q.T @ change)
 
-    def transposed(self, vector: Array) -> Array:
-        """J⁻ᵀ w (1, 6)."""
-        return symbols.row(self._Q @ casadi.solve(self._R.T, symbols.column(vector)))
+    def to_wrench(self, force: casadi.SX) -> casadi.SX:
+        """As `LegMaps`."""
+        return self._J.T @ force
+
+    def to_force(self, wrench: casadi.SX) -> casadi.SX:
+        """As `LegMaps`."""
+        return self._Q @ casadi.solve(self._R.T, wrench)
 
 
 def _vector(motion: Motion) -> casadi.SX:
@@ -191,68 +196,49 @@ def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Functi
             [home.of(v.name, v.size) for name in law.signals for v in designed.measured if v.name == name]
         )
         r, y = r + at_home, y + at_home
-    return (_task if law.space == "task" else _leg)(law, inputs, r, y, home)
+    return _linear(law, inputs, r, y, home)
 
 
 def _depends_on_differences(law: Law, n: int) -> bool:
     """Whether equal references and measurements (n,) leave a law at rest without a force, as they do a PID."""
     if not isinstance(law, MatrixLaw) or law.space == "task":
         return True
-    system = law.linear.system
-    if system.ninputs == n:
-        return True
-    both = np.concatenate([np.eye(n), np.eye(n), np.zeros((system.ninputs - 2 * n, n))])
-    forced = [np.asarray(each, dtype=float) @ both for each in (system.B, system.D)]
+    linear, one = law.linear, np.eye(n)
+    both = np.concatenate(inputs_of(linear.kinds, one, one, np.zeros((N_LEGS, n))))
+    forced = [np.asarray(each, dtype=float) @ both for each in (linear.system.B, linear.system.D)]
     return not any(np.abs(each).max(initial=0.0) > 0 for each in forced)
 
 
-def _leg(
-    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
+def _linear(
+    law: PidLaw | MatrixLaw, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
 ) -> tuple[casadi.Function | None, casadi.Function]:
-    linear = law.linear
-    n = linear.system.nstates
-    inputs |= {"states": casadi.SX.sym("states", n), "coefficients": linear.symbols}
-    u = _inputs(linear.system, r, y, inputs["excess"])
-    following, force = _advance(linear.system, inputs["states"], u, of_change=home is not None)
-    step = symbols.function("law", inputs, {"force": force, **({"next": following} if n else {})})
-    if not n:
-        return None, step
-    at_rest = _at_rest(linear, inputs["states"], _inputs(linear.system, r, y, casadi.SX.zeros(N_LEGS)))
-    return symbols.function("start", inputs, {"states_at_rest": at_rest}), step
+    """x⁺ = A x + B u and the forces; in task space, the displacement and the lengths of the last sample are states."""
+    linear, n = law.linear, law.linear.system.nstates
+    extra = 2 * N_LEGS if law.space == "task" else 0
+    inputs |= {"states": casadi.SX.sym("states", n + extra), "coefficients": linear.symbols}
+    x, pose, before = casadi.vertsplit(inputs["states"], [0, n, n + extra // 2, n + extra])
+    maps, excess, r_at_rest, y_at_rest = None, inputs["excess"], r, y
+    memory = memory_at_rest = casadi.SX(0, 1)
+    if extra:
+        at, lengths = _motion(inputs["motion"], home), y
+        maps = _Maps(leg_jacobian(symbols.parameters_of(inputs), at.position, at.orientation))
+        r_at_rest, y_at_rest = displacements(maps, pose, lengths, r, lengths)
+        memory_at_rest = casadi.vertcat(pose, lengths)
+        r, y = displacements(maps, pose, before, r, lengths)
+        memory = casadi.vertcat(y, lengths) if home is None else casadi.vertcat(y - pose, lengths - before)
+        excess = maps.to_wrench(excess)
+    u = casadi.vertcat(*inputs_of(linear.kinds, r, y, excess))
+    following, force = _advance(linear.system, x, u, of_change=home is not None)
+    outputs = {"force": force if maps is None else maps.to_force(force)}
+    if not n + extra:
+        return None, symbols.function("law", inputs, outputs)
+    step = symbols.function("law", inputs, {**outputs, "next": casadi.vertcat(following, memory)})
+    u = casadi.vertcat(*inputs_of(linear.kinds, r_at_rest, y_at_rest, casadi.SX.zeros(N_LEGS)))
+    at_rest = _at_rest(linear, x, u) if n else casadi.SX(0, 1)
+    return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, memory_at_rest)}), step
 
 
-def _task(
-    law: Any, inputs: dict[str, casadi.SX], r: casadi.SX, lengths: casadi.SX, home: Home | None
-) -> tuple[casadi.Function | None, casadi.Function]:
-    """As in leg space, for displacements Σ J⁻¹ ΔL; these and the previous lengths are states, too."""
-    linear = law.linear
-    n = linear.system.nstates
-    states = casadi.SX.sym("states", n + 2 * N_LEGS)
-    inputs |= {"states": states, "coefficients": linear.symbols}
-    x, before, lengths_before = casadi.vertsplit(states, [0, n, n + N_LEGS, n + 2 * N_LEGS])
-    at = _motion(inputs["motion"], home)
-    J = leg_jacobian(symbols.parameters_of(inputs), at.position, at.orientation)
-    solver, zeros = _Orthogonal(J), casadi.SX.zeros(N_LEGS)
-    error = symbols.column(solver.solve(symbols.row(r - lengths)))
-    pose = before + symbols.column(solver.solve(symbols.row(lengths - lengths_before)))
-    excess = symbols.sparse(J[0]).T @ inputs["excess"]
-    u = _inputs(linear.system, pose + error, pose, excess)
-    following, wrench = _advance(linear.system, x, u, of_change=home is not None)
-    force = symbols.column(solver.transposed(symbols.row(wrench)))
-    legs = (pose, lengths) if home is None else (pose - before, lengths - lengths_before)
-    step = symbols.function("law", inputs, {"force": force, "next": casadi.vertcat(following, *legs)})
-    at_rest = _at_rest(linear, x, _inputs(linear.system, before + error, before, zeros)) if n else casadi.SX(0, 1)
-    return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, before, lengths)}), step
-
-
-def _inputs(system: Any, r: casadi.SX, y: casadi.SX, excess: casadi.SX) -> casadi.SX:
-    """Errors, or references and measurements, or these and the excess, by the number of the system's inputs."""
-    if system.ninputs == r.numel():
-        return r - y
-    return casadi.vertcat(r, y, excess)[: system.ninputs]
-
-
-def _at_rest(linear: Any, x: casadi.SX, u: casadi.SX) -> casadi.SX:
+def _at_rest(linear: Linear, x: casadi.SX, u: casadi.SX) -> casadi.SX:
     """The steady state under constant inputs, with the integrals of a state: none before the first sample."""
     return symbols.sparse(linear.start) @ u + symbols.sparse(np.asarray(linear.integrating)) @ x
 

@@ -26,40 +26,39 @@ class Actuators:
 
 
 class Drives:
-    """The six actuators in a run, with their start forces (*shape, 6); internal arrays are (6,) or (6, N)."""
+    """The six actuators of N members in a run, with their start forces (N, 6); internal arrays are (6, N)."""
 
     def __init__(self, actuators: Actuators, start: FloatArray, sample_time: float, plant_step: float) -> None:
         begin = start.T.copy()
         rate = np.inf if actuators.rate_limit is None else actuators.rate_limit
         lag = np.asarray(actuators.lag)
-        # with six forces, NumPy is twice as fast with an array as with a number
+        # NumPy is twice as fast with an array as with a number
         limit = actuators.force_limit
-        self._high = limit if limit is None or start.ndim > 1 else np.full(6, limit)
+        self._high = None if limit is None else np.full(begin.shape, limit)
         self._low = None if self._high is None else -self._high
         self._follows_at_once = actuators.rate_limit is None and not (lag > 0).any()
         self._rate, self._slope = rate, np.where(np.isfinite(rate), rate, 0.0)[()]
         self._step = plant_step
         self._largest_change_of_a_sample = rate * sample_time
-        delays = np.asarray(actuators.delay)
-        self._delay = _Delay(delays, begin)
+        self._delay = _Delay(np.asarray(actuators.delay), begin)
         self._target = begin
         self._reached = begin.copy()  # after the rate limit
         self._planned = begin.copy()  # the same, predicted for one sample after the newest command
         self._force = begin.copy()  # after the lag
         self._lags = lag > 0
         self._lag = np.where(lag > 0, lag, 1.0)[()]
-        self.none = np.zeros(start.shape, dtype=bool)  # no limit active
-        self._nothing = np.zeros(start.shape)
+        self.none = np.zeros(begin.shape, dtype=bool).T  # no limit active
+        self._nothing = np.zeros(begin.shape).T
 
     def command(self, j: int, force: FloatArray, due: BoolArray | None = None) -> tuple[BoolArray, FloatArray]:
-        """Accept the commanded forces (*shape, 6) [N] of sample j, for the members in `due` (N,), or for all.
+        """Accept the commanded forces (N, 6) [N] of sample j, for the members in `due` (N,), or for all.
 
-        Returns which of them are clipped (*shape, 6), and the excess (*shape, 6) [N]: the force that the force and rate
-        limits allow after one sample, minus the command.
+        Returns which of them are clipped (N, 6), and the excess (N, 6) [N]: the force that the force and rate limits
+        allow after one sample, minus the command.
         """
         command = force.T
         if self._high is None:
-            limited, cut = command.copy(), self.none
+            limited, cut = command, self.none
         else:
             limited = _between(self._low, command, self._high)
             cut = (limited != command).T
@@ -72,7 +71,7 @@ class Drives:
         return cut, (self._planned - command).T
 
     def step(self) -> tuple[FloatArray, BoolArray]:
-        """Mean forces (*shape, 6) [N] over the next plant step, and which of them the rate limit affects."""
+        """Mean forces (N, 6) [N] over the next plant step, and which of them the rate limit affects."""
         if self._follows_at_once:
             return self._target.T, self.none
         h = self._step
@@ -98,7 +97,7 @@ class Drives:
 
 
 class _Delay:
-    """A delay line for forces (6,) or (6, N): the output at sample j is the input at j − d; first, the start forces.
+    """A delay line for forces (6, N): the output at sample j is the input at j − d; first, the start forces.
 
     d is one number for all members, or one for each (N,).
     """
@@ -113,7 +112,7 @@ class _Delay:
     def __call__(self, j: int, forces: FloatArray, due: BoolArray | None) -> FloatArray:
         """Store the forces of sample j, and return the delayed ones of the members that are due."""
         slots, n = self._slots, self._delay + 1
-        slots[j % n] = forces  # of members that are not due the last ones, replaced at their own row
+        slots[j % n][...] = forces  # of members that are not due the last ones, replaced at their own row
         if due is None and not self._of_slot:
             return slots[(j - self._delay) % n]
         for delay, whose in self._of_slot or [(self._delay, True)]:

@@ -1,15 +1,14 @@
 """The sampled loop as data: clocks, references, sensors, actuators, limits and changes of a run, without its plant.
 
-The same serves one run and many in parallel: arrays have the plant's shape as leading axes, () or (N,).
+The same serves a run of one member and of many in parallel: where members differ, arrays have a member axis.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import Law
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
@@ -17,7 +16,6 @@ from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
-LawFrom = Callable[[FloatArray, FloatArray], Law]
 OnStroke = Literal["ignore", "warn", "stop"]
 LENGTHS = slice(12, 18)  # leg lengths, in the vector of all signals
 

@@ -1,22 +1,19 @@
 """The sampled loop: a controller in discrete time around the plant, as it would run on the machine.
 
-The same loop serves one run and many in parallel: arrays have the plant's shape as leading axes, () or (N,).
+A run has N members, N >= 1, which run in parallel; arrays have a leading member axis.
 """
-
-import math
-from collections.abc import Callable
-from contextlib import nullcontext
 
 import numpy as np
 
+from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
 from gough_stewart.harness.loop.actuators import Drives
-from gough_stewart.harness.loop.loop import LENGTHS, Change, LawFrom, Limits, Loop
+from gough_stewart.harness.loop.loop import LENGTHS, Change, Limits, Loop
 from gough_stewart.harness.loop.observing import Observer, Row
 from gough_stewart.harness.loop.outcomes import Outcome, Outcomes
 from gough_stewart.harness.loop.sampler import Sampler
-from gough_stewart.harness.plants import members, signals
-from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.harness.plants import members
+from gough_stewart.harness.plants.alone import Alone, signals_of
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
@@ -33,13 +30,14 @@ def observe(
 
     At each sample: measure, compute, and hold the forces (`actuators.delay` samples later). At each plant step: apply
     changes, advance the drives, call the observer, step the plant. Members that have ended stay frozen while the others
-    continue; a single run has one outcome, too.
+    continue.
 
     Parameters
     ----------
+    plant
+        Of N members; a plant of one platform is a member alone.
     law_from
-        Makes the control law from references (30,) and signals (24,) of the first sample; None for feedforward alone.
-        For many members, use `laws_together`.
+        Makes the controllers of all members, see `laws_of` and `law_of`; None for feedforward alone.
     loop
         With the plant's shape, or one loop for all members.
     progress
@@ -48,7 +46,8 @@ def observe(
     Raises
     ------
     ControllerError
-        The controller gave no forces at its first sample (for one of many members an outcome), or wrong loop shape.
+        The controller of a plant of one platform gave no forces at its first sample, otherwise an outcome; or wrong
+        loop shape.
     SharedMemoryError
         Members share a controller with memory.
     PlantError
@@ -57,11 +56,12 @@ def observe(
     shape: tuple[int, ...] = getattr(plant, "shape", ())
     if loop.shape not in ((), shape):
         raise ControllerError(f"a loop of shape {loop.shape} with a plant of shape {shape}; expected the same shape")
-    outcomes = Outcomes(shape)
+    is_alone = not shape
+    outcomes = Outcomes(shape or (1,))
     try:
-        # members that have ended may compute NaN, which is not used
-        with np.errstate(all="ignore") if shape else nullcontext():
-            _run(plant, law_from, loop, observer, outcomes, progress)
+        # members that have ended may compute NaN, which is not used; in a run of one, warnings are of the user's code
+        with np.errstate(over="ignore") if is_alone else np.errstate(all="ignore"):
+            _run(Alone(plant) if is_alone else plant, law_from, loop, observer, outcomes, progress)
     except (StepError, ControllerError, PlantError) as error:
         if outcomes.time is None or isinstance(error, SharedMemoryError):
             raise
@@ -97,14 +97,15 @@ def _run(
     outcomes: Outcomes,
     progress: TimeProgress | None,
 ) -> None:
-    timing, shape = loop.timing, outcomes.going.shape
+    timing, shape, is_alone = loop.timing, outcomes.going.shape, isinstance(plant, Alone)
     n, plant_step = timing.steps, timing.plant_step
     acting = members.zeros(shape, interface.size_of(interface.INPUTS))
     forces = acting[..., :6]  # a view
     forces[...] = loop.start_force
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
-    sampler, changes = Sampler(loop, law_from, drives, outcomes, shape), _by_row(loop)
-    read_signals = _signals_of(plant)
+    sampler, changes = Sampler(loop, law_from, drives, outcomes), _by_row(loop)
+    read_signals = signals_of(plant)
+    wanted = None if loop.reference is None else loop.reference[..., :3]
     for k, time in enumerate(timing.times.tolist()):
         for change in changes.get(k, ()):
             _apply(change, plant, acting)
@@ -112,6 +113,11 @@ def _run(
         sampled, rate_limited = None, drives.none
         if k < n:
             sampled = sampler.at_row(k, time, now)
+            if not outcomes.all_go and not outcomes.running.any():
+                # all controllers have failed: this row does not count
+                if is_alone and outcomes.time is None:
+                    raise sampler.failures[0]
+                return
             drive, rate_limited = drives.step()
             if outcomes.all_go:
                 forces[...] = drive
@@ -135,28 +141,28 @@ def _run(
             )
         )
         outcomes.time = time
-        _check(loop.limits, now, reference, outcomes)
+        _check(loop.limits, now, None if wanted is None else wanted[k], outcomes)
         ended = outcomes.end_of_row()
         if ended is not None:
             if not outcomes.going.any():
                 return
             plant.freeze(ended)
         if k < n:
-            try:
-                plant.do_step(time, plant_step)
-            except MembersError as error:
-                for member, failure in error.failures.items():
-                    outcomes.end(outcomes.only(member), "diverged", str(failure), counts=False)
-                outcomes.end_of_row()  # the plant has already frozen them
-                if not outcomes.going.any():
-                    return
+            _step(plant, time, plant_step, outcomes)
+            if not outcomes.all_go and not outcomes.going.any():
+                return
         if progress is not None and k % _ROWS_A_REPORT == 0:
             progress(time)
 
 
-def _signals_of(plant: Plant) -> Callable[[], FloatArray]:
-    """The function that reads them; a plant that does not inherit from `Plant` may lack `signals`."""
-    return plant.signals if hasattr(plant, "signals") else lambda: plant.results()[..., : signals.SIZE]
+def _step(plant: Plant, time: float, step: float, outcomes: Outcomes) -> None:
+    """Step the plant; members that it cannot step end at their last row."""
+    try:
+        plant.do_step(time, step)
+    except MembersError as error:
+        for member, failure in error.failures.items():
+            outcomes.end(outcomes.only(member), "diverged", str(failure), counts=False)
+        outcomes.end_of_row()  # the plant has already frozen them
 
 
 def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
@@ -171,26 +177,20 @@ def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
         np.copyto(acting[..., 6:], change.external_wrench, where=concerned)
 
 
-def _check(limits: Limits, now: FloatArray, reference: FloatArray | None, outcomes: Outcomes) -> None:
-    """End members that have reached a limit."""
+def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes: Outcomes) -> None:
+    """End members that have reached a limit; `wanted` are positions (3,) or (N, 3) [m]."""
     if limits.on_stroke == "stop":
         beyond = limits.beyond_stroke(now[..., LENGTHS])
         if beyond.any():
             outcomes.end(beyond.any(axis=-1), "stopped", lambda k: _beyond_stroke(limits, now[..., LENGTHS], beyond, k))
-    if reference is None:
+    if wanted is None:
         return
     bound = limits.largest_position_error
-    if now.ndim == 1:
-        gap = reference[:3] - now[:3]
-        error: PerMember = math.sqrt(gap.dot(gap))  # faster than @
-        if error <= bound:
-            return
-    else:
-        gap = reference[..., :3] - now[..., :3]
-        if members.all_below(gap, members.smallest(bound)):
-            return
-        x, y, z = gap.T
-        error = np.sqrt(x * x + y * y + z * z)
+    gap = (wanted - now[:, :3]).T
+    if members.all_below(gap, members.smallest(bound)):
+        return
+    x, y, z = gap
+    error = np.sqrt(x * x + y * y + z * z)
     outcomes.end(
         ~np.less_equal(error, bound),  # also true for NaN
         "diverged",

@@ -1,11 +1,12 @@
 """A run with its complete history, row by row."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.loop import LENGTHS, LawFrom, Loop
+from gough_stewart.harness.control.laws_of_members import LawFrom
+from gough_stewart.harness.loop.loop import LENGTHS, Loop
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.observing import Observer, Row, Sampled
 from gough_stewart.harness.loop.outcomes import Outcome
@@ -44,16 +45,39 @@ class Run:
         (only,) = self.outcomes
         return only
 
+    def of_member(self, member: int) -> "Run":
+        """The history of one of many members, up to its end."""
+        outcome = self.outcomes[member]
+        # half a row later than its end, since times are rounded
+        rows = np.searchsorted(self.time, outcome.time + (self.time[1] if len(self.time) > 1 else 1.0) / 2)
+        by_member = self.sample_of_row if self.sample_of_row.ndim == 1 else self.sample_of_row[:, member]
+        return replace(
+            self,
+            time=self.time[:rows],
+            results=np.ascontiguousarray(self.results[:rows, member]),
+            inputs=self.inputs[:rows, member],
+            rate_limited=self.rate_limited[:rows, member],
+            stroke_exceeded=self.stroke_exceeded[:rows, member],
+            sample_of_row=by_member[:rows],
+            measured=self.measured[:, member],
+            command=self.command[:, member],
+            controller_state=self.controller_state[:, member],
+            force_limited=self.force_limited[:, member],
+            outcomes=(outcome,),
+        )
+
 
 def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
     """`observe` with a complete history."""
+    is_alone = not getattr(plant, "shape", ())
     everything = _Everything(plant, loop)
-    return everything.run(observe(plant, law_from, loop, everything, progress))
+    run = everything.run(observe(plant, law_from, loop, everything, progress))
+    return run.of_member(0) if is_alone else run
 
 
 class _Everything(Observer):
     def __init__(self, plant: Plant, loop: Loop) -> None:
-        shape: tuple[int, ...] = getattr(plant, "shape", ())
+        shape: tuple[int, ...] = getattr(plant, "shape", ()) or (1,)
         self._plant, self._loop, self._shape = plant, loop, shape
         n, self._m = loop.timing.steps + 1, len(loop.timing.samples)
         self._rows: int  # so far
@@ -70,7 +94,8 @@ class _Everything(Observer):
     def row(self, row: Row) -> None:
         # evaluated again: accelerations and joint forces under the forces that act from now on
         k = row.k
-        self._results[k], self._inputs[k] = self._plant.results(), row.inputs
+        self._results[k] = self._plant.results()
+        self._inputs[k] = row.inputs
         self._rate_limited[k] = row.rate_limited
         self._rows = k + 1
         if row.sampled is not None:

@@ -1,12 +1,13 @@
 """The controllers' part of a run: measure, compute and command at the samples."""
 
-from typing import TYPE_CHECKING, cast
+from collections.abc import Mapping
 
 import numpy as np
 
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Drives
-from gough_stewart.harness.loop.loop import LawFrom, Loop
+from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.observing import Sampled
 from gough_stewart.harness.loop.outcomes import Outcomes
 from gough_stewart.harness.loop.sensors import Encoders
@@ -15,30 +16,19 @@ from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
-if TYPE_CHECKING:
-    from gough_stewart.harness.control.laws import Law
-    from gough_stewart.harness.control.laws_together import LawOfMany
-
 
 class Sampler:
-    """The actions at the samples of one run, or of many in parallel.
+    """The actions at the samples of a run.
 
     With jitter, members may be sampled at different rows, but always within the same sample time.
     """
 
-    def __init__(
-        self,
-        loop: Loop,
-        law_from: LawFrom | None,
-        drives: Drives,
-        outcomes: Outcomes,
-        shape: tuple[int, ...],
-    ) -> None:
-        timing = loop.timing
+    def __init__(self, loop: Loop, law_from: LawFrom | None, drives: Drives, outcomes: Outcomes) -> None:
+        timing, shape = loop.timing, outcomes.going.shape
         own = loop.sensors.sample_time
         every = None if own is None else timing.steps_in(own, "the sensors' sample_time")
         rows = timing.rows_of_samples
-        self._encoders = Encoders(loop.sensors, every, shape)
+        self._encoders = Encoders(loop.sensors, every, *shape)
         if law_from is not None and loop.reference is None:
             raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
@@ -47,6 +37,7 @@ class Sampler:
         self._rows = rows.tolist() if rows.ndim == 1 else None
         self._rows_of_members = rows
         self._law: Law | None = None
+        self.failures: Mapping[int, ControllerError] = {}  # members whose controller gave no forces at the last sample
         self._no_state = np.zeros((*shape, 0))
         self._excess = members.zeros(shape, 6)
         self.command = members.zeros(shape, 6)
@@ -66,68 +57,51 @@ class Sampler:
         return self._sample(j, time, reading, due)
 
     def _sample(self, j: int, time: float, reading: FloatArray, due: BoolArray | None) -> Sampled:
-        if not self._outcomes.all_go:  # of many: a single run has ended
+        if not self._outcomes.all_go:
             due = self._outcomes.going & (True if due is None else due)
         command = self._loop.feedforward[j]
         if self._loop.injection is not None:
             command = command + self._loop.injection[j]
-        state = self._no_state
+        state, law = self._no_state, self._law
         if self._law_from is not None and self._loop.reference is not None:
             # the controller counts nominal samples, regardless of jitter
             reference = self._loop.reference[j * self._every]
-            if self._law is None:
-                self._law = self._law_from(reference, reading)
-                self._encoders.only(self._law.used)
-            state = self._law.state
-            at = j * self._every * self._plant_step
-            if self._shape:
-                force, due = self._forces(cast("LawOfMany", self._law), j, at, reference, reading, due)
-            else:
-                force = self._law.force(j, at, reference, reading, self._excess)
+            if law is None:
+                law = self._law = self._law_from(reference, reading)
+                self._encoders.only(law.used)
+            state = law.state
+            force = law.force(j, j * self._every * self._plant_step, reference, reading, self._excess, due)
+            if law.failures:
+                self.failures = law.failures
+                due = self._without_failures(due)
             command = command + force
-        if self._shape:
-            self._command_many(j, time, command, due)
-        else:
-            self._command_one(j, time, command)
-        used = () if self._law is None else self._law.used
-        return Sampled(j, due, reading, state, self.command, self.force_limited, used)
+        self._command(j, time, command, due, law)
+        return Sampled(j, due, reading, state, self.command, self.force_limited, () if law is None else law.used)
 
-    def _command_one(self, j: int, time: float, command: FloatArray) -> None:
-        self.command = command
-        # this sum is fast in Python, and conclusive except for the largest forces; also false for NaN
-        if not (sum(map(abs, command.tolist())) < LARGEST_NUMBER or (np.abs(command) <= LARGEST_NUMBER).all()):
-            self._outcomes.end(True, "diverged", _forces_are(command), time=time)
-            self.force_limited = np.zeros(6, dtype=bool)
-            return
-        self.force_limited, self._excess = self._drives.command(j, command)
-        if self._law is not None and self._law.limited is not None:
-            self.force_limited = self.force_limited | self._law.limited
+    def _without_failures(self, due: BoolArray | None) -> BoolArray:
+        """End the members whose controllers gave no forces; the members that are due without them."""
+        failed = np.isin(np.arange(*self._shape), list(self.failures))
+        self._outcomes.end(failed, "stopped", lambda k: str(self.failures[k]), counts=False)
+        return self._outcomes.going & (True if due is None else due)
 
-    def _command_many(self, j: int, time: float, command: FloatArray, due: BoolArray | None) -> None:
+    def _command(self, j: int, time: float, command: FloatArray, due: BoolArray | None, law: Law | None) -> None:
         going = self._outcomes.going
         if due is not None:
             # a member's command stays until its next sample; that of an ended member is cleared
             command = np.where(due[:, None], command, np.where(going[:, None], self.command, 0.0))
         self.command = command if command.ndim == 2 else np.broadcast_to(command, (*self._shape, 6))
-        if not members.all_below(self.command, LARGEST_NUMBER):
+        if not members.all_below(self.command.T, LARGEST_NUMBER):
             beyond = ~(np.abs(self.command) <= LARGEST_NUMBER).all(axis=-1)
-            self._outcomes.end(beyond, "diverged", lambda member: _forces_are(self.command[member]), time=time)
+            self._outcomes.end(
+                beyond,
+                "diverged",
+                lambda member: f"the controller's forces are {self.command[member].tolist()} N",
+                time=time,
+            )
             due = going & (True if due is None else due)
         # for commands that were held, both stay the same
-        cut, self._excess = self._drives.command(j, self.command, due)
-        self.force_limited = cut & going[:, None]
-
-    def _forces(
-        self, law: "LawOfMany", j: int, at: float, reference: FloatArray, reading: FloatArray, due: BoolArray | None
-    ) -> tuple[FloatArray, BoolArray | None]:
-        """Forces of many members, and which are due now, without those whose controllers gave none."""
-        force = law.force(j, at, reference, reading, self._excess, due)
-        if law.failures:
-            failed = np.isin(np.arange(self._shape[0]), list(law.failures))
-            self._outcomes.end(failed, "stopped", lambda k: str(law.failures[k]), counts=False)
-            due = self._outcomes.going & (True if due is None else due)
-        return force, due
-
-
-def _forces_are(command: FloatArray) -> str:
-    return f"the controller's forces are {command.tolist()} N"
+        self.force_limited, self._excess = self._drives.command(j, self.command, due)
+        if law is not None and law.limited is not None:
+            self.force_limited = self.force_limited | law.limited
+        if not self._outcomes.all_go:
+            self.force_limited = self.force_limited & going[:, None]

@@ -30,56 +30,48 @@ class Sensors:
 
 
 class Readings:
-    """The sensors in a run; internal arrays are (24,) or (24, N)."""
+    """The sensors of N members in a run; internal arrays are (24, N)."""
 
-    def __init__(self, sensors: Sensors, shape: tuple[int, ...] = ()) -> None:
+    def __init__(self, sensors: Sensors, members: int = 1) -> None:
         # one random stream per signal: noise on one does not change the noise on the others
         self._noise = {
-            name: _Noise(sensors, name, shape)
+            name: _Noise(sensors, name)
             for name in signals.NAMES
             if np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0)
         }
         self._steps = {name: step for name in signals.NAMES if np.any(step := sensors.quantisation.get(name, 0.0))}
-        self._measured = np.zeros((signals.SIZE, *shape))
+        self._measured = np.zeros((signals.SIZE, members))
         self.only(signals.NAMES)
 
     def only(self, names: Iterable[str]) -> None:
-        """Read only these signals from now on, to save time with many members."""
-        many = self._measured.ndim > 1
-        read = list(names) if many else list(signals.NAMES)
-        self._exact = _joined([_PARTS[name] for name in read])
-        self._noisy = [(_PARTS[name], noise) for name, noise in self._noise.items() if name in read]
+        """Read only these signals from now on, to save time."""
+        read = list(names)
+        # views are made in advance: making one takes Python as long as the arithmetic
+        self._exact = [(part, self._measured[part]) for part in _joined([_PARTS[name] for name in read])]
+        self._noisy = [(self._measured[_PARTS[name]], noise) for name, noise in self._noise.items() if name in read]
         self._stepped = [
-            (part := _PARTS[name], _Steps(step, None if many else part.stop - part.start))
-            for name, step in self._steps.items()
-            if name in read
+            (self._measured[_PARTS[name]], _Steps(step)) for name, step in self._steps.items() if name in read
         ]
 
     def __call__(self, k: int, true: FloatArray) -> FloatArray:
-        """All signals measured at reading k (*shape, 24); for many members valid until the next call."""
+        """All signals measured at reading k (N, 24), valid until the next call."""
         columns = true.T
-        if columns.ndim == 1:
-            measured = columns + self._measured  # zeros
-        else:
-            measured = self._measured
-            for part in self._exact:
-                np.copyto(measured[part], columns[part])
-        for part, noise in self._noisy:
-            measured[part] += noise(k)
-        for part, steps in self._stepped:
-            steps.round(measured[part])
-        return measured.T
+        for part, exact in self._exact:
+            exact[...] = columns[part]
+        for noisy, noise in self._noisy:
+            np.add(noisy, noise(k), out=noisy)
+        for stepped, steps in self._stepped:
+            steps.round(stepped)
+        return self._measured.T
 
 
 class _Steps:
     """q · round(x / q), or x where q is 0."""
 
-    def __init__(self, step: PerMember, size: int | None) -> None:
+    def __init__(self, step: PerMember) -> None:
         self._none = np.asarray(step) == 0
         self._some_have_none = bool(self._none.any())
-        self._step = np.where(self._none, 1.0, step) if self._some_have_none else step
-        if size is not None:
-            self._step = np.full(size, step)  # twice as fast in NumPy as a number
+        self._step = np.where(self._none, 1.0, step)
 
     def round(self, values: FloatArray) -> None:
         """In place."""
@@ -100,13 +92,13 @@ class Encoders:
         Plant steps between readings; None for readings at the samples.
     """
 
-    def __init__(self, sensors: Sensors, every: int | None, shape: tuple[int, ...] = ()) -> None:
-        self._every, self._readings = every, Readings(sensors, shape)
-        self._latest: FloatArray = np.zeros(signals.SIZE)
+    def __init__(self, sensors: Sensors, every: int | None, members: int = 1) -> None:
+        self._every, self._readings = every, Readings(sensors, members)
+        self._latest: FloatArray = np.zeros((members, signals.SIZE))
         self.only = self._readings.only
 
     def __call__(self, k: int, now: FloatArray, sample: int | None) -> FloatArray:
-        """The latest reading at a row, from the present signals (*shape, 24); None if no member is sampled."""
+        """The latest reading at a row, from the present signals (N, 24); None if no member is sampled."""
         if self._every is None:
             if sample is not None:
                 self._latest = self._readings(sample, now)
@@ -116,24 +108,22 @@ class Encoders:
 
 
 class _Noise:
-    """White noise of one signal: (size,), or (size, N) for many members."""
+    """White noise of one signal (size, N), or (size, 1) common to all members."""
 
-    def __init__(self, sensors: Sensors, name: str, shape: tuple[int, ...]) -> None:
+    def __init__(self, sensors: Sensors, name: str) -> None:
         purpose = signals.NAMES.index(name)
         seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
         self._streams = [stream(seed, purpose) for seed in seeds]
         self._deviation = sensors.noise[name]
-        axis = (len(seeds),) if shape else ()
-        self._normal = np.zeros((_BLOCK, signals.VARIABLES[purpose].size, *axis))
+        self._normal = np.zeros((_BLOCK, signals.VARIABLES[purpose].size, len(seeds)))
         self._drawn: tuple[int, FloatArray] = (-1, self._normal)
 
     def __call__(self, k: int) -> FloatArray:
         """Noise of reading k; k stays the same or increases by one."""
         block, row = divmod(k, _BLOCK)
         if block != self._drawn[0]:
-            shape = self._normal.shape[:2]
             for member, each in enumerate(self._streams):
-                self._normal.reshape(*shape, -1)[:, :, member] = each.standard_normal(shape)
+                self._normal[:, :, member] = each.standard_normal(self._normal.shape[:2])
             self._drawn = block, self._deviation * self._normal
         noise: FloatArray = self._drawn[1][row]
         return noise

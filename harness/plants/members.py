@@ -32,12 +32,12 @@ def stacked(values: Sequence[Any]) -> Any:
 
 
 def all_below(values: FloatArray, bound: float) -> bool:
-    """Whether vectors (size,) or (N, size) are certainly all shorter than a bound; if False, check each.
+    """Whether vectors (size, N) are certainly all shorter than a bound; if False, check each.
 
     Compares the sum of all squares, which no vector's own sum exceeds; also False for NaN.
     """
-    row = values if values.ndim == 1 else values.T.reshape(-1)
-    return bool(row.dot(row) < bound * bound)
+    flat = values.reshape(-1)
+    return bool(flat.dot(flat) < bound * bound)
 
 
 def smallest(value: PerMember) -> Any:

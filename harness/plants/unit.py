@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import fmpy
 import numpy as np
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model, FMU2Slave, calloc, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE, fmi2True, free
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from numpy.typing import ArrayLike
@@ -25,6 +26,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
 
 FmiType = Literal["CoSimulation", "ModelExchange"]
+_WARNING = 1  # fmi2Warning, fmi3Warning; larger ones are failures
 _CLASSES = {
     ("2.0", "CoSimulation"): FMU2Slave,
     ("2.0", "ModelExchange"): FMU2Model,
@@ -212,10 +214,9 @@ class Unit:
             text = self.take_messages()
             reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
             raise file.refusal(reason) from error
-        if self.is_fmi2:
-            self._get, self._set = self.fmu.fmi2GetReal, self.fmu.fmi2SetReal
-        else:
-            self._get, self._set = self.fmu.fmi3GetFloat64, self.fmu.fmi3SetFloat64
+        # FMPy's functions of the library without its wrappers, which take half of a call's time
+        self._names = ("fmi2GetReal", "fmi2SetReal") if self.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
+        self._get, self._set = (getattr(self.fmu.dll, name) for name in self._names)
         if fmi_type == "CoSimulation":
             # only the status of an FMI 3.0 step is used: the FMU has no events, and returns early only on request
             answers = tuple(byref(each) for each in (c_bool(), c_bool(), c_bool(), c_double()))
@@ -224,11 +225,15 @@ class Unit:
 
     def read(self, values: Values) -> None:
         """Fill the buffer."""
-        self._get(self.fmu.component, *values.arguments)
+        status = self._get(self.fmu.component, *values.arguments)
+        if status > _WARNING:
+            raise FMICallException(self._names[0], status)
 
     def write(self, values: Values) -> None:
         """Write the buffer to the instance."""
-        self._set(self.fmu.component, *values.arguments)
+        status = self._set(self.fmu.component, *values.arguments)
+        if status > _WARNING:
+            raise FMICallException(self._names[1], status)
 
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
         """Set whole variables in one call."""

@@ -7,7 +7,8 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.harness.control.laws import Controller, Sample, controller_of, law_of
+from gough_stewart.harness.control.laws import Controller, Sample, controller_of
+from gough_stewart.harness.control.laws_of_members import law_of
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import Timing
@@ -42,7 +43,7 @@ def run_with(controller: Any, loop: Loop, plant: Masses | None = None, **options
     made: Controller = controller_of(controller)
     return simulate(
         plant or Masses(),
-        lambda wanted, measured: law_of(made, loop.timing.sample_time, np.zeros((0, 6, 6)), wanted, measured),
+        law_of(made, loop.timing.sample_time, np.zeros((0, 6, 6))),
         loop,
         **options,
     )

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from gough_stewart.harness.control.laws import Sample, controller_of, law_of
-from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.control.laws import Sample, controller_of
+from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, Loop
@@ -54,7 +54,7 @@ def alone(member: Member, jacobians: FloatArray | None = None) -> Run:
     J = np.zeros((0, 6, 6)) if jacobians is None else jacobians
     return simulate(
         Masses(member.platform_mass, member.fails_at),
-        lambda wanted, measured: law_of(made, T, J, wanted, measured),
+        law_of(made, T, J),
         member.loop,
     )
 
@@ -64,7 +64,7 @@ def side_by_side(some: Sequence[Member], jacobians: FloatArray | None = None) ->
     J = np.zeros((0, 6, 6)) if jacobians is None else jacobians
     return simulate(
         ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some]),
-        laws_together([controller_of(each.controller) for each in some], T, J),
+        laws_of([controller_of(each.controller) for each in some], T, J),
         together([each.loop for each in some]),
     )
 

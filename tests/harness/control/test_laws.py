@@ -7,10 +7,11 @@ import control
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.laws import Law, LinearController, Sample, controller_of, law_of
+from gough_stewart.harness.control.laws import LinearController, Sample, controller_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray
+from tests.support.laws import OneLaw, law_of
 
 T = 0.02
 LENGTHS = slice(12, 18)
@@ -25,7 +26,7 @@ def system(inputs: int, seed: int, states: int = 4) -> Any:
     return control.ss(A, *(rng.normal(size=s) for s in ((states, inputs), (6, states), (6, inputs))), T)
 
 
-def run(law: Law, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> tuple[FloatArray, FloatArray]:
+def run(law: OneLaw, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Forces, and the state before each."""
     forces, states = [], []
     for k, (r, y, cut) in enumerate(zip(wanted, measured, excess, strict=True)):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from gough_stewart.harness.control.gains import gains_from_bandwidth
-from gough_stewart.harness.control.laws import LinearController, law_of
+from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import leg_space_mass, linearise, modes
 from gough_stewart.harness.control.loop_transfer import feedback_part, loop_transfer
 from gough_stewart.harness.control.margins import (
@@ -26,6 +26,7 @@ from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.analysis import margins as margins_of
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform_toml import load_preset
+from tests.support.laws import law_of
 from tests.support.uneven import UNEVEN
 
 T = 1e-3

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gough_stewart.harness.control.laws import LinearController, controller_of, law_of
+from gough_stewart.harness.control.laws import LinearController, controller_of
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.motion.reach import legs_of
@@ -17,6 +17,7 @@ from gough_stewart.harness.plants.signals import SIZE
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
+from tests.support.laws import law_of
 
 positive = st.floats(1e-3, 1e5)
 PD = Gains(100.0, 20.0)

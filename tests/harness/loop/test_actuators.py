@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.laws_of_members import OwnLaws
 from gough_stewart.harness.loop.actuators import Actuators, Drives
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.model.vectors import FloatArray
@@ -38,7 +39,6 @@ class Limiting:
     """Gives `FORCES`, and says of each sample which of them it has limited itself."""
 
     used: tuple[str, ...] = ()
-    state = np.zeros(0)
 
     def __init__(self, flags: NDArray[np.bool_]) -> None:
         self._flags, self.limited = flags, flags[0]
@@ -52,7 +52,7 @@ def test_forces_that_the_controller_limits_itself_count_as_limited() -> None:
     """Expected: its flags of that sample, and those of the actuators beside them."""
     flags = np.random.default_rng(2).random((10, 6)) < 0.3
     loop = loop_of(0.1, actuators=Actuators(force_limit=1.5))
-    run = simulate(Masses(), lambda _wanted, _measured: Limiting(flags), loop)
+    run = simulate(Masses(), lambda _wanted, _measured: OwnLaws([Limiting(flags)]), loop)
     np.testing.assert_array_equal(run.force_limited, flags | (np.abs(FORCES) > 1.5))
 
 
@@ -127,11 +127,11 @@ def test_rate_limit_and_lag_act_by_their_mean_over_a_step(rate_limit: float | No
     rng = np.random.default_rng(3)
     start, commands = rng.normal(size=6), rng.normal(size=(12, 6))
     commands[5] = commands[4]  # reached at last
-    drives = Drives(Actuators(rate_limit=rate_limit, lag=lag), start, h, h)
+    drives = Drives(Actuators(rate_limit=rate_limit, lag=lag), start[None], h, h)
     ramp, force = start.copy(), start.copy()
     for j, command in enumerate(commands):
-        drives.command(j, command)
-        mean, held_back = drives.step()
+        drives.command(j, command[None])
+        mean, held_back = (each[0] for each in drives.step())
         total = np.zeros(6)
         for _ in range(fine):
             before = ramp
@@ -163,10 +163,10 @@ def test_a_rate_limited_run_does_not_depend_on_the_plant_step() -> None:
 def test_drives_keep_no_array_of_their_callers() -> None:
     """Expected: what a caller does to its arrays afterwards changes nothing."""
     start, force = START.copy(), FORCES.copy()
-    drives = Drives(Actuators(delay=1), start, 0.01, 0.01)
+    drives = Drives(Actuators(delay=1), start[None], 0.01, 0.01)
     start[:] = np.nan
-    assert drives.command(0, force)[1] == pytest.approx(np.zeros(6), abs=0)
+    assert drives.command(0, force[None])[1][0] == pytest.approx(np.zeros(6), abs=0)
     force[:] = np.nan
-    assert drives.step()[0] == pytest.approx(START, abs=0)
-    drives.command(1, np.zeros(6))
-    assert drives.step()[0] == pytest.approx(FORCES, abs=0)
+    assert drives.step()[0][0] == pytest.approx(START, abs=0)
+    drives.command(1, np.zeros((1, 6)))
+    assert drives.step()[0][0] == pytest.approx(FORCES, abs=0)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from gough_stewart.harness.control.laws import LinearController, Sample, law_of
-from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.control.laws import LinearController, Sample
+from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
@@ -130,7 +130,7 @@ def test_rows_count_up_to_the_row_of_the_outcome() -> None:
         chosen = [some[k] for k in who]
         counting = Counting(len(chosen))
         plant = ManyMasses([each.platform_mass for each in chosen], [each.fails_at for each in chosen])
-        law_from = laws_together([each.controller for each in chosen], T, np.zeros((0, 6, 6)))
+        law_from = laws_of([each.controller for each in chosen], T, np.zeros((0, 6, 6)))
         outcomes = observe(plant, law_from, together([each.loop for each in chosen]), counting)
         assert counting.rows.tolist() == [len(alone(each).time) for each in chosen]
         assert counting.calls == counting.rows.max()
@@ -153,20 +153,20 @@ def test_a_command_stays_in_the_rows_until_the_next_sample_of_its_member() -> No
     features = ["jitter", "force_limit", "feedforward", "delays"]
     some = [member_of(k, law_of_member(k), features) for k in range(4)]
     many = Commands()
-    law_from = laws_together([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
     observe(ManyMasses([each.platform_mass for each in some]), law_from, together([each.loop for each in some]), many)
     for k, each in enumerate(some):
         single = Commands()
         observe(
             Masses(each.platform_mass),
-            lambda wanted, measured, law=each.controller: law_of(law, T, np.zeros((0, 6, 6)), wanted, measured),  # type: ignore[misc]
+            law_of(each.controller, T, np.zeros((0, 6, 6))),
             each.loop,
             single,
         )
         assert len(single.rows) == len(many.rows) == 151
         for (command, limited), (commands, limits) in zip(single.rows, many.rows, strict=True):
-            np.testing.assert_array_equal(commands[k], command)
-            np.testing.assert_array_equal(limits[k], limited)
+            np.testing.assert_array_equal(commands[k], command[0])
+            np.testing.assert_array_equal(limits[k], limited[0])
 
 
 def test_the_first_outcome_of_a_member_is_its_outcome() -> None:
@@ -205,7 +205,7 @@ def test_ctrl_c_ends_those_that_still_run() -> None:
 
     some = ending_members()
     plant = ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some])
-    law_from = laws_together([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
     outcomes = observe(plant, law_from, together([each.loop for each in some]), Counting(7), interrupt)
     assert [outcome.status == "interrupted" for outcome in outcomes] == [True, *[False] * 5, True]
 
@@ -222,7 +222,7 @@ def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch
         do_step(time, step)
 
     monkeypatch.setattr(plant, "do_step", interrupted)
-    law_from = laws_together([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
     with pytest.raises(KeyboardInterrupt):
         observe_all(plant, law_from, together([each.loop for each in some]), Counting(7))
 
@@ -235,13 +235,13 @@ def test_noise_of_a_member_is_that_of_its_seed_alone() -> None:
     true = np.zeros((3, signals.SIZE))
 
     def of(seeds: tuple[SeedSequence, ...]) -> FloatArray:
-        readings = Readings(Sensors(noise, seed=seeds), (len(seeds),))
+        readings = Readings(Sensors(noise, seed=seeds), len(seeds))
         return np.array([readings(k, true[: len(seeds)]).copy() for k in range(n)])
 
     some, fewer = of((children[4], children[1], children[2])), of((children[2],))
     for at, k in enumerate((4, 1, 2)):
         single = Readings(Sensors(noise, seed=SeedSequence(9, spawn_key=(k,))))
-        np.testing.assert_array_equal(some[:, at], [single(j, true[0]) for j in range(n)])
+        np.testing.assert_array_equal(some[:, at], [single(j, true[:1])[0].copy() for j in range(n)])
     np.testing.assert_array_equal(some[:, 2], fewer[:, 0])
     assert (some[:, 0, 12:18] != some[:, 1, 12:18]).all()
 
@@ -316,13 +316,13 @@ def test_a_member_without_noise_has_none_whatever_the_first_has() -> None:
 def test_controllers_that_cannot_be_together_are_refused() -> None:
     pd_only, pid_too = (LinearController(sampled(pid(gains_of_member(0, integral)), T)) for integral in (False, True))
     with pytest.raises(ControllerError, match=r"different structure.*12 states, 18 inputs.*6 states, 12 inputs"):
-        laws_together([pid_too, pd_only], T, np.zeros((0, 6, 6)))
+        laws_of([pid_too, pd_only], T, np.zeros((0, 6, 6)))
     with pytest.raises(ControllerError, match="different structure, a function; linear"):
-        laws_together([pid_too, constant()], T, np.zeros((0, 6, 6)))
+        laws_of([pid_too, constant()], T, np.zeros((0, 6, 6)))
     with pytest.raises(ControllerError, match=r"mine.fmu is an FMU.*linear controller or a function"):
-        laws_together([UnitController("mine.fmu")], T, np.zeros((0, 6, 6)))  # type: ignore[arg-type]
+        laws_of([UnitController("mine.fmu")], T, np.zeros((0, 6, 6)))  # type: ignore[arg-type]
     with pytest.raises(ControllerError, match="the controller's sample time is 0\\.01 s, the loop's 0\\.02 s"):
-        laws_together([pd_only, pd_only], 0.02, np.zeros((0, 6, 6)))
+        laws_of([pd_only, pd_only], 0.02, np.zeros((0, 6, 6)))
 
 
 def test_a_loop_of_another_shape_than_the_plant_is_refused() -> None:

@@ -10,8 +10,8 @@ from numpy.random import SeedSequence
 from scipy.linalg import solve_discrete_lyapunov
 
 from gough_stewart.harness.control.gains import gains_from_bandwidth
-from gough_stewart.harness.control.laws import LinearController, law_of
-from gough_stewart.harness.control.laws_together import laws_together
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.linear import linearise
 from gough_stewart.harness.control.pid import pid_matrices
 from gough_stewart.harness.control.state_space import discretised
@@ -98,7 +98,7 @@ def controller_of_member(k: int, space: Any) -> LinearController:
 def run_of(numbers: list[int], space: Any) -> Run:
     loops, jacobians = zip(*(loop_of_member(k) for k in numbers), strict=True)
     plant = lanes_plant([platform_of(k) for k in numbers], [start_of(k) for k in numbers], substeps=8)
-    law_from = laws_together([controller_of_member(k, space) for k in numbers], T, np.stack(jacobians, axis=1))
+    law_from = laws_of([controller_of_member(k, space) for k in numbers], T, np.stack(jacobians, axis=1))
     return simulate(plant, law_from, together(loops))
 
 
@@ -115,7 +115,7 @@ def test_platforms_side_by_side_are_single_runs_of_theirs(space: Any) -> None:
         controller = controller_of_member(k, space)
 
         def law_from(wanted: FloatArray, measured: FloatArray, made: Any = controller, J: Any = jacobians) -> Any:
-            return law_of(made, T, J, wanted, measured)
+            return law_of(made, T, J)(wanted, measured)
 
         single = simulate(ModelPlant(platform_of(k), start_of(k), 1e-11), law_from, loop)
         assert np.abs(many.results[:, at, :6] - single.results[:, :6]).max() < 1e-8
@@ -158,7 +158,7 @@ def test_the_response_to_white_noise_has_the_covariance_of_the_lyapunov_equation
     )
     plant = lanes_plant([platform] * N, [home] * N, substeps=1)
     last = Last()
-    outcomes = observe(plant, laws_together([LinearController(K)] * N, T, np.zeros((0, 6, 6))), loop, last)
+    outcomes = observe(plant, laws_of([LinearController(K)] * N, T, np.zeros((0, 6, 6))), loop, last)
     assert {(outcome.status, outcome.cause) for outcome in outcomes} == {("completed", None)}
 
     linear = linearise(platform, outputs=("leg_length",))

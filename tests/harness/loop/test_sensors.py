@@ -23,7 +23,7 @@ COLUMNS = {name: signals.positions([name]) for name in signals.NAMES}
 
 def measured(sensors: Sensors, true: FloatArray = TRUE) -> FloatArray:
     readings = Readings(sensors)
-    return np.array([readings(k, row) for k, row in enumerate(true)])
+    return np.array([readings(k, row[None])[0].copy() for k, row in enumerate(true)])
 
 
 def test_without_noise_and_steps_the_truth_is_measured() -> None:
@@ -59,7 +59,7 @@ def test_no_element_and_no_row_has_the_noise_of_another() -> None:
 def test_noise_is_one_stream_of_normal_numbers_for_each_signal() -> None:
     """Expected: NumPy's generator of (seed, number of the signal), drawn at once for more readings than a block."""
     encoders, n = Encoders(Sensors(DEVIATIONS, seed=6), None), 150
-    found = np.array([encoders(k, np.zeros(signals.SIZE), k) for k in range(n)])
+    found = np.array([encoders(k, np.zeros((1, signals.SIZE)), k)[0].copy() for k in range(n)])
     for k, name in enumerate(signals.NAMES):
         at = COLUMNS[name]
         expected = DEVIATIONS[name] * np.random.default_rng([6, k]).standard_normal((n, len(at)))
@@ -101,6 +101,6 @@ def test_noise_comes_before_quantisation() -> None:
 
 def test_readings_keep_the_truth() -> None:
     """Expected: what is handed in stays as it was."""
-    true = TRUE[0].copy()
+    true = TRUE[:1].copy()
     Readings(Sensors(DEVIATIONS, {"leg_length": 0.1}))(0, true)
-    assert (true == TRUE[0]).all()
+    assert (true == TRUE[:1]).all()

@@ -40,11 +40,11 @@ def test_values_of_members_are_stacked_row_by_row() -> None:
 @pytest.mark.parametrize("is_one", [True, False])
 def test_vectors_are_below_a_bound_if_the_sum_of_all_squares_is(is_one: bool) -> None:
     """Expected: the square root of the sum from both sides; not a number is never below."""
-    values = np.array([3.0, -4.0, 12.0]) if is_one else members.stacked([[3.0, -4.0], [0.0, 12.0], [0.0, 0.0]])
+    values = np.array([[3.0], [-4.0], [12.0]]) if is_one else np.array([[3.0, 0.0, 0.0], [-4.0, 12.0, 0.0]])
     assert members.all_below(values, 13.0 + 1e-9) is True
     assert members.all_below(values, 13.0) is False
     assert members.all_below(values, 13.0 - 1e-9) is False
-    values[..., -1] = np.nan
+    values[-1] = np.nan
     assert members.all_below(values, 1e9) is False
 
 
