@@ -9,21 +9,21 @@ from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_ht
 from gough_stewart.harness.results.figures import pose_png
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.results.tables import metrics_sheets
 
 _ERRORS = {"position": ("mm", 1e3), "orientation": ("mrad", 1e3), "leg_length": ("mm", 1e3)}
 _MEASURED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
 
 
-def record_text(record: Record) -> str:
+def record_text(record: RecordData) -> str:
     """Title, run settings, size and peak errors, one per line."""
     sheet = _circumstances(record)
     width = max(len(_head(row[0])) for row in sheet.rows)
     return "\n".join([sheet.title, *(f"  {_head(row[0]):{width}}  {row[1]}" for row in sheet.rows)])
 
 
-def record_html(record: Record) -> str:
+def record_html(record: RecordData) -> str:
     """The same as a table, with metrics and the pose figure if the record has the columns they need."""
     parts = [to_html(_circumstances(record))]
     is_whole = {"outcome", "platform"} <= record.metadata.keys() and all(name in record for name in _MEASURED)
@@ -35,7 +35,7 @@ def record_html(record: Record) -> str:
     return f"<div>{''.join(parts)}</div>"
 
 
-def _circumstances(record: Record) -> Sheet:
+def _circumstances(record: RecordData) -> Sheet:
     """How the run was made, and its peak errors."""
     known, sheet = record.metadata, Sheet(f"Record: {record.metadata.get('title', 'untitled')}", ("", ""))
     if "platform" in known:

@@ -20,7 +20,7 @@ from gough_stewart.harness.output.decimation import decimated
 from gough_stewart.harness.output.plotting import Draw, entitle, pictures, png
 from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.results.outcome import is_sound, outcome_of, outcome_text
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
 WIDTH = 8.0  # [inch]
@@ -46,12 +46,12 @@ _STRIP_HEIGHT = 0.045
 _LEGS = tuple(f"leg {i}" for i in range(1, 7))
 
 
-def run_figures(record: Record) -> dict[str, bytes]:
+def run_figures(record: RecordData) -> dict[str, bytes]:
     """Draw `pose`, `errors`, `forces` and `legs` as PNG and SVG, by file name; no `errors` without a reference.
 
     The same record gives the same bytes. Lines are `decimated`. If a run ended early, the title says when and why.
     """
-    draws: dict[str, tuple[Callable[[Figure, Record], None], float]] = {"pose": (_pose, 4.6)}
+    draws: dict[str, tuple[Callable[[Figure, RecordData], None], float]] = {"pose": (_pose, 4.6)}
     if "error.position" in record and "error.orientation" in record:
         draws["errors"] = (_errors, 6.2)
     draws |= {"forces": (_forces, 4.6), "legs": (_legs, 4.6)}
@@ -61,12 +61,12 @@ def run_figures(record: Record) -> dict[str, bytes]:
     return files
 
 
-def pose_png(record: Record) -> bytes:
+def pose_png(record: RecordData) -> bytes:
     """Only the figure `pose`, as PNG."""
     return png(_placed(_pose, record), WIDTH, 4.6)
 
 
-def _placed(draw: Callable[[Figure, Record], None], record: Record) -> Draw:
+def _placed(draw: Callable[[Figure, RecordData], None], record: RecordData) -> Draw:
     def placed(figure: Figure) -> None:
         # read again for each file; the caller restores the settings
         mpl.rcParams.update(_PLACED_BY_HAND)
@@ -86,7 +86,7 @@ class _View(NamedTuple):
         return self.low <= value <= self.high
 
 
-def _pose(figure: Figure, record: Record) -> None:
+def _pose(figure: Figure, record: RecordData) -> None:
     parts = (("position", 1.0, "m", ("x", "y", "z")), ("orientation", 180 / np.pi, "deg", ("roll", "pitch", "yaw")))
     lines, panels = [], []
     for name, scale, unit, names in parts:
@@ -103,7 +103,7 @@ def _pose(figure: Figure, record: Record) -> None:
     _legend(figure, _names(len(lines[0])))
 
 
-def _errors(figure: Figure, record: Record) -> None:
+def _errors(figure: Figure, record: RecordData) -> None:
     parts = [
         ("position", "position [mm]", ("x", "y", "z")),
         ("orientation", "orientation [mrad]", ("roll", "pitch", "yaw")),
@@ -127,7 +127,7 @@ def _told_apart(values: FloatArray, span: float, names: Sequence[str]) -> Sequen
     return ("legs 1–6",) if names == _LEGS and bool((spread < span).all()) else names
 
 
-def _forces(figure: Figure, record: Record) -> None:
+def _forces(figure: Figure, record: RecordData) -> None:
     limit = record.metadata.get("force_limit")
     bounds = () if limit is None else (-float(limit), float(limit))
     flags = {name: record[f"flag.{name}"].astype(bool) for name in _STRIPS if f"flag.{name}" in record}
@@ -145,7 +145,7 @@ def _forces(figure: Figure, record: Record) -> None:
     _legend(figure, styles, [Patch(color=_STRIPS[name][0], label=name.replace("_", " ")) for name in flags])
 
 
-def _legs(figure: Figure, record: Record) -> None:
+def _legs(figure: Figure, record: RecordData) -> None:
     platform = record.metadata["platform"]
     limits = [platform.get(f"leg_length_{end}") for end in ("min", "max")]
     bounds = [float(limit) for limit in limits if limit is not None]
@@ -161,7 +161,7 @@ def _legs(figure: Figure, record: Record) -> None:
 
 def _panels(
     figure: Figure,
-    record: Record,
+    record: RecordData,
     what: str,
     panels: Sequence[tuple[str, _View]],
     columns: int,
@@ -224,7 +224,7 @@ def _room(texts: Iterable[str]) -> float:
     return _DIGIT * max(map(len, texts), default=0)
 
 
-def _title(record: Record, what: str) -> list[str]:
+def _title(record: RecordData, what: str) -> list[str]:
     outcome = outcome_of(record)
     lines = textwrap.wrap(f"{record.metadata.get('title', 'untitled')} — {what}", 85, max_lines=2, placeholder=" …")
     if not is_sound(outcome):
@@ -250,18 +250,18 @@ def _texts(values: Sequence[float], step: float, form: str) -> list[str]:
     return texts
 
 
-def _actual_and_reference(axes: Axes, record: Record, curves: Sequence[FloatArray]) -> None:
+def _actual_and_reference(axes: Axes, record: RecordData, curves: Sequence[FloatArray]) -> None:
     for values, style in zip(curves, (_ACTUAL, _REFERENCE), strict=False):
         _line(axes, record, values, **style)
 
 
-def _line(axes: Axes, record: Record, values: FloatArray, **style: Any) -> None:
+def _line(axes: Axes, record: RecordData, values: FloatArray, **style: Any) -> None:
     time = record["time"]
     marker = "o" if len(time) == 1 else None
     axes.plot(*decimated(time, values, _POINTS), marker=marker, markersize=4, **style)
 
 
-def _strip(axes: Axes, record: Record, name: str, flags: NDArray[np.bool_]) -> None:
+def _strip(axes: Axes, record: RecordData, name: str, flags: NDArray[np.bool_]) -> None:
     """Mark the times at which a flag is set; a bucket of rows is marked if any of its rows is."""
     time, (colour, low) = record["time"], _STRIPS[name]
     n = len(time)

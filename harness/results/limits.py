@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.results.metric import FORCE, POWER, VELOCITY, Quantity
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -48,7 +48,7 @@ def limited_quantities(
     return velocity, force, power
 
 
-def shares_of_limits(record: Record, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
+def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
     """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit."""
     used = limited_quantities(np.abs(record["leg_velocity"]), np.abs(record["actuator_force"]))
     return {

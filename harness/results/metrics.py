@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.loop.folds import ERRORS, Block, Fold, Folding, Scratch
 from gough_stewart.harness.results.metric_folds import METRICS, STROKE_EXCEEDED, Rows, metric_folds, metric_of
 from gough_stewart.harness.results.outcome import outcome_of
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
 # Rows of a record in a block.
@@ -39,7 +39,7 @@ class Metrics(dict[str, Any]):
         return "".join([remark, *map(to_html, metrics_sheets(self))])
 
 
-def metrics(record: Record) -> Metrics:
+def metrics(record: RecordData) -> Metrics:
     """Compute metrics in SI units, as plain numbers, lists, and None where undefined; never NaN or infinite.
 
     Rows from the first one with values of the plant that are not finite are left out.
@@ -92,7 +92,7 @@ def metrics(record: Record) -> Metrics:
     return Metrics(found)
 
 
-def _parts(record: Record) -> dict[str, Any]:
+def _parts(record: RecordData) -> dict[str, Any]:
     """Metrics of a record of at least one row, nested by the parts of their paths."""
     folds = metric_folds(record["time"], _reference(record), record.metadata["platform"], record.__contains__)
     results = _folded(record, folds)
@@ -109,7 +109,7 @@ def _parts(record: Record) -> dict[str, Any]:
     return found
 
 
-def _folded(record: Record, folds: Sequence[Fold]) -> dict[str, FloatArray]:
+def _folded(record: RecordData, folds: Sequence[Fold]) -> dict[str, FloatArray]:
     """Results of folds over the rows of a record, as over those of a run."""
     names = dict.fromkeys([*(name for fold in folds for name in fold.needs), STROKE_EXCEEDED])
     columns = {name: _column(record, name) for name in names if name in record}
@@ -123,13 +123,13 @@ def _folded(record: Record, folds: Sequence[Fold]) -> dict[str, FloatArray]:
     return folding.results()
 
 
-def _column(record: Record, name: str) -> NDArray[Any]:
+def _column(record: RecordData, name: str) -> NDArray[Any]:
     """A column (n, size, 1), row by row in memory, so that sums take rows in the order of a run."""
     values = np.ascontiguousarray(record[name])[:, :, None]
     return values.astype(bool) if name.startswith("flag.") else values
 
 
-def _reference(record: Record) -> FloatArray | None:
+def _reference(record: RecordData) -> FloatArray | None:
     """The reference poses (n, 6), if the record has them."""
     names = ("reference.position", "reference.orientation")
     return np.hstack([record[name] for name in names]) if all(name in record for name in names) else None
@@ -140,14 +140,14 @@ def metrics_json(metrics: dict[str, Any]) -> bytes:
     return (json.dumps(metrics, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def finite_part(record: Record) -> Record:
+def finite_part(record: RecordData) -> RecordData:
     """The rows before the first one with values of the plant that are not finite."""
     fine: NDArray[np.bool_] = np.ones(record.table.height, dtype=bool)
     for name in (*Rows.needs, *ERRORS, "reference.position", "reference.orientation"):
         if name in record:
             fine &= np.isfinite(record[name]).all(axis=1)
     rows = len(fine) if fine.all() else int(fine.argmin())
-    return Record(record.table.head(rows), record.metadata)
+    return RecordData(record.table.head(rows), record.metadata)
 
 
 def _number(value: Any) -> float | None:

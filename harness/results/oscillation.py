@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
 # The end of a run is judged if nothing acts for this share of its rows, and at least so many rows.
@@ -70,7 +70,7 @@ class LegRows:
     least: Callable[[float], float]  # the amplitude [m] that sensors do not explain, by frequency [Hz]
 
 
-def oscillation(record: Record) -> Oscillation | None:
+def oscillation(record: RecordData) -> Oscillation | None:
     """The oscillation or growth that a completed run of a closed loop ends with; None for a sound one."""
     if not all(name in record for name in _USED) or record.metadata["outcome"]["status"] != "completed":
         return None
@@ -204,7 +204,7 @@ def last_change(values: FloatArray) -> int:
     return int(changes[-1]) + 1 if changes.size else 0
 
 
-def _rest_begins(record: Record) -> int:
+def _rest_begins(record: RecordData) -> int:
     """The row after the last at which something that acts on the loop changes."""
     acting = record.table.select([name for name in record.table.columns if _acts(name, record)])
     return last_change(np.asarray(acting.to_numpy(), dtype=float))
@@ -218,7 +218,7 @@ def _step(legs: FloatArray, row: int) -> float:
     return float(np.abs(legs[row] - before[-1]).max())
 
 
-def _acts(name: str, record: Record) -> bool:
+def _acts(name: str, record: RecordData) -> bool:
     parameters = record.metadata.get("machine", {})
     inputs = ("reference.leg_length[", "controller.injection[", "external_force[", "external_torque[")
     return name.startswith(inputs) or name.partition("[")[0] in parameters

@@ -3,10 +3,10 @@
 from typing import Any
 
 from gough_stewart.harness.results.oscillation import Oscillation, oscillation
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record_data import RecordData
 
 
-def outcome_of(record: Record) -> dict[str, Any]:
+def outcome_of(record: RecordData) -> dict[str, Any]:
     """The outcome in the metadata, with the `oscillation` or growth of a loop by itself, None if it comes to rest."""
     own = oscillation(record)
     return {**record.metadata["outcome"], "oscillation": None if own is None else own._asdict()}

@@ -12,15 +12,14 @@ import polars
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet, readable, write_to
-from gough_stewart.model import interface
+from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
 
 _METADATA_KEY = "gough_stewart"
 
 
 @dataclass(frozen=True, repr=False)
-class Record:
+class Record(RecordData):
     """The record of a run: its rows, and metadata on how it was made.
 
     Columns are `time`, every input, output and local variable of the interface (`position[1]`, `actuator_force[6]`, …),
@@ -33,29 +32,6 @@ class Record:
     - `flag.` booleans per leg: `force_limited`, `rate_limited`, `stroke_exceeded`.
     """
 
-    table: polars.DataFrame
-    metadata: dict[str, Any]
-
-    def __getitem__(self, name: str) -> FloatArray:
-        """A column (n,), or all columns of a variable (n, size): `record["position"]`, `record["error.leg_length"]`.
-
-        Raises
-        ------
-        RecordError
-            There is no such column; suggests the nearest name.
-        """
-        if name in self.table.columns:
-            return self.table[name].to_numpy()
-        columns = self.columns_of(name)
-        if not columns:
-            names = {column.split("[")[0]: None for column in self.table.columns}
-            raise RecordError(f"the record has no '{name}'{interface.nearest(name, names)}")
-        return self.table.select(columns).to_numpy()
-
-    def __contains__(self, name: str) -> bool:
-        """Whether a column or variable of this name exists."""
-        return name in self.table.columns or bool(self.columns_of(name))
-
     def __repr__(self) -> str:
         """Title, run settings, size and peak errors, in a few lines."""
         from gough_stewart.harness.results.display import record_text
@@ -67,10 +43,6 @@ class Record:
         from gough_stewart.harness.results.display import record_html
 
         return record_html(self)
-
-    def columns_of(self, name: str) -> list[str]:
-        """The columns of a variable."""
-        return [column for column in self.table.columns if column.startswith(f"{name}[")]
 
     def to_csv(self) -> bytes:
         """CSV; numbers have the fewest digits that read back to the same value."""
