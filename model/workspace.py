@@ -132,7 +132,7 @@ def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArra
     return _first_limit(orientation, side, leg_margins, joint_margins)
 
 
-class Strength(NamedTuple):
+class LoadCapacity(NamedTuple):
     """Static load capacity of the actuators, each (...)."""
 
     payload: FloatArray  # [kg]
@@ -147,18 +147,18 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         number, smallest, _ = conditioning_of_legs(legs)
         leg_margins = _leg_margins(platform, legs)
         joint_margins = _joint_margins(platform, position, orientation)
-    strength: Strength | tuple[None, None] = (None, None)
+    capacity: LoadCapacity | tuple[None, None] = (None, None)
     if platform.actuator_force_max is not None:
         regular = number < LARGEST_CONDITION_NUMBER
-        strength = _strength(platform, position, orientation, legs, regular, platform.actuator_force_max)
+        capacity = _load_capacity(platform, position, orientation, legs, regular, platform.actuator_force_max)
     return PoseQualities(
         _first_limit(orientation, side, leg_margins, joint_margins),
         _nearest([leg_margins[limit] for limit in leg_margins]),
         _nearest([joint_margins[limit] for limit in joint_margins]),
         np.where(side == 1, smallest, -smallest),
         number,
-        strength[0],
-        strength[1],
+        capacity[0],
+        capacity[1],
         None if platform.leg_velocity_max is None else _largest_speed(legs, platform.leg_velocity_max),
     )
 
@@ -208,14 +208,14 @@ def _nearest(margins: list[FloatArray]) -> FloatArray | None:
     return np.minimum.reduce(margins) if margins else None
 
 
-def _strength(
+def _load_capacity(
     platform: Platform,
     position: FloatArray,
     orientation: FloatArray,
     legs: LegGeometry,
     regular: NDArray[np.bool_],
     largest_force: float,
-) -> Strength:
+) -> LoadCapacity:
     """Largest payload and largest force in any direction that leg forces within ±`largest_force` hold at rest.
 
     With A = J⁻ᵀ[:, :3] and the static leg forces f0, a force f at Op requires leg forces f0 − A f. A point mass m at Op
@@ -239,4 +239,4 @@ def _strength(
         reserves = (largest_force - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
     payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)
     margin[regular] = np.where(holds, np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1), 0.0)
-    return Strength(payload, margin)
+    return LoadCapacity(payload, margin)

@@ -19,7 +19,7 @@ class PlainCommand(TyperCommand):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Parameters as in Typer, without the names of types."""
-        return _made_plain(super().get_params(ctx))
+        return _without_types(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """As in Typer, with plain messages for wrong values."""
@@ -36,10 +36,10 @@ class PlainGroup(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Parameters as in Typer, without the names of types."""
-        return _made_plain(super().get_params(ctx))
+        return _without_types(super().get_params(ctx))
 
 
-def _made_plain(parameters: list[Any]) -> list[Any]:
+def _without_types(parameters: list[Any]) -> list[Any]:
     """Remove <bool> from flags and <str> from arguments, whose names are clear."""
     for each in parameters:
         if isinstance(each, TyperArgument):

@@ -15,7 +15,7 @@ from gough_stewart.harness.experiment.preparation import Preparation, Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.varied import Place, place_of
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
-from gough_stewart.harness.sampling.correlation import Together, correlated, correlation_of, reordered
+from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import Design, in_turn
 from gough_stewart.harness.sampling.distributions import Normal
 from gough_stewart.harness.sampling.variation import Spread, Target
@@ -273,7 +273,7 @@ class Members:
         except ValueError as error:
             raise self._error(key, str(error)) from None
 
-    def _at(self, together: Together) -> list[int]:
+    def _at(self, together: CorrelatedInputs) -> list[int]:
         """The indices of a matrix's inputs, in its order."""
         keys = [each.key for each in self.inputs]
         for key in together.of:

@@ -29,7 +29,7 @@ _SIDE, _SURE, _SUDDEN = 6, 12.0, 1e-6
 _ROUNDING, _FAR = 1e-9, 1e-4
 
 
-class Lost(NamedTuple):
+class MissingRows(NamedTuple):
     """Rows that are missing before row `row`, though times go on."""
 
     row: int
@@ -192,7 +192,7 @@ def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
     return found
 
 
-def lost_rows(length: FloatArray, known_bad: Mask) -> list[Lost]:
+def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     """Where lengths (n, 6) go on as if rows were missing: all legs jump by their velocity times the same duration.
 
     Quadratics through the rows on either side, extrapolated to the middle, differ by L̇ τ if a time τ is missing; their
@@ -220,9 +220,9 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[Lost]:
     sure = (np.abs(along) > _SURE * spread) & (np.abs(number) > 0.5) & (rest < 0.3 * np.abs(along) + 6 * spread)
     sure &= (slopes < 0.3 * speed) & ~bad[: len(sure)]
     sure &= np.abs(number - np.rint(number)) < 0.15 + 4 * spread / np.maximum(speed, 1e-300)
-    found: list[Lost] = []
+    found: list[MissingRows] = []
     for k in np.flatnonzero(sure):
         near = slice(max(0, k - _SIDE), k + _SIDE + 1)
         if abs(along[k]) == np.abs(along[near]).max():
-            found.append(Lost(int(k) + _SIDE, float(number[k])))
+            found.append(MissingRows(int(k) + _SIDE, float(number[k])))
     return found

@@ -97,7 +97,7 @@ def fitted(
     return Fit(geometry, frames, poses, S, Vh, rank or 0, cost, is_converged=False)
 
 
-class _Left(NamedTuple):
+class _Reduced(NamedTuple):
     """Equations of geometry and frames with the poses eliminated; rows of all poses."""
 
     residual: FloatArray  # (6 n,)
@@ -105,11 +105,11 @@ class _Left(NamedTuple):
     by_frames: FloatArray  # (6 n, 12)
 
 
-def _without_poses(of: Equations) -> _Left:
+def _without_poses(of: Equations) -> _Reduced:
     """Nᵀ times every row's equations, with Nᵀ A = 0, A their derivatives with respect to the pose."""
     N = np.linalg.qr(of.by_pose, mode="complete")[0][:, :, 6:]
     back = np.swapaxes(N, 1, 2)
-    return _Left(
+    return _Reduced(
         (back @ of.residual[..., None]).reshape(-1),
         (back @ of.by_geometry).reshape(-1, of.by_geometry.shape[-1]),
         (back @ of.by_frames).reshape(-1, of.by_frames.shape[-1]),

@@ -16,7 +16,13 @@ from gough_stewart.harness.identify.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.observability import MotionRows, check_separable, determined, is_linear, motion_rows
+from gough_stewart.harness.identify.observability import (
+    MotionRows,
+    check_separable,
+    identifiability,
+    is_linear,
+    motion_rows,
+)
 from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.identify.parts import VALIDATION
 from gough_stewart.harness.identify.screening import Screened, screened
@@ -128,7 +134,7 @@ def _of_determined(
     at = [names.index(name) for name in linear]
     values = nominal.copy()
     untold = _not_told(rows, platform, names, scale)
-    now = determined(rows, platform, linear, values[at], scale[at])
+    now = identifiability(rows, platform, linear, values[at], scale[at])
     held: set[str] = set()
     unknown: set[str] = set()
     while True:
@@ -140,7 +146,7 @@ def _of_determined(
         fit = method(found.parts, platform, kept, cutoff=found.cutoff, not_excited=untold, **options)
         values[[names.index(name) for name in kept]] = fit.values
         # what a motion determines of centres of mass and inertias depends on their values
-        now = determined(rows, platform, linear, values[at], scale[at])
+        now = identifiability(rows, platform, linear, values[at], scale[at])
         unknown |= set(now.not_excited)
         if set(now.held) <= held:
             break
@@ -166,7 +172,7 @@ def _not_told(rows: MotionRows, platform: Platform, names: Sequence[str], scale:
     sizes = dict(zip(names, scale.tolist(), strict=True))
     sizes |= dict(zip(others, scales(platform, others, rows.force, rows.velocity).tolist(), strict=True))
     of_every = np.array([sizes[name] for name in every])
-    return determined(rows, platform, every, nominal_values(every, platform), of_every).not_excited
+    return identifiability(rows, platform, every, nominal_values(every, platform), of_every).not_excited
 
 
 def _not_excited(names: Sequence[str]) -> IdentificationError:

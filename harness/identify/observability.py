@@ -57,8 +57,8 @@ class MotionRows(NamedTuple):
     velocity: float  # typical velocity of legs [m/s]
 
 
-class Determined(NamedTuple):
-    """What a motion determines."""
+class Identifiability(NamedTuple):
+    """How well a motion determines elements."""
 
     errors: FloatArray  # (p,) standard errors in units of the scale; infinite if nothing depends on it
     pull: FloatArray  # (p,) expected error by noise of the lengths in the regressor, in units of the scale
@@ -116,9 +116,9 @@ def _filtered_regressor(
     return smoothed(W.reshape(len(W), -1), step, cutoff, thin).reshape(-1, 6, W.shape[-1])
 
 
-def determined(
+def identifiability(
     rows: MotionRows, platform: Platform, names: Sequence[str], values: FloatArray, scale: FloatArray
-) -> Determined:
+) -> Identifiability:
     """What of these elements the motion determines, near these values.
 
     Parameters
@@ -142,7 +142,7 @@ def determined(
     while left and (now := _errors(R[:, left])).max() > _LARGEST_ERROR:
         candidates = [k for k, error in zip(left, now, strict=True) if error > _LARGEST_ERROR]
         left.remove(max(candidates, key=lambda k: (names[k] in COM, errors[k])))
-    return Determined(
+    return Identifiability(
         errors,
         -pull,
         tuple(name for name, is_weak in zip(names, weak, strict=True) if is_weak),

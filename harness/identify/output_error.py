@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, LogError
-from gough_stewart.harness.identify.course import SETTLING, Stretch, noise_of_innovations, settled, whitened_innovations
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_in_rows import fit_in_rows, fitted_rows, linear_start
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, scales
@@ -16,6 +15,13 @@ from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded, with_values
 from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
 from gough_stewart.harness.identify.physical import BestFit, best_fit
+from gough_stewart.harness.identify.predictor import (
+    SETTLING,
+    Predictor,
+    noise_of_innovations,
+    settled,
+    whitened_innovations,
+)
 from gough_stewart.harness.identify.regression import joined, regression_of
 from gough_stewart.harness.identify.simulation import Innovations
 from gough_stewart.harness.identify.whitened import whitened
@@ -77,9 +83,9 @@ def identify_output_error(
     start = linear_start(regression, platform, names, nominal, is_fitted)
     rows = whitened(regression, fit_in_rows(regression, platform, names, start, is_fitted), platform, not_excited)
     near = _platform_with(platform, names, start)
-    stretches = [(part, Stretch(part.log, platform, near, names, cutoff)) for part in parts]
+    segments = [(part, Predictor(part.log, platform, near, names, cutoff)) for part in parts]
     problem = _Problem(
-        [(part, each) for part, each in stretches if len(each.time) > SETTLING + 2], platform, names, nominal
+        [(part, each) for part, each in segments if len(each.time) > SETTLING + 2], platform, names, nominal
     )
     steps = problem.fitted
     if max(steps, default=0) <= SETTLING + 2:
@@ -96,7 +102,7 @@ def identify_output_error(
     best, _ = problem.fit(start, steps, levels, 1e-6)
     channels, regressor, white = problem.result(best.values, levels)
     n = channels.is_fitted
-    step = stretches[0][1].course.step
+    step = segments[0][1].inputs.step
     notes.insert(0, f"{n.sum()} steps of {1e3 * step:.3g} ms fitted, {(~n).sum()} kept for validation")
     derivatives: ForceDerivatives | None = rows.fit.derivatives
     if any(name not in elements_of(platform) and not is_of_instruments(name) for name in names):
@@ -118,17 +124,17 @@ class _Problem:
 
     def __init__(
         self,
-        stretches: Sequence[tuple[Part, Stretch]],
+        segments: Sequence[tuple[Part, Predictor]],
         platform: Platform,
         names: tuple[str, ...],
         nominal: FloatArray,
     ) -> None:
-        self.parts, self.models = [part for part, _ in stretches], [each for _, each in stretches]
+        self.parts, self.models = [part for part, _ in segments], [each for _, each in segments]
         self.names, self.nominal = names, nominal
         self.elements = {**elements_of(platform), **dict(zip(names, nominal.tolist(), strict=True))}
-        self.fitted = [int(part.is_fitted(each.time).sum()) for part, each in stretches]
-        force = float(np.mean([np.std(each.course.force, axis=0).mean() for each in self.models]))
-        rates = [np.std(np.diff(each.course.length, axis=0)) / each.course.step for each in self.models]
+        self.fitted = [int(part.is_fitted(each.time).sum()) for part, each in segments]
+        force = float(np.mean([np.std(each.inputs.force, axis=0).mean() for each in self.models]))
+        rates = [np.std(np.diff(each.inputs.length, axis=0)) / each.inputs.step for each in self.models]
         self.scale = scales(platform, names, force, float(np.mean(rates)))
 
     def fit(
@@ -176,7 +182,7 @@ class _Problem:
         noise = noise_of_innovations(chosen, levels)
         white, D = whitened_innovations([each for each, _ in chosen], fitted, noise)
         time, validating = on_one_axis(self.parts, kept)
-        measured = np.concatenate([each.course.length[SETTLING:] for each in self.models])
+        measured = np.concatenate([each.inputs.length[SETTLING:] for each in self.models])
         channels = Channels(
             "predicted length of leg",
             "m",

@@ -1,4 +1,4 @@
-"""Parts of logs: stretches of even rows, of which some are fitted and the others validate the fit."""
+"""Parts of logs: segments of even rows, of which some are fitted and the others validate the fit."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ VALIDATION = 0.2
 
 
 class Part(NamedTuple):
-    """A stretch of a log; its rows before `fitted_until` are fitted, the later ones validate the fit."""
+    """A segment of a log; its rows before `fitted_until` are fitted, the later ones validate the fit."""
 
     log: Log
     fitted_until: float = math.inf  # [s]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, rows_apart
-from gough_stewart.harness.identify.faults import Lost, Mask, clipped, frozen, lost_rows, noise_of, spikes
+from gough_stewart.harness.identify.faults import Mask, MissingRows, clipped, frozen, lost_rows, noise_of, spikes
 from gough_stewart.harness.identify.holding import without_held_rows
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.parts import VALIDATION, Part
@@ -22,7 +22,7 @@ from gough_stewart.model.vectors import FloatArray
 
 # The least spike that counts: share of the largest length, and of the RMS force.
 _LEAST_LENGTH, _LEAST_FORCE = 2e-6, 5e-3
-# Rows with a fault that are interpolated; a longer stretch is left out.
+# Rows with a fault that are interpolated; a longer segment is left out.
 _MENDED = 5
 _AROUND = 6  # rows on either side that tell what they should have been
 # Lengths that vary by fewer standard deviations of their noise are at rest.
@@ -30,7 +30,7 @@ _AT_REST = 20.0
 _SHORTEST = 20  # rows that tell anything
 # More mended rows, or rows that cannot be used, are an alarm; still more, and the log is refused.
 _ALARM, _REFUSED = (0.005, 0.15), (0.02, 0.5)
-# Length of the filters of rows in periods of the cut-off, and the least length of a stretch beyond them.
+# Length of the filters of rows in periods of the cut-off, and the least length of a segment beyond them.
 _FILTERS, _BEYOND = 3 * HALF_LENGTH, 5.0
 _EXAMPLES = 3
 
@@ -53,7 +53,7 @@ def screened(
 ) -> Screened:
     """The parts of logs, with what was mended, left out or recognised.
 
-    Single spikes and a few lost rows are interpolated; clipped and frozen stretches and longer gaps are left out, and
+    Single spikes and a few lost rows are interpolated; clipped and frozen segments and longer gaps are left out, and
     so are the filters' lengths beside them. Rows that were lost while times went on divide a log.
 
     Parameters
@@ -82,23 +82,23 @@ def screened(
         assert found.log.time is not None  # checked by rows_apart
         begin, end = float(found.log.time[0]), float(found.log.time[-1])
         until = -math.inf if share == 1 else end - share * (end - begin) if share else math.inf
-        parts += [Part(found.log.rows(rows), until, which) for rows in found.stretches]
+        parts += [Part(found.log.rows(rows), until, which) for rows in found.segments]
         notes += found.notes
         alarms += found.alarms
         cutoffs.append(found.cutoff)
-    # short stretches do not tell how fast the motion is
+    # short segments do not tell how fast the motion is
     return Screened(parts, notes, alarms, max(cutoffs) if len(parts) > len(cutoffs) else cutoff)
 
 
-class _Found(NamedTuple):
+class _ScreenedLog(NamedTuple):
     log: Log
-    stretches: list[slice]
+    segments: list[slice]
     notes: list[str]
     alarms: list[str]
     cutoff: float
 
 
-class _Damage(NamedTuple):
+class _Repaired(NamedTuple):
     """Readings (n, 6) of a log with spikes replaced, and what was found."""
 
     length: FloatArray
@@ -107,10 +107,10 @@ class _Damage(NamedTuple):
     unknown_length: Mask
     unknown_force: Mask
     struck: Mask  # rows (n,) with spikes
-    lost: list[Lost]
+    lost: list[MissingRows]
 
 
-def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _Found:
+def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     _check_readings(log)
     check_lengths(log, platform)
     check_forces(log, platform)
@@ -118,26 +118,26 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _Found:
     if not is_missing.any():
         log, notes = without_held_rows(log)
         is_missing = np.zeros(len(log), dtype=bool)
-    damage = _damage_of(log, platform, np.repeat(is_missing[:, None], 6, axis=1))
-    _check_motion(log, damage.length)
-    notes += _texts(log, damage)
+    repaired = _repaired(log, platform, np.repeat(is_missing[:, None], 6, axis=1))
+    _check_motion(log, repaired.length)
+    notes += _texts(log, repaired)
 
-    bad = np.asarray((damage.unknown_length | damage.unknown_force).any(axis=1))
+    bad = np.asarray((repaired.unknown_length | repaired.unknown_force).any(axis=1))
     short = _runs_of(bad, _MENDED) if bad.any() else bad
-    _interpolate(damage.length, damage.unknown_length & short[:, None])
-    _interpolate(damage.force, damage.unknown_force & short[:, None])
-    log = replace(log, leg_length=damage.length, actuator_force=damage.force)
-    stretches = _stretches(bad & ~short, [each.row for each in damage.lost])
-    longest = max(stretches, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
+    _interpolate(repaired.length, repaired.unknown_length & short[:, None])
+    _interpolate(repaired.force, repaired.unknown_force & short[:, None])
+    log = replace(log, leg_length=repaired.length, actuator_force=repaired.force)
+    segments = _segments(bad & ~short, [each.row for each in repaired.lost])
+    longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     assert log.time is not None  # checked by rows_apart
     h = float(np.median(np.diff(log.time)))
     if longest.stop - longest.start > _SHORTEST:
-        cutoff = cutoff_of(damage.length[longest], h) if cutoff is None else cutoff
-    if len(stretches) > 1 and cutoff is not None:
+        cutoff = cutoff_of(repaired.length[longest], h) if cutoff is None else cutoff
+    if len(segments) > 1 and cutoff is not None:
         least_rows = (_FILTERS + _BEYOND) / cutoff / h
-        stretches = [rows for rows in stretches if rows.stop - rows.start >= least_rows]
-    mended = float((damage.struck | short).mean())
-    lost = 1 - sum(rows.stop - rows.start for rows in stretches) / len(log)
+        segments = [rows for rows in segments if rows.stop - rows.start >= least_rows]
+    mended = float((repaired.struck | short).mean())
+    lost = 1 - sum(rows.stop - rows.start for rows in segments) / len(log)
     _refuse_if_too_many(log, mended, lost, notes)
     alarms = []
     if mended > _ALARM[0] or lost > _ALARM[1]:
@@ -145,10 +145,10 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _Found:
             f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * lost:.2g} % left out; where "
             "so many readings are wrong, others may be that do not show"
         )
-    return _Found(log, stretches, notes, alarms, cutoff or math.inf)
+    return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
 
 
-def _damage_of(log: Log, platform: Platform, missing: Mask) -> _Damage:
+def _repaired(log: Log, platform: Platform, missing: Mask) -> _Repaired:
     length, force = log.leg_length, force_of(log)
     # a held force is a command, which the actuator obeys at its limit, too
     beyond = np.zeros_like(missing) if log.holds_force else clipped(force, platform.actuator_force_max)
@@ -169,20 +169,20 @@ def _damage_of(log: Log, platform: Platform, missing: Mask) -> _Damage:
     ]
     rows = np.asarray((off | struck).any(axis=1))
     lost = lost_rows(length, still | missing)
-    return _Damage(length, force, found, still | missing, silent | beyond | missing, rows, lost)
+    return _Repaired(length, force, found, still | missing, silent | beyond | missing, rows, lost)
 
 
-def _texts(log: Log, damage: _Damage) -> list[str]:
+def _texts(log: Log, repaired: _Repaired) -> list[str]:
     """What was found, where and how often, and what was done."""
     assert log.time is not None  # checked by rows_apart
     texts = []
-    for what, bad, then in damage.found:
+    for what, bad, then in repaired.found:
         rows = np.flatnonzero(bad.any(axis=1))
         if rows.size:
             texts.append(f"{log.where}: {_legs(what, bad)}, {_when(log.time, rows)}; {then}")
-    if damage.lost:
-        at = ", ".join(f"{log.time[each.row]:.4g} s ({each.number:+.0f})" for each in damage.lost[:_EXAMPLES])
-        more = f" and {len(damage.lost) - _EXAMPLES} more" if len(damage.lost) > _EXAMPLES else ""
+    if repaired.lost:
+        at = ", ".join(f"{log.time[each.row]:.4g} s ({each.number:+.0f})" for each in repaired.lost[:_EXAMPLES])
+        more = f" and {len(repaired.lost) - _EXAMPLES} more" if len(repaired.lost) > _EXAMPLES else ""
         texts.append(
             f"{log.where}: rows were lost (+) or repeated (−) though times go on, since all legs jump, at {at}{more}; "
             "the log is divided there; check the logger"
@@ -277,7 +277,7 @@ def _runs_of(bad: Mask, longest: int) -> Mask:
     return short
 
 
-def _stretches(bad: Mask, cuts: Sequence[int]) -> list[slice]:
+def _segments(bad: Mask, cuts: Sequence[int]) -> list[slice]:
     """Runs of good rows, also divided before the rows `cuts`."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], bad, [True]])))
     found = []

@@ -32,8 +32,8 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 
-class Course(NamedTuple):
-    """The inputs of a simulation of n steps."""
+class PredictorInputs(NamedTuple):
+    """What a predictor of n steps gets."""
 
     start: FloatArray  # x̂ at the first sample (12,)
     force: FloatArray  # at the start, middle and end of each step (2 n + 1, 6) [N]
@@ -51,7 +51,7 @@ class Innovations(NamedTuple):
     sensitivity: FloatArray  # ∂ε/∂θ (n, 6, k)
 
 
-def simulated(course: Course, parameters: FloatArray, directions: FloatArray) -> Innovations:
+def simulated(inputs: PredictorInputs, parameters: FloatArray, directions: FloatArray) -> Innovations:
     """Innovations at the end of every step, with exact derivatives.
 
     Parameters
@@ -66,29 +66,29 @@ def simulated(course: Course, parameters: FloatArray, directions: FloatArray) ->
     IdentificationError
         The simulation diverges with these parameters.
     """
-    n, k = len(course.length), directions.shape[1]
+    n, k = len(inputs.length), directions.shape[1]
     rates, lengths = _Bound(_rates(k), parameters, directions), _Bound(_lengths(k), parameters, directions)
-    if course.by_force is None:
-        inputs = course.force[:, :, None]
+    if inputs.by_force is None:
+        forces = inputs.force[:, :, None]
     else:
         rates = _Bound(_rates(k, True), parameters, directions)
-        inputs = np.concatenate([course.force[:, :, None], course.by_force], axis=2)
+        forces = np.concatenate([inputs.force[:, :, None], inputs.by_force], axis=2)
     X = np.zeros((N_STATES, 1 + k), order="F")
-    X[:, 0] = course.start
-    h, innovations = course.step / course.substeps, np.empty((n, 6, 1 + k))
+    X[:, 0] = inputs.start
+    h, innovations = inputs.step / inputs.substeps, np.empty((n, 6, 1 + k))
     with np.errstate(all="ignore"):
         for step in range(n):
-            start, middle, end = inputs[2 * step : 2 * step + 3]
-            for part in range(course.substeps):
-                f0, fm, f1 = (_between(start, middle, end, (part + s) / course.substeps) for s in (0.0, 0.5, 1.0))
+            start, middle, end = forces[2 * step : 2 * step + 3]
+            for part in range(inputs.substeps):
+                f0, fm, f1 = (_between(start, middle, end, (part + s) / inputs.substeps) for s in (0.0, 0.5, 1.0))
                 k1 = rates(X, f0).copy()
                 k2 = rates(X + h / 2 * k1, fm).copy()
                 k3 = rates(X + h / 2 * k2, fm).copy()
                 X = X + h / 6 * (k1 + 2 * (k2 + k3) + rates(X + h * k3, f1))
             innovation = -lengths(X)
-            innovation[:, 0] += course.length[step]
+            innovation[:, 0] += inputs.length[step]
             innovations[step] = innovation
-            X = X + course.gain[step] @ innovation
+            X = X + inputs.gain[step] @ innovation
     if not np.isfinite(innovations).all():
         raise IdentificationError("the simulation diverges with parameters that were tried; start nearer, or by linear")
     return Innovations(innovations[:, :, 0], innovations[:, :, 1:])

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from gough_stewart.harness.quantities import Number
-from gough_stewart.harness.sampling.correlation import Together
+from gough_stewart.harness.sampling.correlation import CorrelatedInputs
 from gough_stewart.harness.sampling.design import Sampling
 from gough_stewart.harness.sampling.variation import Variation
 from gough_stewart.harness.section import Section, complaints
@@ -39,8 +39,8 @@ class EnsembleChoice(Section):
     # how many of the worst members get a full record, and the metric that ranks them
     worst: Annotated[int, Field(ge=0, le=1000)] = 5
     worst_by: str | None = None
-    correlation: list[Together] = Field(default_factory=list)
-    covariance: list[Together] = Field(default_factory=list)
+    correlation: list[CorrelatedInputs] = Field(default_factory=list)
+    covariance: list[CorrelatedInputs] = Field(default_factory=list)
     _varied: dict[str, Variation]
 
     @model_validator(mode="after")

@@ -17,7 +17,7 @@ _SMALLEST = 2.0**-53
 _ROUNDS = 20
 
 
-class Together(Section):
+class CorrelatedInputs(Section):
     """`[[ensemble.correlation]]` and `[[ensemble.covariance]]`: inputs and their matrix, in SI units.
 
     A vector stands for its elements in order.
@@ -27,7 +27,7 @@ class Together(Section):
     matrix: list[list[Any]]
 
     @model_validator(mode="after")
-    def _positive(self) -> "Together":
+    def _positive(self) -> "CorrelatedInputs":
         if len(set(self.of)) < len(self.of) or not self.of:
             raise ValueError(f"of is {self.of}; expected different names")
         checked_matrix(self.matrix)

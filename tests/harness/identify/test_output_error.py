@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gough_stewart.harness.identify.course import course_of
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.predictor import predictor_inputs
 from gough_stewart.harness.identify.simulation import kernel_parameters, simulated
 from tests.harness.identify.machine import NOMINAL, TRUE, machine_log
 
@@ -15,7 +15,7 @@ NAMES = ("platform_mass", "platform_com[3]", "leg_viscous_friction", "leg_fricti
 
 def test_gradients_are_those_of_differences() -> None:
     """Expected: central differences of the simulation itself, in each parameter's own step."""
-    course, _, _ = course_of(machine_log(duration=8.0), NOMINAL)
+    course, _, _ = predictor_inputs(machine_log(duration=8.0), NOMINAL)
     course = course._replace(length=course.length[:40])
     p, directions = kernel_parameters(NOMINAL, NAMES)
     exact = simulated(course, p, directions).sensitivity

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.course import Stretch, noise_of_innovations, settled, whitened_innovations
 from gough_stewart.harness.identify.force_derivatives import force_derivatives
 from gough_stewart.harness.identify.instruments import tilt_directions, tilted
 from gough_stewart.harness.identify.movement import motion_of_lengths
@@ -18,6 +17,7 @@ from gough_stewart.harness.identify.noise import (
     two_noises,
     whitening_of,
 )
+from gough_stewart.harness.identify.predictor import Predictor, noise_of_innovations, settled, whitened_innovations
 from gough_stewart.harness.identify.simulation import parameter_columns
 from gough_stewart.harness.identify.smoothing import kernel_of, smoothed
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -157,7 +157,7 @@ def test_whitened_innovations_of_the_machine_itself_are_white_and_of_unit_varian
     machine, believed = random_machine(seed)
     log = machine_log(machine, Course(Swing(seed=seed)), Sensing(force_noise=1e-3), seed=seed)
     names = expanded(NAMES, believed)
-    model = Stretch(log, believed, machine, names, None)
+    model = Predictor(log, believed, machine, names, None)
     n = len(model.time)
     truth = np.array([value_of(machine, name) for name in names])
     raw = model.simulated(truth, n, derivatives=False)
@@ -175,7 +175,7 @@ def test_innovations_by_parameters_of_instruments_have_the_derivatives_of_differ
     """Expected: central differences of the innovations themselves."""
     machine, believed = random_machine(1)
     log = machine_log(machine, Course(Swing(seed=1), 6.0), seed=1)
-    model = Stretch(log, believed, machine, (name,), None)
+    model = Predictor(log, believed, machine, (name,), None)
     at = np.array(
         [{"force_gain": 1.02, "force_offset": 20.0, "delay": 1e-3, "base_tilt": 0.01}[name.partition("[")[0]]]
     )

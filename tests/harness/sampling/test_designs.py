@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from gough_stewart.harness.sampling.correlation import Together, correlated, correlation_of, reordered
+from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import Design, Sampling, in_turn
 
 NAMES, SIZES, GROUPS = ("a", "b", "c"), (1, 18, 2), ((0,), (1,), (2,))
@@ -111,14 +111,14 @@ NOT_POSITIVE: dict[str, Any] = {
 def test_a_matrix_that_is_not_positive_definite_is_refused(what: str) -> None:
     matrix = NOT_POSITIVE[what]
     with pytest.raises(ValueError, match="not positive definite"):
-        Together(of=["a", "b", "c"][: len(matrix)], matrix=matrix)
+        CorrelatedInputs(of=["a", "b", "c"][: len(matrix)], matrix=matrix)
 
 
 def test_a_covariance_of_very_different_units_is_taken() -> None:
     """Expected: the scaled matrix, by its definition."""
     C = np.diag([1e-4, 1e3]) @ np.array([[1, 0.6], [0.6, 1]]) @ np.diag([1e-4, 1e3])
-    assert np.allclose(correlation_of(Together(of=["a", "b"], matrix=C.tolist()).values), [[1, 0.6], [0.6, 1]])
+    assert np.allclose(correlation_of(CorrelatedInputs(of=["a", "b"], matrix=C.tolist()).values), [[1, 0.6], [0.6, 1]])
     with pytest.raises(ValueError, match="not symmetric"):
-        Together(of=["a", "b"], matrix=[[1, 0.5], [0.4, 1]])
+        CorrelatedInputs(of=["a", "b"], matrix=[[1, 0.5], [0.4, 1]])
     with pytest.raises(ValueError, match="expected different names"):
-        Together(of=["a", "a"], matrix=[[1, 0.5], [0.5, 1]])
+        CorrelatedInputs(of=["a", "a"], matrix=[[1, 0.5], [0.5, 1]])

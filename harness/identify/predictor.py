@@ -22,8 +22,8 @@ from gough_stewart.harness.identify.names import PER_LEG, place_of
 from gough_stewart.harness.identify.noise import KernelCorrelations, RowNoise, whitening_of
 from gough_stewart.harness.identify.regression import cutoff_of
 from gough_stewart.harness.identify.simulation import (
-    Course,
     Innovations,
+    PredictorInputs,
     kernel_parameters,
     parameter_columns,
     simulated,
@@ -50,7 +50,7 @@ SETTLING = 12
 
 
 class Filters(NamedTuple):
-    """What else is known of a course."""
+    """The filters of a predictor, and what they leave."""
 
     alpha: float  # of the α-β filter
     beta: float
@@ -61,7 +61,9 @@ class Filters(NamedTuple):
     force: Callable[..., FloatArray]
 
 
-def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tuple[Course, FloatArray, Filters]:
+def predictor_inputs(
+    log: Log, platform: Platform, cutoff: float | None = None
+) -> tuple[PredictorInputs, FloatArray, Filters]:
     """The inputs of the simulation, the time at the end of each step (n,) [s], and filters."""
     h = sample_time_of(log)
     check_lengths(log, platform)
@@ -93,7 +95,7 @@ def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tupl
     viscous, coulomb = (getattr(platform, name) * getattr(platform, f"{name}_factor") for name in PER_LEG)
     stiffest = float((viscous + coulomb / platform.leg_friction_velocity).max())
     rate = stiffest * float(np.linalg.eigvalsh(mobility).max())
-    course = Course(
+    inputs = PredictorInputs(
         start=state.to_vector()[0],
         force=force[: 2 * n + 1],
         length=lengths[0][1 : n + 1],
@@ -111,7 +113,7 @@ def course_of(log: Log, platform: Platform, cutoff: float | None = None) -> tupl
         difference_correlations(h, wide, every),
         lambda by, derivative=0: late(by, derivative)[: 2 * n + 1],
     )
-    return course, log.time[edge(h, wide) + every * np.arange(1, n + 1)], filters
+    return inputs, log.time[edge(h, wide) + every * np.arange(1, n + 1)], filters
 
 
 def _gains(index: float) -> tuple[float, float]:
@@ -121,7 +123,7 @@ def _gains(index: float) -> tuple[float, float]:
     return 1 - r * r, 2 * (1 - r) ** 2
 
 
-class Stretch:
+class Predictor:
     """The simulation of one part of a log, as a function of all parameters."""
 
     def __init__(
@@ -129,7 +131,7 @@ class Stretch:
     ) -> None:
         self.names, self.platform = names, platform
         # gains and apparent masses are those of a platform near the best fit
-        self.course, self.time, self.filters = course_of(log, near, cutoff)
+        self.inputs, self.time, self.filters = predictor_inputs(log, near, cutoff)
         # the velocity of friction is seen in nothing but reversals
         all_of_it = "leg_friction_velocity" in names or not has_coulomb(platform, names)
         self.sliding = np.ones_like(self.filters.sliding) if all_of_it else self.filters.sliding
@@ -145,7 +147,7 @@ class Stretch:
         """Innovations of the first steps, with their derivatives if wanted."""
         instruments = instruments_of(self.names, theta)
         p, directions = self._p + self._directions[:, self.own] @ (theta[self.own] - self._nominal), self._directions
-        course = self.course._replace(length=self.course.length[:steps])
+        inputs = self.inputs._replace(length=self.inputs.length[:steps])
         if len(self.own) < len(self.names):
             if instruments.tilt.any():
                 p[self._gravity] = tilted(p[self._gravity], instruments.tilt)
@@ -165,14 +167,14 @@ class Stretch:
                 elif stem == "base_tilt":
                     turned = tilt_directions(self.platform.gravity, instruments.tilt)
                     directions[self._gravity, k] = turned[:, index[0]]
-            course = course._replace(force=force, by_force=by_force)
+            inputs = inputs._replace(force=force, by_force=by_force)
         if not derivatives:
-            return simulated(course._replace(by_force=None), p, directions[:, :0])
-        return simulated(course, p, directions)
+            return simulated(inputs._replace(by_force=None), p, directions[:, :0])
+        return simulated(inputs, p, directions)
 
 
 def whitened_innovations(
-    models: Sequence[Stretch], innovations: Sequence[Innovations], noise: RowNoise
+    models: Sequence[Predictor], innovations: Sequence[Innovations], noise: RowNoise
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened innovations (m,) and their derivatives (m, p), as unexplained forces, whose covariance is known."""
     columns = []
@@ -191,7 +193,7 @@ def settled(innovations: Innovations) -> Innovations:
     return Innovations(innovations.values[SETTLING:], innovations.sensitivity[SETTLING:])
 
 
-def noise_of_innovations(chosen: Sequence[tuple[Stretch, int]], levels: tuple[FloatArray, float]) -> RowNoise:
+def noise_of_innovations(chosen: Sequence[tuple[Predictor, int]], levels: tuple[FloatArray, float]) -> RowNoise:
     """The covariance of the unexplained forces, of the first n steps of every part.
 
     Parameters
