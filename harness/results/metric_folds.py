@@ -3,7 +3,7 @@
 The same folds give the metrics of a record, of a run, and of thousands of members.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -105,6 +105,22 @@ class Tracking(Fold):
         return _named(self.metrics, [_defined(some, each) for each in found])
 
 
+def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
+    path, what = f"limits.{limit.name}", limit.text
+    return (
+        Metric(f"{path}.limit", f"limit of {what}", limit.quantity, f"the platform's limit of the {what}", None, False),
+        Metric(f"{path}.used", f"{what}, of its limit", SHARE, "largest share of the limit, by leg", "smaller"),
+        Metric(
+            f"{path}.first_exceeded",
+            f"{what}, first beyond",
+            TIME,
+            "when the limit was first exceeded, by leg",
+            is_compared=False,
+            is_least=True,
+        ),
+    )
+
+
 class Drives(Fold):
     """Forces F, power F·L̇ and work F ΔL of the legs, and how much of the platform's limits they use.
 
@@ -113,7 +129,7 @@ class Drives(Fold):
     """
 
     needs = (FORCES, "leg_velocity", "leg_length")
-    metrics = (
+    without_limits = (
         Metric("force.peak", "peak force", FORCE, "largest |F|, by leg", "smaller"),
         Metric("force.rms", "RMS force", FORCE, "RMS of F, by leg", "smaller"),
         Metric("power.peak", "peak power", POWER, "largest |F·L̇|, L̇ at both ends of each row, by leg", "smaller"),
@@ -127,6 +143,8 @@ class Drives(Fold):
     def __init__(self, time: FloatArray, limits: Mapping[str, Any]) -> None:
         self._time = time
         self._limits = {k: limits[each.name] for k, each in enumerate(DRIVE_LIMITS) if each.name in limits}
+        of_limits = (metric for k in self._limits for metric in _of_limit(DRIVE_LIMITS[k]))
+        self.metrics = (*self.without_limits, *of_limits)
 
     def start(self, members: int) -> State:
         """Sums, peaks of squares of velocity, force and power, and the rows at which they first exceed a limit."""
@@ -168,36 +186,13 @@ class Drives(Fold):
         net, absolute = state["net"], state["absolute"]
         mean = np.where(duration > 0, net / duration, np.nan)
         totals = (absolute.sum(axis=0), net.sum(axis=0))
-        found = _named(
-            self.metrics,
-            [_defined(some, each) for each in (force, np.sqrt(mean_square), power, mean, net, absolute, *totals)],
-        )
+        found = [force, np.sqrt(mean_square), power, mean, net, absolute, *totals]
         for k, limit in self._limits.items():
             first = state["first"][k]
             row = np.where(np.isfinite(first), first, 0.0).astype(np.intp)
-            used = _defined(some, (velocity, force, power)[k] / limit)
-            since = _defined(np.isfinite(first), self._time[row])
-            found |= _named(LIMIT_METRICS[k], (_defined(some, np.broadcast_to(limit, rows.shape)), used, since))
-        return found
-
-
-def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
-    path, what = f"limits.{limit.name}", limit.text
-    return (
-        Metric(f"{path}.limit", f"limit of {what}", limit.quantity, f"the platform's limit of the {what}", None, False),
-        Metric(f"{path}.used", f"{what}, of its limit", SHARE, "largest share of the limit, by leg", "smaller"),
-        Metric(
-            f"{path}.first_exceeded",
-            f"{what}, first beyond",
-            TIME,
-            "when the limit was first exceeded, by leg",
-            is_compared=False,
-            is_least=True,
-        ),
-    )
-
-
-LIMIT_METRICS = tuple(map(_of_limit, DRIVE_LIMITS))
+            since = np.where(np.isfinite(first), self._time[row], np.nan)
+            found += [np.broadcast_to(limit, rows.shape), (velocity, force, power)[k] / limit, since]
+        return _named(self.metrics, [_defined(some, each) for each in found])
 
 
 class Saturation(Fold):
@@ -307,14 +302,19 @@ def _of_legs(time: FloatArray, limits: Mapping[str, Any], knows_exceeded: bool =
 
 
 def _declared() -> tuple[Metric, ...]:
-    none = np.zeros(0)
+    none, limits = np.zeros(0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
+    of_legs = [metric for fold in _of_legs(none, limits) for metric in _of(fold)]
+    return (
+        *(metric for fold in _of_motion(none) for metric in _of(fold)),
+        *STEP_METRICS,
+        *sorted(of_legs, key=lambda metric: metric.path.startswith("limits.")),
+        # the linear loop has no rows: whoever computes its margins gives these
+        *_OF_MARGINS,
+    )
 
-    def of(folds: list[Any]) -> list[Metric]:
-        return [metric._replace(needs=fold.needs) for fold in folds for metric in fold.metrics]
 
-    limits = [metric._replace(needs=Drives.needs) for each in LIMIT_METRICS for metric in each]
-    # the linear loop has no rows: whoever computes its margins gives these
-    return (*of(_of_motion(none)), *STEP_METRICS, *of(_of_legs(none, {})), *limits, *_OF_MARGINS)
+def _of(fold: Any) -> list[Metric]:
+    return [metric._replace(needs=fold.needs) for metric in fold.metrics]
 
 
 METRICS = _declared()
@@ -326,8 +326,9 @@ def metric_folds(
     reference: FloatArray | None,
     limits: Mapping[str, Any],
     known: Callable[[str], bool] | None = None,
+    wanted: Collection[str] | None = None,
 ) -> list[Fold]:
-    """All metrics of runs.
+    """The folds that compute metrics of runs.
 
     Parameters
     ----------
@@ -340,21 +341,26 @@ def metric_folds(
         Limits of the nominal platform by name: a number, or one per member (N,); None or left out for no limit.
     known
         Whether the rows have a column; by default they have all, errors only with a reference.
+    wanted
+        Paths of metrics; others may be left out.
     """
     stated = {name: value for name, value in limits.items() if value is not None}
     knows_exceeded = known is None or known(STROKE_EXCEEDED)
-    steps = [] if reference is None else [Steps(time, reference)]
-    folds = [*_of_motion(time), *steps, *_of_legs(time, stated, knows_exceeded)]
+    steps: list[Any] = [] if reference is None else [Steps(time, reference)]
+    rows, *folds = [*_of_motion(time), *steps, *_of_legs(time, stated, knows_exceeded)]
 
     def has(column: str) -> bool:
         return known(column) if known is not None else reference is not None or not column.startswith("error.")
 
-    return [fold for fold in folds if all(map(has, fold.needs))]
+    def is_wanted(fold: Any) -> bool:
+        return wanted is None or any(metric.path in wanted for metric in fold.metrics)
+
+    return [rows, *(fold for fold in folds if all(map(has, fold.needs)) and is_wanted(fold))]
 
 
-def folds_of_loop(loop: "Loop", limits: Mapping[str, Any]) -> list[Fold]:
-    """All metrics of the members of a loop; limits as of `metric_folds`."""
-    return metric_folds(loop.timing.times, loop.reference, limits)
+def folds_of_loop(loop: "Loop", limits: Mapping[str, Any], wanted: Collection[str] | None = None) -> list[Fold]:
+    """The metrics of the members of a loop, all or those that are wanted; limits as of `metric_folds`."""
+    return metric_folds(loop.timing.times, loop.reference, limits, wanted=wanted)
 
 
 def columns_of(results: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

@@ -96,6 +96,7 @@ class Steps(Fold):
         step = step_in(self._pose)
         self._axes = axes = np.flatnonzero(step.exists.any(axis=1))
         self.needs = tuple(dict.fromkeys(AXES[axis][1] for axis in axes))
+        self.metrics = tuple(metric for axis in axes for metric in _OF_AXES[axis])
         self._exists, self._first, self._last = step.exists[axes], step.first[axes], step.last[axes]
         self._start = step.start[axes]
         # without a step, any value but 0 to avoid a division by zero
@@ -169,10 +170,11 @@ class Steps(Fold):
             np.where(rose & (settled < rows), since_start(settled), np.nan),
             last - state["pose"],
         )
+        by_axis = (values[j] for j in range(len(self._axes)) for values in numbers)
+        there = np.repeat(exists, len(numbers), axis=0)
         return {
-            metric.path: np.where(exists[j] & np.isfinite(values[j]), values[j], np.nan)
-            for j, axis in enumerate(self._axes)
-            for metric, values in zip(_OF_AXES[axis], numbers, strict=True)
+            metric.path: np.where(has & np.isfinite(values), values, np.nan)
+            for metric, has, values in zip(self.metrics, there, by_axis, strict=True)
         }
 
     def _is_same(self, n: int, of: NDArray[np.bool_], last: FloatArray, start: NDArray[np.intp]) -> NDArray[np.bool_]:

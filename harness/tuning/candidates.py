@@ -183,7 +183,7 @@ class Candidates:
         """Metrics (n, names) and outcomes."""
         n = len(prepared)
         batch = batch_of(prepared, self.substeps)
-        folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size))
+        folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size), names)
         rows = RowsInBlocks(batch.loop, folds, batch.size)
         with batch.plant:
             outcomes = observe_all(batch.plant, batch.law_from, batch.loop, rows)

@@ -56,10 +56,10 @@ class Member:
 
 
 def seen_again(
-    loop: Loop, limits: dict[str, Any], members: list[Member], is_one: bool = False
+    loop: Loop, limits: dict[str, Any], members: list[Member], is_one: bool = False, names: list[str] | None = None
 ) -> dict[str, FloatArray]:
     """The metrics of members side by side; those that have ended stay as they are, as a loop has it."""
-    rows = RowsInBlocks(loop, folds_of_loop(loop, limits), len(members))
+    rows = RowsInBlocks(loop, folds_of_loop(loop, limits, names), len(members))
     n = max(len(member.signals) for member in members)
 
     def together(values: list[FloatArray]) -> Any:
@@ -298,6 +298,18 @@ def test_random_members_in_blocks_of_any_size_have_the_figures_of_their_records(
     for name, values in found.items():
         assert values.tolist() == pytest.approx([own[name][0] for own in each], rel=0, abs=0, nan_ok=True), name
     check(found, members)
+
+
+@pytest.mark.parametrize("wanted", ["force.rms", "step_response.x.rise_time", "limits.actuator_power_max.used", "rows"])
+def test_a_metric_that_is_wanted_alone_is_the_same_as_among_all(wanted: str) -> None:
+    """Expected: its bits among all metrics, also of a member that ends and one that is not finite."""
+    rng = np.random.default_rng(9)
+    members = [noise(41, 41, rng), noise(41, 25, rng), noise(41, 41, rng, broken=13)]
+    wants = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
+    loop = Loop(Timing(0.04, 2e-3, 1e-3), wants, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
+    every, alone = (seen_again(loop, LIMITS, members, names=names) for names in (None, [wanted]))
+    assert len(alone) < len(every)
+    np.testing.assert_array_equal(alone[wanted], every[wanted])
 
 
 def test_a_members_bits_are_the_same_among_1_8_512_and_600() -> None:
