@@ -128,7 +128,7 @@ def __getattr__(name: str) -> object:
             import_module(f"{__name__}.model.environment").check_environment()
         value = getattr(import_module(_homes()[name]), name)
         if isinstance(value, FunctionType):
-            value = import_module(f"{__name__}.harness.doors").with_door(value)
+            value = import_module(f"{__name__}.harness.arguments").with_checked_arguments(value)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
     globals()[name] = value

@@ -14,7 +14,7 @@ _READY = {"harness": ("tools.mutants.ready",)}
 # Tests in addition to the folder's mirror in tests/. Other folders have only their mirror.
 _NEARBY = {
     "fmu_build/c": ("tests/harness/export/test_fmu.py", "tests/harness/export/test_fmu_samples.py"),
-    "harness": ("tests/test_doors.py",),
+    "harness": ("tests/test_wrong_arguments.py",),
     "harness/loop": (
         "tests/harness/control/test_controllers_at_work.py",
         "tests/harness/experiment/test_options_together.py",

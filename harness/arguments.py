@@ -1,8 +1,8 @@
-"""The doors of public functions: arguments as users give them become what a function takes, or a clear error.
+"""Arguments of public functions, checked and converted: as users give them they become what a function takes.
 
 Each parameter has one meaning in all functions, so its name says what it takes: a platform may be the name of a preset
 or a file, a number may have a unit as in experiment files, whole numbers may be NumPy's. Functions inside the package
-call each other without doors.
+call each other without this.
 """
 
 import functools
@@ -18,13 +18,13 @@ from gough_stewart.model.errors import ArgumentError
 Take = Callable[[str, Any], Any]
 
 
-def with_door(function: Callable[..., Any]) -> Callable[..., Any]:
+def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function with its arguments checked and converted; its signature and help stay."""
     signature = inspect.signature(function)
     name = function.__name__
 
     @functools.wraps(function)
-    def door(*arguments: Any, **named: Any) -> Any:
+    def checked(*arguments: Any, **named: Any) -> Any:
         try:
             bound = signature.bind(*arguments, **named)
         except TypeError as error:
@@ -41,12 +41,12 @@ def with_door(function: Callable[..., Any]) -> Callable[..., Any]:
         return function(*bound.args, **bound.kwargs)
 
     # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full
-    door.__module__, door.__qualname__ = __name__, name
-    return door
+    checked.__module__, checked.__qualname__ = __name__, name
+    return checked
 
 
 def __getattr__(name: str) -> Any:
-    """The public function of this name, with its door (PEP 562)."""
+    """The public function of this name, as `gough_stewart` has it (PEP 562)."""
     import gough_stewart
 
     if name.startswith("__") or name not in dir(gough_stewart):

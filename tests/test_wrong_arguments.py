@@ -119,7 +119,7 @@ def test_whole_numbers_of_numpy_are_whole_numbers() -> None:
     assert own.table.equals(theirs.table)
 
 
-def test_functions_with_doors_can_be_sent_to_other_processes_and_explain_themselves() -> None:
+def test_public_functions_can_be_sent_to_other_processes_and_explain_themselves() -> None:
     assert pickle.loads(pickle.dumps(gs.leg_geometry)) is gs.leg_geometry
     assert list(inspect.signature(gs.run).parameters)[:2] == ["experiment", "settings"]
     assert re.search("Run an experiment", gs.run.__doc__ or "")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness import doors
-from gough_stewart.harness.doors import with_door
+from gough_stewart.harness import arguments
+from gough_stewart.harness.arguments import with_checked_arguments
 from gough_stewart.model.errors import ArgumentError
 
 MOTION_BASE = gs.load_preset("motion_base")
@@ -22,7 +22,7 @@ def function_of(name: str, called: str = "taker") -> Any:
     """A public function with one parameter, which it returns."""
     made: dict[str, Any] = {}
     exec(f"def {called}({name}): return {name}", made)
-    return with_door(made[called])
+    return with_checked_arguments(made[called])
 
 
 def nothing() -> None:
@@ -229,57 +229,61 @@ def test_some_functions_take_more_under_a_name() -> None:
     assert function_of("title")(3) == 3
 
 
-def test_doors_keep_defaults_and_look_into_options() -> None:
+def test_defaults_are_kept_and_options_are_looked_into() -> None:
     """Expected: a default is not checked; options are taken by their own names; a long value is cut at 60 letters."""
 
     def taker(platform: Any, bandwidth: Any = None, **options: Any) -> Any:
         return platform, bandwidth, options
 
-    door = with_door(taker)
-    assert door("motion_base") == (MOTION_BASE, None, {})
-    assert door(MOTION_BASE, bandwidth=None, seed=np.int64(4), title=5) == (MOTION_BASE, None, {"seed": 4, "title": 5})
-    assert door(MOTION_BASE, "2 kHz")[1] == 2000
+    called = with_checked_arguments(taker)
+    assert called("motion_base") == (MOTION_BASE, None, {})
+    assert called(MOTION_BASE, bandwidth=None, seed=np.int64(4), title=5) == (
+        MOTION_BASE,
+        None,
+        {"seed": 4, "title": 5},
+    )
+    assert called(MOTION_BASE, "2 kHz")[1] == 2000
     with pytest.raises(ArgumentError, match=r"^seed is 'x'; expected a whole number"):
-        door(MOTION_BASE, seed="x")
+        called(MOTION_BASE, seed="x")
     with pytest.raises(ArgumentError) as caught:
-        door(MOTION_BASE, "y" * 80)
+        called(MOTION_BASE, "y" * 80)
     assert str(caught.value).startswith(f"bandwidth is '{'y' * 56}…; expected a number of Hz above 0")
     for letters in (58, 59):  # with quotes 60 and 61
         with pytest.raises(ArgumentError) as caught:
-            door(MOTION_BASE, "y" * letters)
+            called(MOTION_BASE, "y" * letters)
         text = f"'{'y' * 58}'" if letters == 58 else f"'{'y' * 56}…"
         assert str(caught.value).startswith(f"bandwidth is {text}; expected")
     with pytest.raises(
         ArgumentError, match=r"^taker: missing a required argument: 'platform'; expected taker\(platform, "
     ):
-        door()
+        called()
     with pytest.raises(ArgumentError, match=r"; expected taker\(platform, bandwidth=…\)$"):
-        door(MOTION_BASE, 1, 2)
+        called(MOTION_BASE, 1, 2)
 
 
 def test_public_functions_are_found_here_by_pickles_and_nothing_else_is() -> None:
     """Expected: the public function itself; what modules have by themselves, and unknown names, are refused."""
-    assert doors.leg_geometry is gs.leg_geometry
+    assert arguments.leg_geometry is gs.leg_geometry
     for name in ("__path__", "__version__", "nothing"):
         with pytest.raises(AttributeError) as caught:
-            getattr(doors, name)
-        assert str(caught.value) == f"module 'gough_stewart.harness.doors' has no attribute '{name}'"
+            getattr(arguments, name)
+        assert str(caught.value) == f"module 'gough_stewart.harness.arguments' has no attribute '{name}'"
         assert caught.value.name == name
-    door = function_of("title", "made_here")
-    assert (door.__module__, door.__qualname__, door.__name__) == (doors.__name__, "made_here", "made_here")
+    called = function_of("title", "made_here")
+    assert (called.__module__, called.__qualname__, called.__name__) == (arguments.__name__, "made_here", "made_here")
 
 
 def test_options_and_defaults_are_left_out_or_shortened_in_what_is_expected() -> None:
     def taker(a: Any, b: Any = 3, *, c: Any, d: Any = None, **options: Any) -> Any:
         return a, b, c, d, options
 
-    door = with_door(taker)
+    called = with_checked_arguments(taker)
     with pytest.raises(ArgumentError) as caught:
-        door(1)
+        called(1)
     assert str(caught.value) == "taker: missing a required argument: 'c'; expected taker(a, b=…, c, d=…)"
-    assert door(1, 2, c=4, d=5, e=6) == (1, 2, 4, 5, {"e": 6})
+    assert called(1, 2, c=4, d=5, e=6) == (1, 2, 4, 5, {"e": 6})
     # an explicit value beside a default is taken by its name; an equal one that is not the default, too
-    with_seed = with_door(lambda seed=1000: seed)
+    with_seed = with_checked_arguments(lambda seed=1000: seed)
     assert with_seed() == 1000
     with pytest.raises(ArgumentError, match=r"seed is 1000\.0; expected a whole number"):
         with_seed(1000.0)
