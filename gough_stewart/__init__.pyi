@@ -5,7 +5,6 @@ from gough_stewart.harness.control.controllers import PD as PD
 from gough_stewart.harness.control.controllers import PID as PID
 from gough_stewart.harness.control.gains import gains_from_bandwidth as gains_from_bandwidth
 from gough_stewart.harness.control.laws import LinearController as LinearController
-from gough_stewart.harness.control.laws import Sample as Sample
 from gough_stewart.harness.control.linear import linearise as linearise
 from gough_stewart.harness.control.linear import modes as modes
 from gough_stewart.harness.control.linear import plant_system as plant_system
@@ -13,6 +12,7 @@ from gough_stewart.harness.control.linear import trim as trim
 from gough_stewart.harness.control.pid import Gains as Gains
 from gough_stewart.harness.control.pid import pid as pid
 from gough_stewart.harness.control.pid import sampled as sampled
+from gough_stewart.harness.control.sample import Sample as Sample
 from gough_stewart.harness.ensemble.assembly import read_ensemble as read_ensemble
 from gough_stewart.harness.ensemble.ensemble import ensemble as ensemble
 from gough_stewart.harness.ensemble.result import Ensemble as Ensemble

@@ -18,13 +18,14 @@ from gough_stewart.harness.control.laws import (
     OwnLaw,
     made_from,
 )
-from gough_stewart.harness.control.linear_law import N_LEGS, LinearLaw
+from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.control.makers import Copied, Maker, name_of
 from gough_stewart.harness.control.shared_memory import Watch, functions_in
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, SharedMemoryError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import FloatArray
 
 

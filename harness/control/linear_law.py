@@ -15,12 +15,12 @@ from gough_stewart.harness.control.sums import MatrixProducts, Product
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
     from gough_stewart.harness.control.laws import LinearController
 
-N_LEGS = 6
 # Limit on (1 − z)² of a pole that counts as an integrator: it leaks at most 1e-6 of itself per sample.
 _INTEGRATES = 1e-12
 

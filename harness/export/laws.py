@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.control.laws import LinearController, Space
-from gough_stewart.harness.control.linear_law import N_LEGS, integrating_modes, rest
+from gough_stewart.harness.control.linear_law import integrating_modes, rest
 from gough_stewart.harness.control.pid import (
     Actions,
     Channels,
@@ -26,6 +26,7 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.settings import Setting, setting
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import Array
 
 # Tolerance beyond the unit circle, needed for chains of integrators, whose eigenvalues are rounded.

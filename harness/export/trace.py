@@ -11,7 +11,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT
-from gough_stewart.harness.control.linear_law import N_LEGS, displacements, inputs_of
+from gough_stewart.harness.control.linear_law import displacements, inputs_of
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
@@ -20,6 +20,7 @@ from gough_stewart.harness.export.path_source import path_function, path_of
 from gough_stewart.harness.export.relative import Home, change_of_lengths
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
 from gough_stewart.harness.motion.reach import legs_of
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.interrupts import interrupts_held_back

@@ -12,6 +12,7 @@ from gough_stewart.model import interface
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
 VARIABLES = tuple(interface.BY_NAME[name] for name in NAMES)
 SIZE = interface.size_of(VARIABLES)
+N_LEGS = interface.BY_NAME["leg_length"].size
 if interface.RESULTS[: len(NAMES)] != VARIABLES:
     raise AssertionError("signals have to be the first results of the interface")
 
