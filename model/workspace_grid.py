@@ -99,7 +99,9 @@ def sweep(
     >>> space = gs.sweep(gs.load_preset("motion_base"), {"x": None, "pitch": (-0.2, 0.2)}, {"z": 2.2}, points=21)
     >>> space.qualities.reachable.mean(), space.swept["x"][[0, -1]]
     """
-    over = default_coordinates(platform) if over is None else dict(over)
+    # a map over x and y would be empty where no leg has an end
+    usual = ("roll", "pitch") if platform.leg_length_max is None else ("x", "y")
+    over = dict.fromkeys(usual) if over is None else dict(over)
     at = {} if at is None else dict(at)
     _check(over, at)
     count = _checked_points(points, len(over))
@@ -118,11 +120,6 @@ def sweep(
 def home_of(platform: Platform) -> dict[str, float]:
     """The home pose by coordinate [m or rad]."""
     return dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
-
-
-def default_coordinates(platform: Platform) -> dict[str, Range | None]:
-    """What `sweep` goes over by itself; a map over x and y would be empty where no leg has an end."""
-    return dict.fromkeys(("roll", "pitch") if platform.leg_length_max is None else ("x", "y"))
 
 
 def default_ranges(

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
+from scipy.special import fdtri
 
 from gough_stewart.harness.control.structured import ComplexArray
 from gough_stewart.harness.errors import ControllerError
@@ -73,7 +73,7 @@ def response_of_periods(
     cross = (U * D.conj()).sum(axis=0)
     S = cross / power_of_d
     variance = (np.abs(U - S * D) ** 2).sum(axis=0) / (periods - 1)
-    quantile = fisher.ppf(CONFIDENCE, 2, 2 * (periods - 1))
+    quantile = fdtri(2, 2 * (periods - 1), CONFIDENCE)
     return Response(
         S, np.sqrt(quantile * variance / power_of_d), np.abs(cross) ** 2 / (power_of_u * power_of_d), periods
     )

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import polars
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
 from gough_stewart.harness.ensemble.result import Ensemble
@@ -139,7 +139,7 @@ def _difference(x: FloatArray, y: FloatArray) -> dict[str, float | int | None]:
     low, high = _median_interval(gap)
     row |= {"mean": mean, "mean_low": None, "mean_high": None}
     if n > 1:
-        half = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * gap.std(ddof=1) / np.sqrt(n))
+        half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * gap.std(ddof=1) / np.sqrt(n))
         row |= {"mean_low": mean - half, "mean_high": mean + half}
     return row | {"median": median, "median_low": low, "median_high": high, "less_b": float((gap < 0).mean())}
 

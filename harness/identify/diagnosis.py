@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from gough_stewart.harness.identify.lack_of_fit import LEVEL, LackOfFit
 from gough_stewart.harness.identify.names import unit_of
@@ -34,7 +34,7 @@ class Finding:
     @property
     def interval(self) -> FloatArray:
         """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI]."""
-        half = norm.ppf(0.975) * self.standard_errors
+        half = ndtri(0.975) * self.standard_errors
         return np.stack([self.values - half, self.values + half], axis=1)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from gough_stewart.harness.identify.diagnosis import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
@@ -77,7 +77,7 @@ class Estimate:
     @property
     def interval(self) -> FloatArray:
         """Lower and upper ends of the 95 % confidence intervals (p, 2) [SI]."""
-        half = norm.ppf((1 + CONFIDENCE) / 2) * self.standard_errors
+        half = ndtri((1 + CONFIDENCE) / 2) * self.standard_errors
         return np.stack([self.values - half, self.values + half], axis=1)
 
     @property

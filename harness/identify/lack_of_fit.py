@@ -15,8 +15,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
+from scipy.special import chdtrc, fdtrc
 
 from gough_stewart.model.vectors import FloatArray
 
@@ -133,7 +132,7 @@ def _p_values(found: Projection, names: list[str], z: FloatArray, variance: Floa
     for name in names:
         basis = found.tested[name]
         q = basis.shape[1]
-        columns.append(f_distribution.sf(((z @ basis) ** 2).sum(axis=1) / q / variance, q, found.freedom))
+        columns.append(fdtrc(q, found.freedom, ((z @ basis) ** 2).sum(axis=1) / q / variance))
     return np.stack(columns, axis=1) if columns else np.empty((len(z), 0))
 
 
@@ -163,7 +162,7 @@ def beyond(found: Projection, columns: FloatArray, known: FloatArray) -> float:
     X = columns - known @ (known.T @ columns)
     B = basis_of(X, np.linalg.norm(columns, axis=0))
     q = B.shape[1]
-    return float(f_distribution.sf(((B.T @ z) ** 2).sum() / q, q, found.freedom)) if q else 1.0
+    return float(fdtrc(q, found.freedom, ((B.T @ z) ** 2).sum() / q)) if q else 1.0
 
 
 def whiteness(residuals: FloatArray, used: FloatArray, lags: int = 10) -> FloatArray:
@@ -180,4 +179,4 @@ def whiteness(residuals: FloatArray, used: FloatArray, lags: int = 10) -> FloatA
         for lag in range(1, lags + 1):
             pairs = (used[lag:] * used[:-lag]).sum(axis=0)
             Q += np.where(pairs > 0, ((r[lag:] * r[:-lag]).sum(axis=0) / power) ** 2 / np.maximum(pairs, 1), 0.0)
-    return np.asarray(np.where(power > 0, chi2.sf(Q, lags), 1.0))
+    return np.asarray(np.where(power > 0, chdtrc(lags, Q), 1.0))
