@@ -147,12 +147,12 @@ class Drives(Fold):
         self.metrics = (*self.without_limits, *of_limits)
 
     def start(self, members: int) -> State:
-        """Sums, peaks of squares of velocity, force and power, and the rows at which they first exceed a limit."""
+        """Sums, and F² of a single row; peaks of squares of velocity, force, power; rows at which they first exceed."""
 
         def zeros(*size: int) -> FloatArray:
             return np.zeros((*size, members))
 
-        sums = {name: zeros(6) for name in ("total", "last", "net", "absolute")}
+        sums = {name: zeros(6) for name in ("total", "only", "net", "absolute")}
         return {**sums, "peak": zeros(3, 6), "first": np.full((3, 6, members), np.inf)}
 
     def rows(self, state: State, block: Block) -> None:
@@ -170,7 +170,8 @@ class Drives(Fold):
                 at = np.where(beyond.any(axis=0), begin + beyond.argmax(axis=0), np.inf)
                 np.minimum(state["first"][k], at, out=state["first"][k])
             np.maximum(state["peak"][k], peak, out=state["peak"][k])
-        state["last"][...] = of_force[-1]
+        if not block.first:
+            state["only"][...] = of_force[0]
         add_rows(state["total"], of_force[:-1])
         work = np.subtract(length[1:], length[:-1], out=of_velocity[:-1])
         work *= force[:-1]
@@ -181,7 +182,7 @@ class Drives(Fold):
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`force`, `power`, `energy`, `limits`."""
         some, duration = rows > 0, _duration(self._time, rows)
-        mean_square = np.where(rows > 1, state["total"], state["last"]) / np.maximum(rows - 1, 1)
+        mean_square = np.where(rows > 1, state["total"], state["only"]) / np.maximum(rows - 1, 1)
         velocity, force, power = np.sqrt(state["peak"])
         net, absolute = state["net"], state["absolute"]
         mean = np.where(duration > 0, net / duration, np.nan)
@@ -207,19 +208,19 @@ class Saturation(Fold):
         )
 
     def start(self, members: int) -> State:
-        """Counts of rows by leg and, last, for any leg; and the flags of the last row."""
-        return {"count": np.zeros((7, members)), "last": np.zeros((6, members), dtype=bool)}
+        """Counts of rows by leg and, last, for any leg: of all but the last, and of a single one."""
+        return {"count": np.zeros((7, members)), "only": np.zeros((7, members))}
 
     def rows(self, state: State, block: Block) -> None:
         """Count the rows, each when it is no longer the last one."""
         flags = block.linked(self.needs[0])
         _count(state["count"], flags[:-1])
-        state["last"][...] = flags[-1]
+        if not block.first:
+            _count(state["only"], flags[:1])
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Shares of the rows but the last, or of a single one."""
-        last = np.concatenate([state["last"], state["last"].any(axis=0, keepdims=True)])
-        shares = _defined(rows > 0, np.where(rows > 1, state["count"], last) / np.maximum(rows - 1, 1))
+        shares = _defined(rows > 0, np.where(rows > 1, state["count"], state["only"]) / np.maximum(rows - 1, 1))
         return _named(self.metrics, (shares[:6], shares[6]))
 
 

@@ -124,8 +124,8 @@ def _folded(record: RecordData, folds: Sequence[Fold]) -> dict[str, FloatArray]:
 
 
 def _column(record: RecordData, name: str) -> NDArray[Any]:
-    """A column (n, size, 1), row by row in memory, so that sums take rows in the order of a run."""
-    values = np.ascontiguousarray(record[name])[:, :, None]
+    """A column (n, size, 1)."""
+    values = record[name][:, :, None]
     return values.astype(bool) if name.startswith("flag.") else values
 
 

@@ -271,6 +271,19 @@ def test_without_a_reference_there_is_neither_tracking_nor_a_step() -> None:
     assert flattened(metrics(record)) == {name: value[0] for name, value in expected.items()}
 
 
+def test_of_a_single_row_the_force_and_flags_count() -> None:
+    """Expected: |F|, and the legs whose flags are set, by hand; of two rows, those of the first."""
+    one, two = noise(12, 1, np.random.default_rng(3)), noise(12, 2, np.random.default_rng(4))
+    flags = np.array([[0, 1, 0, 0, 1, 0], [1, 1, 1, 1, 1, 1]], dtype=bool)
+    members = [replace(each, force_limited=flags, rate_limited=~flags) for each in (one, two)]
+    loop = Loop(Timing(11e-3, 1e-3, 1e-3), None, np.zeros((11, 6)), np.zeros(6))
+    rows = seen_again(loop, {}, members)
+    assert rows["force.rms"] == pytest.approx([np.abs(each.forces[0]).max() for each in members])
+    assert rows["saturation.force_limited.legs"].tolist() == rows["saturation.rate_limited.any"].tolist() == [1.0, 1.0]
+    only = replace(members[0], force_limited=flags[:1] * 0, rate_limited=flags[:1] * 0)
+    assert seen_again(loop, {}, [only])["saturation.force_limited.any"].tolist() == [0.0]
+
+
 LACKING = [(), ("leg_length_min",), ("leg_length_max",), ("leg_length_min", "leg_length_max", "leg_velocity_max")]
 
 
