@@ -22,7 +22,7 @@ from gough_stewart.harness.export.faults import SafeForce, faults_of
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.stability import MemberProgress, judged, output_delay_of
+from gough_stewart.harness.export.stability import MemberProgress, output_delay_of, stability_of
 from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.progress import StepProgress
@@ -134,7 +134,7 @@ def export(
     report = progress or (lambda _text: None)
     prepared = prepare(chosen, controller)
     law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared)
-    found = judged(chosen, prepared, requested, progress=judging)
+    found = stability_of(chosen, prepared, requested, progress=judging)
     refused = refusal(chosen, found.items())
     if refused is not None and not anyway:
         raise refused

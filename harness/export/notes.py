@@ -9,7 +9,14 @@ from gough_stewart.harness.control.margins import Margins
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.left_out import left_out
-from gough_stewart.harness.export.stability import NO_FEEDBACK, Case, Host, Judged, Judgement, output_delay_of
+from gough_stewart.harness.export.stability import (
+    NO_FEEDBACK,
+    Case,
+    Host,
+    LoopStability,
+    StabilityReport,
+    output_delay_of,
+)
 
 NAMES: dict[Host, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit"}
 _HOLDS: dict[Host, str] = {
@@ -28,7 +35,7 @@ class Notes:
     verdicts: tuple[str, ...]  # on each loop, in one line
 
 
-def notes_of(experiment: Experiment, host: Host, found: Judged) -> Notes:
+def notes_of(experiment: Experiment, host: Host, found: StabilityReport) -> Notes:
     """The notes of a form of an experiment, as judged."""
     delay, changed = _delay(experiment, host), _changed_delay(experiment, host)
     missing = [] if host == "run" else left_out(experiment, host)
@@ -52,7 +59,7 @@ def notes_of(experiment: Experiment, host: Host, found: Judged) -> Notes:
     return Notes(tuple(inside), tuple(warnings), tuple(map(_in_short, found.loops)))
 
 
-def refusal(experiment: Experiment, judged: Iterable[tuple[Host, Judged]]) -> UnstableLoopError | None:
+def refusal(experiment: Experiment, judged: Iterable[tuple[Host, StabilityReport]]) -> UnstableLoopError | None:
     """The error for forms of which one loop or more is unstable."""
     loops = [(host, loop) for host, found in judged for loop in found.unstable]
     if not loops:
@@ -64,7 +71,7 @@ def refusal(experiment: Experiment, judged: Iterable[tuple[Host, Judged]]) -> Un
     return UnstableLoopError(f"{experiment.where}: {'; '.join(parts)}", loops[0][1].worst_of_all.eigenvalue)
 
 
-def complaint(loop: Judgement) -> str:
+def complaint(loop: LoopStability) -> str:
     """What is unstable: where, by how much, for which machine."""
     worst = loop.worst_of_all
     text = (
@@ -103,7 +110,7 @@ def _changed_delay(experiment: Experiment, host: Host) -> str:
     return "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
 
 
-def _stability(experiment: Experiment, host: Host, found: Judged) -> list[str]:
+def _stability(experiment: Experiment, host: Host, found: StabilityReport) -> list[str]:
     if not found.loops:
         return [f"Stability: not judged, since {found.reason}."]
     return [
@@ -124,7 +131,7 @@ def _slower(experiment: Experiment, host: Host) -> list[str]:
     return [f"with {' and '.join(late)} the machine's loop around the {NAMES[host]} is later than was judged"]
 
 
-def _verdict(loop: Judgement) -> str:
+def _verdict(loop: LoopStability) -> str:
     verdict = "stable" if loop.is_stable else f"UNSTABLE, and exported anyway: {complaint(loop)}"
     parts = [f"{loop.nominal.what} {_size(loop.nominal)}"]
     if loop.poses > 1:
@@ -138,7 +145,7 @@ def _verdict(loop: Judgement) -> str:
     return f"Stability {loop.surroundings.where}{_circumstances(loop.nominal)}: {verdict}; {'; '.join(parts)}."
 
 
-def _margins(loop: Judgement) -> list[str]:
+def _margins(loop: LoopStability) -> list[str]:
     found = [] if loop.margins is None else [(loop.nominal, loop.margins)]
     found += [] if loop.margins_of_worst is None else [loop.margins_of_worst]
     return [f"Margins of {case.what}{_circumstances(case)}: {_in_words(margins)}." for case, margins in found]
@@ -155,7 +162,7 @@ def _in_words(margins: Margins) -> str:
     )
 
 
-def _in_short(loop: Judgement) -> str:
+def _in_short(loop: LoopStability) -> str:
     worst, margins = loop.worst_of_all, [loop.margins, loop.margins_of_worst and loop.margins_of_worst[1]]
     alpha = min((each.disk.alpha for each in margins if each is not None), default=None)
     known = "" if alpha is None else f", disk margin {alpha:.3g}"

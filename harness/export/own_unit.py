@@ -12,7 +12,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.stability import judged
+from gough_stewart.harness.export.stability import stability_of
 from gough_stewart.model.progress import StepProgress
 
 
@@ -50,7 +50,7 @@ def exported_controller(
     law = designed(experiment, prepared=prepared)
     # a run with a unit has the experiment's own machine, and no member of its ensemble
     alone = experiment.model_copy(update={"ensemble": None})
-    found = judged(alone, prepared, ("run",), margins=False)
+    found = stability_of(alone, prepared, ("run",), margins=False)
     refused = refusal(experiment, found.items())
     if refused is not None and not anyway:
         raise refused

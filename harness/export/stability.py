@@ -45,7 +45,7 @@ _SEEN = (("plant",), ("platform",), ("loop", "delay"), ("actuators", "lag"))
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class LoopAround:
     """The loop around an exported controller: how late its forces act there."""
 
     where: str
@@ -67,16 +67,16 @@ def output_delay_of(experiment: Experiment) -> int:
     return max(1, experiment.loop.delay)
 
 
-def surroundings_of(host: Host, experiment: Experiment) -> tuple[Surroundings, ...]:
+def loops_around(host: Host, experiment: Experiment) -> tuple[LoopAround, ...]:
     """The loops that a form is made for; an FMU may meet a machine with its own delay, or a plant directly."""
     if host == "ssp":
-        return (Surroundings("in the SSP", 1, output_delay_of(experiment), has_drives=False),)
+        return (LoopAround("in the SSP", 1, output_delay_of(experiment), has_drives=False),)
     if host in ("c", "run"):
         where = "in C" if host == "c" else "with the unit in the run"
-        return (Surroundings(where, 0 if host == "c" else 1, None, has_drives=True),)
+        return (LoopAround(where, 0 if host == "c" else 1, None, has_drives=True),)
     found = (
-        Surroundings("with the FMU", 1, None, has_drives=True),
-        Surroundings("with the FMU directly at a plant", 1, 1, has_drives=False),
+        LoopAround("with the FMU", 1, None, has_drives=True),
+        LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False),
     )
     loops = {(each.delay(experiment), each.lag(experiment)) for each in found}
     return found if len(loops) > 1 else found[:1]
@@ -103,10 +103,10 @@ class Case(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Judgement:
+class LoopStability:
     """The loop of an exported controller in its surroundings."""
 
-    surroundings: Surroundings
+    surroundings: LoopAround
     nominal: Case
     poses: int  # judged along the motion
     on_the_way: Case  # the worst of them
@@ -132,26 +132,26 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Judged:
+class StabilityReport:
     """What is known about the loops of an exported controller."""
 
-    loops: tuple[Judgement, ...] = ()
+    loops: tuple[LoopStability, ...] = ()
     reason: str = ""  # why none was judged
 
     @property
-    def unstable(self) -> tuple[Judgement, ...]:
+    def unstable(self) -> tuple[LoopStability, ...]:
         """The loops that are unstable."""
         return tuple(each for each in self.loops if not each.is_stable)
 
 
-def judged(
+def stability_of(
     experiment: Experiment,
     prepared: Prepared,
     hosts: Iterable[Host],
     *,
     margins: bool = True,
     progress: MemberProgress | None = None,
-) -> dict[Host, Judged]:
+) -> dict[Host, StabilityReport]:
     """The loops that the controller of a prepared experiment will run in, as C, FMU or SSP.
 
     Parameters
@@ -172,14 +172,14 @@ def judged(
     if not isinstance(controller, LinearController):
         kind = "an FMU" if isinstance(controller, UnitController) else "a function"
         reason = NO_FEEDBACK if controller is None else f"{kind} has no linear form"
-        return dict.fromkeys(hosts, Judged(reason=reason))
+        return dict.fromkeys(hosts, StabilityReport(reason=reason))
     loops = _Loops(prepared, controller)
-    around = {host: surroundings_of(host, experiment) for host in hosts}
+    around = {host: loops_around(host, experiment) for host in hosts}
     try:
-        own = {s: _OfNominal(loops, experiment, s) for found in around.values() for s in found}
+        own = {s: _NominalCases(loops, experiment, s) for found in around.values() for s in found}
     except ControllerError as error:
-        return dict.fromkeys(hosts, Judged(reason=str(error)))
-    members = {s: _OfMembers() for s in own}
+        return dict.fromkeys(hosts, StabilityReport(reason=str(error)))
+    members = {s: _MemberCases() for s in own}
     for done, of_all, member, each in _members_of(experiment):
         # what surroundings have in common is judged once
         cases: dict[tuple[int, float], _Member | None] = {}
@@ -195,16 +195,16 @@ def judged(
         if progress is not None:
             progress(done, of_all)
     return {
-        host: Judged(tuple(_judgement(loops, s, own[s], members[s], margins=margins) for s in found))
+        host: StabilityReport(tuple(_stability_of_loop(loops, s, own[s], members[s], margins=margins) for s in found))
         for host, found in around.items()
     }
 
 
-def _judgement(
-    loops: "_Loops", surroundings: Surroundings, nominal: "_OfNominal", members: "_OfMembers", *, margins: bool
-) -> Judgement:
+def _stability_of_loop(
+    loops: "_Loops", surroundings: LoopAround, nominal: "_NominalCases", members: "_MemberCases", *, margins: bool
+) -> LoopStability:
     at = nominal.at
-    return Judgement(
+    return LoopStability(
         surroundings=surroundings,
         nominal=nominal.first,
         poses=len(loops.poses),
@@ -288,10 +288,10 @@ class _Loops:
                 yield change.time, machine
 
 
-class _OfNominal:
+class _NominalCases:
     """The cases of the experiment's own machine."""
 
-    def __init__(self, loops: _Loops, experiment: Experiment, around: Surroundings) -> None:
+    def __init__(self, loops: _Loops, experiment: Experiment, around: LoopAround) -> None:
         self.at = delay, lag = around.delay(experiment), around.lag(experiment)
         self._loops, self._delay_of_experiment = loops, experiment.loop.delay
         machine = loops.machine
@@ -326,7 +326,7 @@ class _Member(NamedTuple):
     peak: float  # of σ(S − T) on a coarse grid of frequencies
 
 
-class _OfMembers:
+class _MemberCases:
     """The loops of all members so far: how many, and those that look the least robust."""
 
     def __init__(self) -> None:

@@ -112,7 +112,7 @@ def with_all(
     nominal: FloatArray,
     scale: FloatArray,
     not_excited: Sequence[str],
-    pull: FloatArray,
+    bias: FloatArray,
 ) -> Estimate:
     """The estimate of all these elements, without a number for those that are not excited, or were not fitted.
 
@@ -122,7 +122,7 @@ def with_all(
     ----------
     nominal, scale
         Of all elements (p,) [SI].
-    pull
+    bias
         Expected errors (p,) [SI] by noise in the regressor; their squares are added to the variances.
     """
     at = [names.index(name) for name in estimate.names]
@@ -137,7 +137,7 @@ def with_all(
         estimate.covariance,
         estimate.directions,
     )
-    covariance += np.outer(pull, pull)
+    covariance += np.outer(bias, bias)
     unknown = [k for k, name in enumerate(names) if name in not_excited]
     values[unknown] = np.nan
     for k in (*unknown, *(names.index(name) for name in estimate.at_bound)):

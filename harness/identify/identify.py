@@ -150,12 +150,12 @@ def _of_determined(
         unknown |= set(now.not_excited)
         if set(now.held) <= held:
             break
-    pull = np.zeros(len(names))
-    pull[at] = now.pull * scale[at]
+    bias = np.zeros(len(names))
+    bias[at] = now.bias * scale[at]
     lacking = [name for name in names if name in unknown]
     if len(lacking) == len(names):
         raise _not_excited(names)
-    fit = with_all(fit, names, nominal, scale, lacking, pull)
+    fit = with_all(fit, names, nominal, scale, lacking, bias)
     if lacking:
         note = (
             f"not excited by this motion, so without a number: {', '.join(lacking)}. A motion that excites them is "

@@ -40,7 +40,7 @@ _OF_CUTOFF = 1 / 8
 _EDGE = 0.15
 # A parameter is not excited if its standard error from the motion alone exceeds this share of its scale, or if noise of
 # lengths pulls it by more than the other share.
-_LARGEST_ERROR, _LARGEST_PULL = 0.5, 0.05
+_LARGEST_ERROR, _LARGEST_BIAS = 0.5, 0.05
 # Forces are never known better than this share of their changes, even if they seem to have no noise.
 _BEST_FORCE = 1e-3
 # Smaller singular values are rounding errors.
@@ -61,7 +61,7 @@ class Identifiability(NamedTuple):
     """How well a motion determines elements."""
 
     errors: FloatArray  # (p,) standard errors in units of the scale; infinite if nothing depends on it
-    pull: FloatArray  # (p,) expected error by noise of the lengths in the regressor, in units of the scale
+    bias: FloatArray  # (p,) expected error by noise of the lengths in the regressor, in units of the scale
     not_excited: tuple[str, ...]  # elements that get no number
     held: tuple[str, ...]  # of these, the ones that stay at nominal in the fit, so that the others can follow the log
 
@@ -135,8 +135,8 @@ def identifiability(
     errors = _errors(R)
     # (Iₘ + Iₙ)⁻¹ Nᵀ (Wₙ φ): noise makes forces that are not there
     inverse = np.linalg.pinv(D.T @ D + N.T @ N, hermitian=True)
-    pull = inverse @ (N.T @ (rows.noise @ linear_parameters(elements)).ravel())
-    weak = (errors > _LARGEST_ERROR) | (np.abs(pull) > _LARGEST_PULL)
+    bias = inverse @ (N.T @ (rows.noise @ linear_parameters(elements)).ravel())
+    weak = (errors > _LARGEST_ERROR) | (np.abs(bias) > _LARGEST_BIAS)
     left = list(range(len(names)))
     # centres of mass are held first: inertias then take what the log knows of both, and need not be those of a body
     while left and (now := _errors(R[:, left])).max() > _LARGEST_ERROR:
@@ -144,7 +144,7 @@ def identifiability(
         left.remove(max(candidates, key=lambda k: (names[k] in COM, errors[k])))
     return Identifiability(
         errors,
-        -pull,
+        -bias,
         tuple(name for name, is_weak in zip(names, weak, strict=True) if is_weak),
         tuple(name for k, name in enumerate(names) if k not in left),
     )

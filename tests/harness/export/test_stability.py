@@ -28,7 +28,7 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.notes import notes_of
-from gough_stewart.harness.export.stability import Case, Host, Judgement, _Member, _OfMembers, judged
+from gough_stewart.harness.export.stability import Case, Host, LoopStability, _Member, _MemberCases, stability_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces
@@ -82,9 +82,9 @@ def radius(prepared: Prepared, delay: int, lag: float = 0.0, machine: Platform |
     return float(np.abs(np.linalg.eigvals(whole)).max())
 
 
-def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple[Judgement, ...]:
+def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple[LoopStability, ...]:
     experiment = experiment_of(name, settings)
-    return judged(experiment, prepare(experiment), (host,), margins=False, **options)[host].loops
+    return stability_of(experiment, prepare(experiment), (host,), margins=False, **options)[host].loops
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_a_machine_that_is_not_what_is_believed_is_the_one_that_is_judged(space:
         actuators={"lag": 0.003},
     )
     prepared = prepare(experiment)
-    found = judged(experiment, prepared, HOSTS, margins=False)
+    found = stability_of(experiment, prepared, HOSTS, margins=False)
     loops = [(loop.nominal.delay, loop.nominal.lag, loop.nominal.size) for host in HOSTS for loop in found[host].loops]
     # a delay of two samples: the C and the FMU in the experiment's loop, the FMU alone, and the SSP without drives
     expected = [(2, 0.003), (2, 0.003), (1, 0.0), (2, 0.0)]
@@ -209,7 +209,7 @@ def test_margins_are_those_of_the_nominal_machine_and_of_the_member_with_the_sma
     settings = {"controller.bandwidth": 2.5, "loop.delay": 1, "ensemble.platform_mass": {"grid": masses}}
     experiment = experiment_of("circle", settings)
     prepared = prepare(experiment)
-    (loop,) = judged(experiment, prepared, ("ssp",))["ssp"].loops
+    (loop,) = stability_of(experiment, prepared, ("ssp",))["ssp"].loops
     motion, linear = prepared.motion, prepared.controller
     assert motion is not None
     assert isinstance(linear, LinearController)
@@ -385,7 +385,7 @@ def test_what_was_not_judged_is_said() -> None:
         "ensemble.platform_mass": {"grid": [900.0, -5.0, 800.0, -1.0]},
     }
     experiment = experiment_of("heave_step", settings)
-    found = judged(experiment, prepare(experiment), HOSTS, margins=False)
+    found = stability_of(experiment, prepare(experiment), HOSTS, margins=False)
     for host in HOSTS:
         (loop,) = found[host].loops
         assert (loop.members, loop.impossible) == (2, 2)
@@ -418,7 +418,7 @@ def test_the_member_with_the_smallest_margins_is_found_by_any_sign_of_it() -> No
     signs = {"|z|": (0.99, 0.5, 1.0), "damping": (0.9, 0.1, 1.0), "peak": (0.9, 0.5, 9.0), "none": (0.8, 0.6, 0.5)}
     for worst in ("|z|", "damping", "peak"):
         for order in itertools.permutations(signs):
-            members = _OfMembers()
+            members = _MemberCases()
             for name in order:
                 size, damping_ratio, peak = signs[name]
                 machine: Any = SimpleNamespace(alpha=0.1 if name == worst else 0.5)

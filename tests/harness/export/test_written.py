@@ -17,7 +17,7 @@ from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.deviation import deviation_of
 from gough_stewart.harness.export.faults import faults_of
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.stability import Case, Host, Judged, Judgement, Surroundings
+from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
 from gough_stewart.harness.export.system_structure import parameter_values, system_structure
 from gough_stewart.model import interface
 from tests.harness.export.test_controllers import CIRCLE, KD, KP, PD, PID, SINE
@@ -304,9 +304,9 @@ def _case(what: str, size: float, delay: int = 2, lag: float = 0.0, frequency: f
     return Case(what, delay, lag, complex(-0.6 * size, 0.8 * size), frequency)
 
 
-def _judgement(where: str, size: float = 0.91, **changes: Any) -> Judgement:
+def _loop(where: str, size: float = 0.91, **changes: Any) -> LoopStability:
     values: dict[str, Any] = {
-        "surroundings": Surroundings(where, 0, None, has_drives=True),
+        "surroundings": LoopAround(where, 0, None, has_drives=True),
         "nominal": _case("the nominal machine in its first pose", size, lag=0.003),
         "poses": 25,
         "on_the_way": _case("the nominal machine in its pose at 0.7 s", 0.93, frequency=14.0),
@@ -319,13 +319,13 @@ def _judgement(where: str, size: float = 0.91, **changes: Any) -> Judgement:
         "margins_of_worst": (_case("member 4", 0.96, delay=1), _margins(0.5)),
         "remedy": "",
     }
-    return Judgement(**values | changes)
+    return LoopStability(**values | changes)
 
 
 def test_notes_say_all_that_was_judged() -> None:
     """Expected: the whole text by hand, from made-up numbers of which no two are alike."""
     experiment = experiment_of("heave_step", {"loop.delay": 2, "loop.jitter": 1e-4, "sensors.quantisation": {}})
-    notes = notes_of(experiment, "c", Judged((_judgement("in C"),)))
+    notes = notes_of(experiment, "c", StabilityReport((_loop("in C"),)))
     later = "with loop.jitter the machine's loop around the C is later than was judged"
     margins = "gains × 0.4 to 2.2, phases ± 34.4°; one leg at a time gain × 0.4 to 2.5, phase 40.1°, delay 2.5 ms."
     assert notes.inside == (
@@ -384,7 +384,7 @@ DELAYS: dict[tuple[Host, int], str] = {
 @pytest.mark.parametrize(("host", "delay"), DELAYS)
 def test_notes_say_what_delay_a_form_has(host: Host, delay: int) -> None:
     experiment = experiment_of("heave_step", {"loop.delay": delay, "sensors.quantisation": {}})
-    notes = notes_of(experiment, host, Judged(reason="there is no feedback"))
+    notes = notes_of(experiment, host, StabilityReport(reason="there is no feedback"))
     steps = " This holds for communication steps of a sample or less; longer ones add delay."
     assert notes.inside == (
         f"Delay: {DELAYS[host, delay]}{steps}",
@@ -399,10 +399,17 @@ def test_notes_say_what_delay_a_form_has(host: Host, delay: int) -> None:
 def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
     """Expected: every loop once, the remedies after them, and the eigenvalue of the first loop."""
     experiment = experiment_of("heave_step")
-    first = _judgement("in C", 1.25, remedy="halve the gains", unstable=2)
-    second = _judgement("in the SSP", worst=_case("member 8", 1.5, frequency=21.0), unstable=1, remedy="", margins=None)
-    third = _judgement("with the FMU")
-    error = refusal(experiment, [("c", Judged((first,))), ("fmu", Judged((third,))), ("ssp", Judged((second, third)))])
+    first = _loop("in C", 1.25, remedy="halve the gains", unstable=2)
+    second = _loop("in the SSP", worst=_case("member 8", 1.5, frequency=21.0), unstable=1, remedy="", margins=None)
+    third = _loop("with the FMU")
+    error = refusal(
+        experiment,
+        [
+            ("c", StabilityReport((first,))),
+            ("fmu", StabilityReport((third,))),
+            ("ssp", StabilityReport((second, third))),
+        ],
+    )
     assert isinstance(error, UnstableLoopError)
     assert str(error) == (
         "experiment 'heave_step': in C the closed loop is unstable with a delay of 2 samples and a lag of 3 ms: |z| "
@@ -413,10 +420,10 @@ def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
         "members are unstable); halve the gains; --anyway (anyway=True) exports it, with a note inside"
     )
     assert error.eigenvalue == pytest.approx(complex(-0.75, 1.0))
-    in_a_run = refusal(experiment, [("run", Judged((first,)))])
+    in_a_run = refusal(experiment, [("run", StabilityReport((first,)))])
     assert str(in_a_run).endswith("; halve the gains; --anyway runs it")
-    assert refusal(experiment, [("c", Judged((third,)))]) is None
-    notes = notes_of(experiment, "ssp", Judged((second,)))
+    assert refusal(experiment, [("c", StabilityReport((third,)))]) is None
+    notes = notes_of(experiment, "ssp", StabilityReport((second,)))
     assert notes.inside[1].startswith(
         "Stability in the SSP with a delay of 2 samples and a lag of 3 ms: UNSTABLE, and exported anyway: in the SSP "
         "the"
@@ -425,7 +432,7 @@ def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
     assert notes.verdicts[0].startswith(
         "UNSTABLE in the SSP with a delay of 2 samples: |z| = 1.5 (member 8), disk margin 0.5"
     )
-    assert notes_of(experiment, "run", Judged((first,))).warnings[-1].startswith("run anyway: in C the closed")
+    assert notes_of(experiment, "run", StabilityReport((first,))).warnings[-1].startswith("run anyway: in C the closed")
 
 
 # --- SSP -------------------------------------------------------------------------------------------------------------
