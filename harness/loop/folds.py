@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # Rows times members in a block. Fewer cost calls, more no longer fit into the processor's cache.
 _SIZE = 8192
-FORCE, LIMITED = "actuator_force", ("flag.force_limited", "flag.rate_limited")
+FORCES, LIMITED = "actuator_force", ("flag.force_limited", "flag.rate_limited")
 _AT = {name: slice(int(at[0]), int(at[-1]) + 1) for name in signals.NAMES if len(at := signals.positions([name]))}
 # Signals whose errors are reference − actual, and their places among signals and references.
 ERRORS: Mapping[str, slice] = {f"error.{name}": _AT[name] for name in ("position", "orientation", "leg_length")}
@@ -134,7 +134,8 @@ class Fold(Protocol):
 def add_rows(total: FloatArray, terms: FloatArray) -> None:
     """Add terms (rows, size, N), which change, to a total (size, N): one row after the other.
 
-    NumPy adds along the first axis in this order if there are at least two columns; a single one it adds in pairs.
+    NumPy adds along the first axis in this order if there are at least two columns, as there are of any fold, since a
+    size is at least 2; a single one it adds in pairs.
     """
     if len(terms):
         terms[0] += total
@@ -229,7 +230,7 @@ class RowsInBlocks(Observer):
         self._limited = np.zeros((2, size + 1, 6, members), dtype=bool)
         self._columns = {
             **{name: self._signals[:, _AT[name]] for name in signals.NAMES},
-            FORCE: self._forces,
+            FORCES: self._forces,
             **dict(zip(LIMITED, self._limited, strict=True)),
         }
         self._scratch = Scratch()

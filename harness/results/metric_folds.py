@@ -4,14 +4,13 @@ The same folds give the metrics of a record, of a run, and of thousands of membe
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.folds import FORCE as FORCES
-from gough_stewart.harness.loop.folds import Block, Fold, State, add_rows
-from gough_stewart.harness.loop.loop import Limits, stroke_of
+from gough_stewart.harness.loop.folds import FORCES, Block, Fold, State, add_rows
+from gough_stewart.harness.loop.loop import Limits, Loop, stroke_of
 from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit, limited_quantities
 from gough_stewart.harness.results.metric import (
     ANGLE,
@@ -29,23 +28,17 @@ from gough_stewart.harness.results.metric import (
 from gough_stewart.harness.results.step_fold import STEP_METRICS, Steps
 from gough_stewart.model.vectors import FloatArray
 
-if TYPE_CHECKING:
-    from gough_stewart.harness.loop.loop import Loop
-
-
 STROKE_EXCEEDED = "flag.stroke_exceeded"
 
 
 class Rows(Fold):
-    """How much of the run the metrics cover."""
+    """How much of the run the metrics cover: rows count as long as what they need is finite."""
 
+    needs = ("position", "orientation", "leg_length", "leg_velocity", FORCES)
     metrics = (
         Metric("rows", "rows", NUMBER, "number of rows that the metrics cover", None, False),
         Metric("duration", "duration", TIME, "time that the metrics cover", None, False),
     )
-
-    # a row counts as long as these are finite
-    needs = ("position", "orientation", "leg_length", "leg_velocity", FORCES)
 
     def __init__(self, time: FloatArray) -> None:
         self._time = time
@@ -359,7 +352,7 @@ def metric_folds(
     return [rows, *(fold for fold in folds if all(map(has, fold.needs)) and is_wanted(fold))]
 
 
-def folds_of_loop(loop: "Loop", limits: Mapping[str, Any], wanted: Collection[str] | None = None) -> list[Fold]:
+def folds_of_loop(loop: Loop, limits: Mapping[str, Any], wanted: Collection[str] | None = None) -> list[Fold]:
     """The metrics of the members of a loop, all or those that are wanted; limits as of `metric_folds`."""
     return metric_folds(loop.timing.times, loop.reference, limits, wanted=wanted)
 

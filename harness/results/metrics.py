@@ -87,7 +87,7 @@ def metrics(record: RecordData) -> Metrics:
     names = ("tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
     found |= {"rows": n, "duration": parts.get("duration"), **{name: parts.get(name) for name in names}}
     found["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()] if knows_steps else None
-    if n:
+    if found["stroke"]:
         found["stroke"].setdefault("exceeded", None)
     return Metrics(found)
 

@@ -65,10 +65,9 @@ def _legs(metrics: dict[str, Any]) -> Sheet:
         row("peak error", "mm", [None if e is None else 1e3 * e for e in error["peak"]])
     row("shortest", "m", stroke["shortest"])
     row("longest", "m", stroke["longest"])
-    row("peak force", "N", metrics["force"]["peak"])
-    row("RMS force", "N", metrics["force"]["rms"])
-    row("peak power", "W", metrics["power"]["peak"])
-    row("mean power", "W", metrics["power"]["mean"])
+    for part, name in (("force", "peak"), ("force", "rms"), ("power", "peak"), ("power", "mean")):
+        shown = shown_metric(f"{part}.{name}")
+        row(shown.text, shown.unit, metrics[part][name])
     row("net work", "J", energy["net"], number_text(energy["net_total"]))
     row("work, absolute", "J", energy["absolute"], number_text(energy["absolute_total"]))
     for name, part in (metrics["limits"] or {}).items():
