@@ -212,7 +212,7 @@ class RowsInBlocks(Observer):
     folds
         What is kept.
     members
-        Number of members; 1 for a loop without leading axes.
+        Their number.
     """
 
     def __init__(self, loop: "Loop", folds: Sequence[Fold], members: int = 1) -> None:
@@ -246,14 +246,11 @@ class RowsInBlocks(Observer):
             self._n_running = running
         self._filled += 1
         k = self._filled
-        # (size, N), or (size, 1) for a loop without leading axes
-        now, inputs, forced, held_back = (
-            each.T if each.ndim > 1 else each[:, None]
-            for each in (row.signals, row.inputs, row.force_limited, row.rate_limited)
-        )
+        now = row.signals.T
         for part in self._copied:
             self._signals[k, part] = now[part]
-        self._forces[k], self._limited[0, k], self._limited[1, k] = inputs[:6], forced, held_back
+        self._forces[k] = row.inputs.T[:6]
+        self._limited[0, k], self._limited[1, k] = row.force_limited.T, row.rate_limited.T
         if k == self._most:
             self._pass_on()
 

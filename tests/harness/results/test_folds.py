@@ -56,14 +56,14 @@ class Member:
 
 
 def seen_again(
-    loop: Loop, limits: dict[str, Any], members: list[Member], is_one: bool = False, names: list[str] | None = None
+    loop: Loop, limits: dict[str, Any], members: list[Member], names: list[str] | None = None
 ) -> dict[str, FloatArray]:
     """The metrics of members side by side; those that have ended stay as they are, as a loop has it."""
     rows = RowsInBlocks(loop, folds_of_loop(loop, limits, names), len(members))
     n = max(len(member.signals) for member in members)
 
     def together(values: list[FloatArray]) -> Any:
-        return values[0] if is_one else np.stack(values, axis=1).T
+        return np.stack(values, axis=1).T
 
     for k in range(n):
         at = [min(k, len(member.signals) - 1) for member in members]
@@ -79,7 +79,7 @@ def seen_again(
                 np.zeros(6),
                 together([member.force_limited[i] for member, i in zip(members, at, strict=True)]),
                 together([member.rate_limited[i] for member, i in zip(members, at, strict=True)]),
-                np.asarray(running[0]) if is_one else running,
+                running,
             )
         )
     return columns_of(rows.results())
@@ -138,9 +138,9 @@ def test_members_that_end_differently_have_the_figures_of_their_records(
 
 
 def test_a_single_run_has_the_figures_of_its_record(runs: tuple[list[Member], list[Loop], dict[str, Any]]) -> None:
-    """Expected: `metrics` of the record; the loop has no leading axis."""
+    """Expected: loops over its rows; the loop's reference has no member axis."""
     members, loops, platform = runs
-    check(seen_again(loops[2], platform, members[2:3], is_one=True), members[2:3])
+    check(seen_again(loops[2], platform, members[2:3]), members[2:3])
 
 
 def noise(
@@ -304,7 +304,7 @@ def test_random_members_in_blocks_of_any_size_have_the_figures_of_their_records(
         members.append(noise(n, rows, rng, broken=broken, limits=limits))
     wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
     loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    each = [seen_again(replace(loop, reference=member.wanted), limits, [member], True) for member in members]
+    each = [seen_again(replace(loop, reference=member.wanted), limits, [member]) for member in members]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(folds, "_SIZE", size)
         found = seen_again(loop, limits, members)
@@ -359,7 +359,7 @@ def test_every_metric_of_a_run_is_declared_once_and_every_declared_one_is_there(
     assert wanted is not None
     wanted[6:, :6] = 0.5
     loop = Loop(Timing(0.04, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6))
-    found = seen_again(loop, LIMITS, members, is_one=True)
+    found = seen_again(loop, LIMITS, members)
     declared = [metric.path for metric in METRICS if not metric.path.startswith("margins.")]
     assert len(set(declared)) == len(declared)
     assert set(found) == set(declared)
