@@ -39,6 +39,7 @@ Linear model, as python-control systems
 
 Controllers
     PD, PID                   controllers of an experiment, from bandwidth or gains
+    Notch                     less gain around one frequency, in a PD or PID
     gains_from_bandwidth      gains from bandwidth and damping
     Gains                     explicit gains
     pid                       gains as a continuous python-control system

@@ -9,6 +9,7 @@ from gough_stewart.harness.control.linear import linearise as linearise
 from gough_stewart.harness.control.linear import modes as modes
 from gough_stewart.harness.control.linear import plant_system as plant_system
 from gough_stewart.harness.control.linear import trim as trim
+from gough_stewart.harness.control.notch import Notch as Notch
 from gough_stewart.harness.control.pid import Gains as Gains
 from gough_stewart.harness.control.pid import pid as pid
 from gough_stewart.harness.control.pid import sampled as sampled

@@ -28,7 +28,7 @@ NAMES = [
     "State", "Acceleration", "stack",
     "SteppingModel", "build", "VARIABLES",
     "plant_system", "linearise", "trim", "modes",
-    "PD", "PID", "gains_from_bandwidth", "Gains", "pid", "sampled", "LinearController", "Sample",
+    "PD", "PID", "Notch", "gains_from_bandwidth", "Gains", "pid", "sampled", "LinearController", "Sample",
     "Hold", "Step", "PointToPoint", "Sine", "Chirp", "Circle", "ViaPath",
     "Excitation",
     "experiment_names", "load_experiment", "Experiment", "check", "MotionCheck", "run", "margins", "LoopMargins",

@@ -12,10 +12,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.feedforward import Feedforward
 from gough_stewart.harness.control.gains import DAMPING_RATIO, gains_from_bandwidth
 from gough_stewart.harness.control.laws import Controller, LinearController, Space
 from gough_stewart.harness.control.makers import Design
+from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.pid import DerivativeOn, Gains, pid_matrices
 from gough_stewart.harness.control.python_file import controller_of_file
 from gough_stewart.harness.control.state_space import Method, discretised
@@ -128,6 +130,12 @@ class _SixChannels(ControllerChoice):
     derivative_on: DerivativeOn = "error"
     derivative_filter: PositiveTime | None = None
     discretisation: Method = "tustin"
+    notch: Notch | None = None
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links after the six channels, in the order of their fields."""
+        return tuple(each for _, each in self if isinstance(each, Link))
 
     @abstractmethod
     def gains(self, platform: Platform) -> Gains:
@@ -145,9 +153,13 @@ class _SixChannels(ControllerChoice):
         sample_time: float,
         folder: Path = Path(),  # noqa: ARG002 - there is no file
     ) -> LinearController:
-        """Discretised by `discretisation`."""
+        """Discretised by `discretisation`, followed by its links."""
         continuous = pid_matrices(self.gains(platform), self.derivative_on)
-        return LinearController(discretised(continuous, sample_time, self.discretisation), space=self.space)
+        discrete = discretised(continuous, sample_time, self.discretisation)
+        for link in self.links:
+            link.check(sample_time)
+        whole = with_links(discrete, ((type(link), link.values()) for link in self.links), sample_time)
+        return LinearController(whole, space=self.space)
 
     def _gains(
         self, platform: Platform, integral_gain: Any, integral_time: float | None, anti_windup_time: float | None
@@ -179,7 +191,7 @@ class PD(_SixChannels):
 
     `bandwidth` [Hz] and `damping_ratio`, or `proportional_gain` [N/m] and `derivative_gain` [N s/m], numbers or six of
     them; `space` "leg" or "task", `derivative_on` "error" or "measurement", `derivative_filter` [s], `discretisation`,
-    `feedforward` "none", "gravity" or "computed_torque".
+    `feedforward` "none", "gravity" or "computed_torque"; `notch`, a table, see `Notch`.
 
     Examples
     --------

@@ -217,13 +217,22 @@ def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg
 
 
 def integrating_modes(A: FloatArray) -> FloatArray:
-    """Projection (n, n) on the modes whose eigenvalue is 1, along the others."""
-    N = np.eye(len(A)) - A
-    # on the null space of N² (N alone misses double integrators) along its range
-    U, sizes, Vt = np.linalg.svd(N @ N)
-    null = sizes < _INTEGRATES
-    R, L = Vt[null].T, U[:, null]
-    return np.asarray(R @ np.linalg.solve(L.T @ R, L.T))
+    """Projection (n, n) on the modes whose eigenvalue is 1, along the others.
+
+    With the ordered Schur form A = Q [T₁ T₁₂; 0 T₂] Qᵀ it is Q [1 Y; 0 0] Qᵀ, T₁ Y − Y T₂ = T₁₂ (Golub & Van Loan,
+    Matrix Computations, 4th ed. 2013, §7.6.3). Singular values would not do: those of a stable matrix may be smaller
+    than the distance of its eigenvalues from 1 by orders of magnitude.
+    """
+    from scipy.linalg import (
+        schur,
+        solve_sylvester,
+    )  # slow to import, and rarely needed: poles are often on the diagonal
+
+    T, Q, k = schur(A, sort=lambda re, im: abs(1 - complex(re, im)) ** 2 < _INTEGRATES)
+    Y = solve_sylvester(T[:k, :k], -T[k:, k:], T[:k, k:]) if 0 < k < len(A) else np.zeros((k, len(A) - k))
+    projection = np.zeros_like(A)
+    projection[:k] = np.concatenate([np.eye(k), Y], axis=1)
+    return np.asarray(Q @ projection @ Q.T)
 
 
 def integrates(poles: FloatArray) -> NDArray[np.bool_]:

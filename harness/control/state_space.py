@@ -109,6 +109,18 @@ def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Sol
     return _by_differences(system, sample_time, 0.5 if method == "tustin" else 1.0, solve)
 
 
+def series(first: StateSpace, second: StateSpace) -> StateSpace:
+    """The output of one system as the input of another; states of the first come first. For numbers or symbols."""
+    none = np.zeros((first.nstates, second.nstates))
+    return StateSpace(
+        np.block([[first.A, none], [second.B @ first.C, second.A]]),
+        np.concatenate([first.B, second.B @ first.D]),
+        np.concatenate([second.D @ first.C, second.C], axis=1),
+        second.D @ first.D,
+        first.dt,
+    )
+
+
 def _by_differences(system: StateSpace, T: Any, alpha: float, solve: Solve) -> StateSpace:
     """x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit."""
     one = np.eye(len(system.A))

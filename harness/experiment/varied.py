@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -104,6 +104,8 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
         return _of_controller(key, name, value, rest)
     if isinstance(value, Mapping):
         return _of_mapping(key, name, value, rest)
+    if rest and (isinstance(value, Section) or (value is None and any(map(_is_section, get_args(field.annotation))))):
+        return _found(key, value, rest, f"{above}.{name}")
     if rest:
         raise ValueError(f"{above}.{name} is not a table")
     quantity = quantity_in(field.annotation, *field.metadata)
@@ -112,6 +114,10 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
     shape = (quantity.size,) if isinstance(quantity, Vector) else ()
     nominal = None if value is None or isinstance(value, str) else np.asarray(value, dtype=float)
     return Target(key, quantity.unit, shape, nominal)
+
+
+def _is_section(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Section)
 
 
 def _of_controller(key: str, name: str, table: Mapping[str, Any], rest: Sequence[str]) -> Target:

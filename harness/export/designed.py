@@ -226,9 +226,8 @@ def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
     controller = made_from(prepared.controller)
     if isinstance(chosen, PD | PID):
         gains = chosen.gains(prepared.platform)
-        return PidLaw(
-            gains, chosen.derivative_on, chosen.discretisation, chosen.space, prepared.loop.timing.sample_time
-        )
+        T = prepared.loop.timing.sample_time
+        return PidLaw(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
     if isinstance(controller, LinearController):
         controller.check_sample_time(prepared.loop.timing.sample_time)
         return MatrixLaw(controller)

@@ -1,5 +1,6 @@
 """Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
+from gough_stewart.harness.control.component import Link, Parameter, with_links
 from gough_stewart.harness.control.laws import LinearController, Space
 from gough_stewart.harness.control.linear_law import integrating_modes, rest
 from gough_stewart.harness.control.pid import (
@@ -38,8 +40,8 @@ class Linear(NamedTuple):
 
     system: StateSpace
     kinds: int  # of inputs, as of `LinearController`
-    start: Array  # (n, inputs): the steady state under constant inputs u is start @ u
-    integrating: Array  # (n, n): projection on the integrators, at zero in that state
+    start: Array  # (n, inputs): the steady state under constant inputs u is start @ u, with integrators at zero
+    integrating: Array  # (n, n): projection on the modes of the integrators
     symbols: casadi.SX  # the coefficients (k,)
     coefficients: casadi.Function | None  # settings -> coefficients
 
@@ -53,6 +55,7 @@ class PidLaw:
     discretisation: Method
     space: Space
     sample_time: float
+    links: tuple[Link, ...] = ()
 
     signals = ("leg_length",)
 
@@ -63,7 +66,8 @@ class PidLaw:
     @property
     def name(self) -> str:
         """The name for display."""
-        return f"{'PID' if self._actions.integrate.any() else 'PD'} in {self.space} space"
+        kind = "PID" if self._actions.integrate.any() else "PD"
+        return " with ".join([f"{kind} in {self.space} space", *(f"a {link.name}" for link in self.links)])
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -104,6 +108,8 @@ class PidLaw:
                     conditions=late,
                 ),
             ]
+        for link in self.links:
+            found += [_setting_of(each, getattr(link, each.key)) for each in link.parameters()]
         return tuple(found)
 
     @cached_property
@@ -120,16 +126,24 @@ class PidLaw:
 
         names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
         continuous = channel_matrices(Channels(*map(channel, names)), self.derivative_on, self._actions)
-        traced = matrices_at(continuous, symbols.elements(inputs["sample_time"]), self.discretisation, symbols.solve)
-        numeric = matrices_at(
-            channel_matrices(channels_of(self.gains), self.derivative_on, self._actions),
-            self.sample_time,
-            self.discretisation,
-        )
+        T = symbols.elements(inputs["sample_time"])
+        of_links = [
+            (type(link), {each.key: symbols.elements(inputs[each.name]) for each in link.parameters()})
+            for link in self.links
+        ]
+        traced = matrices_at(continuous, T, self.discretisation, symbols.solve)
+        traced = with_links(traced, of_links, T, symbols.solve)
+        numeric = channel_matrices(channels_of(self.gains), self.derivative_on, self._actions)
+        A = matrices_at(numeric, self.sample_time, self.discretisation).A
+        # the integrators are states whose rows are those of the unit matrix, whatever the gains; links have none
+        alone = [*(np.eye(len(A)) == A).all(axis=1), *[False] * (traced.nstates - len(A))]
         values, c, system = _coefficients(traced)
-        # integrating modes do not depend on the gains
-        integrating = np.round(integrating_modes(numeric.A))
-        start = rest(system.A, integrating, system.B, symbols.solve) if numeric.nstates else system.B
+        start = integrating = system.B
+        if traced.nstates:
+            # a mode is an integrator at 1 with what it leaves in all other states: x = A x there
+            one = np.diag(np.array(alone, dtype=float))
+            integrating = symbols.solve(np.eye(traced.nstates) - system.A + one, one)
+            start = rest(system.A, integrating, system.B, symbols.solve)
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
         return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
 
@@ -322,6 +336,17 @@ def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]
     ends = np.cumsum([b.size for b in blocks])
     A, B, C, D = (part.reshape(b.shape) for part, b in zip(np.split(flat, ends[:-1]), blocks, strict=True))
     return casadi.vertcat(*values), c, StateSpace(A, B, C, D, 1.0)
+
+
+def _setting_of(parameter: Parameter, value: float) -> Setting:
+    """A parameter of a link in C."""
+    named = {"value": f"parameters->{parameter.name}", "sample_time": "parameters->sample_time"}
+    condition = re.sub(r"\b(value|sample_time)\b", lambda found: named[found[0]], parameter.condition)
+    return setting(
+        *(parameter.name, parameter.unit, parameter.bound, parameter.description, value),
+        is_real=True,
+        conditions=(condition,) if condition else (),
+    )
 
 
 def _zero_but_where(name: str, there: NDArray[np.bool_]) -> list[str]:

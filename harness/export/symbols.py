@@ -35,12 +35,20 @@ def sparse(matrix: Array) -> casadi.SX:
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """As `numpy.linalg.solve`, for arrays (n, n) and (n,) or (n, m) of symbols."""
+    """As `numpy.linalg.solve`, for arrays (n, n) and (n,) or (n, m) of symbols; block by block where zeros allow it."""
     columns = right.reshape(len(right), -1)
     if not columns.size:
         return right
-    found = casadi.densify(casadi.solve(sparse(matrix), sparse(columns)))
-    return elements(casadi.vec(found.T)).reshape(right.shape)
+    A, b = sparse(matrix), sparse(columns)
+    # block lower triangular: rows and columns of each block, in order
+    _, rows, cols, row_ends, col_ends, _, _ = A.sparsity().btf()
+    found = casadi.SX(*b.shape)
+    for k in range(len(row_ends) - 1):
+        at_rows, at_cols = rows[row_ends[k] : row_ends[k + 1]], cols[col_ends[k] : col_ends[k + 1]]
+        known = cols[: col_ends[k]]
+        left = b[at_rows, :] - A[at_rows, known] @ found[known, :] if known else b[at_rows, :]
+        found[at_cols, :] = casadi.solve(A[at_rows, at_cols], left)
+    return elements(casadi.vec(casadi.densify(found).T)).reshape(right.shape)
 
 
 def platform_symbols() -> dict[str, casadi.SX]:

@@ -1,0 +1,214 @@
+"""The notch of `[controller.notch]` everywhere: its formula, the loop, margins, ensembles, tuning, C and FMU."""
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+import gough_stewart as gs
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control.notch import Notch
+from gough_stewart.harness.export.designed import designed
+from gough_stewart.model.vectors import FloatArray
+from tests.support.exported import (
+    TOLERANCE,
+    Exported,
+    commanded,
+    largest_difference,
+    measured_by,
+    run_in_python,
+    uneven_experiment,
+)
+from tests.support.laws import law_of
+
+T = 0.0015
+GAINS: dict[str, Any] = {
+    "proportional_gain": [2.1e5, 1.7e5, 2.6e5, 1.4e5, 3.0e5, 1.9e5],
+    "derivative_gain": [2.4e4, 1.8e4, 2.9e4, 1.5e4, 3.1e4, 2.0e4],
+    "derivative_filter": 0.004,
+}
+INTEGRAL: dict[str, Any] = {"integral_gain": [9e4, 5e4, 0.0, 7e4, 3e4, 8e4], "anti_windup_time": 0.3}
+NOTCH: dict[str, Any] = {"frequency": 41.0, "damping": 0.35, "depth": 0.15}
+KP = [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0]
+KD = [60.0, 45.0, 71.0, 52.0, 83.0, 66.0]
+KI = [900.0, 0.0, 1100.0, 700.0, 1300.0, 0.0]
+HOLD = {"type": "hold", "position": [0.05, -0.02, 2.95], "orientation": [0.02, -0.03, 0.05]}
+
+
+def biquad(frequency: float, damping: float, depth: float, step: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator in z⁻¹, by s = K (1 − z⁻¹)/(1 + z⁻¹), K = ω/tan(ω T/2), multiplied out by hand.
+
+    (s² + 2 g ω s + ω²) (1 + z⁻¹)² = (K² + 2 g ω K + ω²) + (2 ω² − 2 K²) z⁻¹ + (K² − 2 g ω K + ω²) z⁻²
+    """
+    w = 2 * np.pi * frequency
+    K = w / np.tan(w * step / 2)
+
+    def polynomial(g: float) -> FloatArray:
+        return np.array([K**2 + 2 * g * w * K + w**2, 2 * w**2 - 2 * K**2, K**2 - 2 * g * w * K + w**2])
+
+    return polynomial(depth * damping), polynomial(damping)
+
+
+@given(frequency=st.floats(0.5, 300), damping=st.floats(0.02, 3), depth=st.floats(0, 0.99), at=st.floats(0.1, 330))
+@settings(max_examples=50)
+def test_a_channel_is_the_biquad_of_its_formula(frequency: float, damping: float, depth: float, at: float) -> None:
+    """Expected: the polynomials by hand; its depth at the frequency, 1 at 0 Hz and half the sampling rate."""
+    system = Notch.channel(Notch(frequency=frequency, damping=damping, depth=depth).values(), T)
+    response = control.ss(system.A, system.B, system.C, system.D, T)
+    b, a = biquad(frequency, damping, depth, T)
+    z = np.exp(2j * np.pi * at * T)
+    assert response(z) == pytest.approx(np.polyval(b, z) / np.polyval(a, z), abs=1e-9)
+    assert abs(response(np.exp(2j * np.pi * frequency * T))) == pytest.approx(depth, abs=1e-9)
+    assert response(1.0).real == pytest.approx(1, abs=1e-9)
+    assert response(-1.0).real == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize("integral", [{}, INTEGRAL], ids=["pd", "pid"])
+def test_the_notch_filters_the_forces_of_the_controller(integral: dict[str, Any]) -> None:
+    """Expected: the same controller without it, whose forces go through SciPy's filter; from rest, other legs alike."""
+    kind: Any = gs.PID if integral else gs.PD
+    platform = gs.load_preset("liu2000")
+    plain, notched = (
+        kind(**GAINS, **integral, **extra).controller(platform, T) for extra in ({}, {"notch": Notch(**NOTCH)})
+    )
+    rng = np.random.default_rng(4)
+    references, measured, excess = np.zeros((80, 30)), rng.normal(0, 1e-3, (80, 24)), rng.normal(0, 9.0, (80, 6))
+    references[:, 12:18] = rng.normal(0, 1e-3, (80, 6))
+    measured[0, 12:18] = references[0, 12:18]
+    forces = []
+    for controller in (plain, notched):
+        law = law_of(controller, T, np.zeros((0, 6, 6)), references[0], measured[0])
+        forces.append([law.force(k, k * T, references[k], measured[k], excess[k]) for k in range(80)])
+    b, a = biquad(**NOTCH, step=T)
+    expected = lfilter(b / a[0], a / a[0], forces[0], axis=0)
+    assert np.abs(np.array(forces[1]) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_a_controller_starts_at_rest_with_its_integrators_at_zero() -> None:
+    """Expected: for constant inputs the first force stays but for the ramp of ki e, although A is far from normal."""
+    controller = gs.PID(**GAINS, **INTEGRAL, notch=Notch(**NOTCH)).controller(gs.load_preset("liu2000"), T)
+    reference, measured = np.zeros(30), np.zeros(24)
+    error = np.array([1.0, -2.0, 0.5, 3.0, -1.5, 2.5]) * 1e-3
+    reference[12:18] = 3 + error
+    measured[12:18] = 3.0
+    law = law_of(controller, T, np.zeros((0, 6, 6)), reference, measured)
+    forces = np.array([law.force(k, k * T, reference, measured, np.zeros(6)) for k in range(400)])
+    kp, ki = np.array(GAINS["proportional_gain"]), np.array(INTEGRAL["integral_gain"])
+    # by Tustin's rule half a step of the integral is already in it; the notch is as late as after a long ramp
+    b, a = biquad(**NOTCH, step=T)
+    late = T * ((b @ np.arange(3)) / b.sum() - (a @ np.arange(3)) / a.sum())
+    assert forces[0] == pytest.approx((kp + ki * (T / 2 - late)) * error, rel=1e-9)
+    slope = (forces[-1] - forces[-2]) / T
+    assert slope == pytest.approx(ki * error, rel=1e-6, abs=1e-6)
+
+
+def test_a_series_of_systems_by_a_user_starts_at_rest_too() -> None:
+    """Expected: no force for equal references and measurements; singular values took slow filters for integrators."""
+    pi, slow = control.tf([1.2, -1.19], [1, -1], T), control.tf([1e-7], np.poly([0.999, 0.9989, 0.9988]), T)
+    system = control.append(*[control.ss(pi * slow)] * 6)
+    law = law_of(LinearController(system), T, np.zeros((0, 6, 6)), np.full(30, 3.1), np.full(24, 3.1))
+    assert np.abs(law.state).max() == 0
+    assert law.force(0, 0.0, np.full(30, 3.1), np.full(24, 3.1), np.zeros(6)) == pytest.approx(np.zeros(6), abs=1e-12)
+
+
+@pytest.mark.parametrize("space", ["leg", "task"])
+def test_margins_see_the_notch(space: Any) -> None:
+    """Expected: python-control's response of the loop without it times the biquad at each frequency."""
+    settings: dict[str, Any] = {"controller": {"type": "pd", "bandwidth": "3 Hz", "space": space}}
+    platform = gs.load_preset("liu2000")
+    plain, notched = (
+        gs.PD(bandwidth=3, space=space, notch=notch).controller(platform, T) for notch in (None, Notch(**NOTCH))
+    )
+    b, a = biquad(**NOTCH, step=T)
+    for frequency in (0.7, 8.0, 41.0, 180.0):
+        z = np.exp(2j * np.pi * frequency * T)
+        without, with_it = (loop_transfer(platform, each, T, delay=1)(z) for each in (plain, notched))
+        assert np.abs(with_it - without * np.polyval(b, z) / np.polyval(a, z)).max() < 1e-9 * np.abs(without).max()
+    alone = gs.margins("heave_step", settings).disk.alpha
+    settings["controller"]["notch"] = NOTCH
+    assert gs.margins("heave_step", settings).disk.alpha < alone
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+@pytest.mark.parametrize("space", ["leg", "task"])
+@pytest.mark.parametrize("integral", [{}, INTEGRAL], ids=["pd", "pid"])
+def test_in_c_it_gives_the_forces_of_the_loop(space: str, integral: dict[str, Any], single: bool) -> None:
+    """Expected: the loop's forces, of an uneven platform off its reference; with other values of a notch, too."""
+
+    def table(**notch: float) -> dict[str, Any]:
+        kind = "pid" if integral else "pd"
+        return {
+            "type": kind,
+            "space": space,
+            "proportional_gain": KP,
+            "derivative_gain": KD,
+            **({"integral_gain": KI} if integral else {}),
+            "notch": {**NOTCH, **notch},
+            "feedforward": "gravity",
+        }
+
+    made = designed(uneven_experiment(controller=table(), reference=HOLD))
+    names = [setting.variable.name for setting in made.settings]
+    assert [name for name in names if name.startswith("notch")] == ["notch_frequency", "notch_damping", "notch_depth"]
+    exported = Exported(made, "float" if single else "double", single=single)
+    for other in ({}, {"frequency": 63.0}, {"frequency": 22.0, "damping": 0.7, "depth": 0.4}):
+        run = run_in_python(uneven_experiment(controller=table(**other), reference=HOLD))
+        for key, value in other.items():
+            exported.parameters[f"notch_{key}"] = value
+        found = exported.forces(measured_by(run, made))
+        assert largest_difference(found, commanded(run, made)) < TOLERANCE["float" if single else "double"]
+
+
+@pytest.mark.parametrize(("key", "value"), [("frequency", 1 / (2 * T)), ("depth", 1.0), ("damping", 0.0)])
+def test_c_refuses_what_the_table_refuses(key: str, value: float) -> None:
+    """Expected: a code for the parameter, and none just before the bound."""
+    table = {"type": "pd", **GAINS, "notch": NOTCH}
+    exported = Exported(designed(uneven_experiment(controller=table, reference=HOLD)))
+    exported.parameters[f"notch_{key}"] = value
+    assert exported.prepare() == 1 + [s.variable.name for s in exported.designed.settings].index(f"notch_{key}")
+    exported.parameters[f"notch_{key}"] = value * 0.999 if value else 1e-3
+    assert exported.prepare() == 0
+
+
+def test_members_and_searches_vary_it() -> None:
+    """Expected: a member's metrics are those of a run with its value; a search finds no other rows."""
+    settings = ["loop.duration=0.2", "controller.notch={frequency=30,depth=0.2}"]
+    varied = 'ensemble={members=3,controller.notch.frequency={uniform=["10 Hz","40 Hz"]}}'
+    ensemble = gs.ensemble("heave_step", [*settings, varied])
+    name = "tracking.position.norm_rms"
+    for row in ensemble.members.iter_rows(named=True):
+        own = [*settings, f"controller.notch.frequency={row['varied.controller.notch.frequency']} Hz"]
+        alone = gs.metrics(gs.run("heave_step", own))["tracking"]["position"]["norm_rms"]
+        assert row[name] == pytest.approx(alone, rel=1e-6)
+    assert ensemble.members[name].n_unique() == 3
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"frequency": 0}, "frequency: is 0; expected > 0 Hz"),
+        ({"frequency": "3 m"}, "found the unit 'm'"),
+        ({"frequency": 3, "damping": -1}, "damping: is -1; expected > 0"),
+        ({"frequency": 3, "depth": 1}, "depth: is 1; expected a number from 0 to below 1"),
+        ({"frequency": 3, "width": 1}, "width"),
+    ],
+)
+def test_impossible_values_are_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(gs.GoughStewartError, match=words):
+        Notch(**values)
+
+
+@pytest.mark.parametrize(("frequency", "is_fine"), [(333.3, True), (333.4, False)])
+def test_a_frequency_below_half_the_sampling_rate_is_expected(frequency: float, is_fine: bool) -> None:
+    """Expected: 1/(2 · 1.5 ms) = 333.33 Hz."""
+    controller = gs.PD(bandwidth=3, notch=Notch(frequency=frequency))
+    if is_fine:
+        controller.controller(gs.load_preset("liu2000"), T)
+        return
+    with pytest.raises(gs.GoughStewartError, match=r"notch\.frequency is 333\.4 Hz; expected less than 333\.333 Hz"):
+        controller.controller(gs.load_preset("liu2000"), T)
