@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import polars
-from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.preparation import Prepared
@@ -50,10 +49,6 @@ class LegErrors(Fold):
         if self.needs[0] in block and first < block.rows:
             at, rows = (block.first + first) // self.every, slice(first, None, self.every)
             block.of_rows(rows, self.needs[0], self.errors[at : at + len(range(first, block.rows, self.every))])
-
-    def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
-        """None; see `errors`."""
-        return {}
 
 
 def oscillations(

@@ -121,14 +121,16 @@ class Fold(Protocol):
     needs: Sequence[str] = ()
     keeps_ended: bool = True
 
-    def start(self, members: int) -> State:
-        """The state before the first row."""
+    def start(self, _members: int) -> State:
+        """The state before the first row; by default none by member."""
+        return {}
 
     def rows(self, state: State, block: Block) -> None:
         """Add a block to the state, in place."""
 
-    def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
+    def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Results (..., N) by name for members with these numbers of rows (N,); NaN where undefined."""
+        return {}
 
 
 def add_rows(total: FloatArray, terms: FloatArray) -> None:
@@ -225,7 +227,9 @@ class RowsInBlocks(Observer):
         self._most = size = min(max(1, _SIZE // max(members, 1)), loop.timing.steps + 1)
         self._signals = np.zeros((size + 1, signals.SIZE, members))
         needs = {name.removeprefix("error.") for fold in folds for name in fold.needs}
-        self._copied = _joined([_AT[name] for name in signals.NAMES if name in needs])
+        # the rates of the pose lie between what all metrics need
+        has_rates = needs & {"velocity", "angular_velocity"}
+        self._copied = (slice(None),) if has_rates else (slice(0, 6), slice(12, None))
         self._forces = np.zeros((size + 1, 6, members))
         self._limited = np.zeros((2, size + 1, 6, members), dtype=bool)
         self._columns = {
@@ -270,14 +274,3 @@ class RowsInBlocks(Observer):
         for each in (self._signals, self._forces, *self._limited):
             each[0] = each[rows]
         self._first += rows
-
-
-def _joined(parts: Sequence[slice]) -> list[slice]:
-    """Slices in order, neighbours as one."""
-    found = list[slice]()
-    for part in parts:
-        if found and found[-1].stop == part.start:
-            found[-1] = slice(found[-1].start, part.stop)
-        else:
-            found.append(part)
-    return found

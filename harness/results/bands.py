@@ -79,12 +79,8 @@ class Bands(Fold):
         self._lowest, self._highest = np.full(size, np.nan), np.full(size, np.nan)
         self._running = np.zeros(len(rows), dtype=np.intp)
 
-    def start(self, _members: int) -> State:
-        """None by member: `rows` leaves out samples of members that have ended."""
-        return {}
-
     def rows(self, _state: State, block: Block) -> None:
-        """Sample the signals at the sample times in a block."""
+        """Sample the signals at the sample times in a block, of members that have not ended."""
         running, n = block.running[: self._members], self._values.shape[2]
         for row in range(block.first, block.first + block.rows):
             k = self._at.get(row)
@@ -97,10 +93,6 @@ class Bands(Fold):
             self._values[k] = values[:, :n]
             self._lowest[k], self._highest[k] = np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1)
             self._running[k] = np.count_nonzero(running)
-
-    def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
-        """None; see `samples`."""
-        return {}
 
     def samples(self) -> BandSamples:
         """The samples so far."""

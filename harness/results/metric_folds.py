@@ -43,10 +43,6 @@ class Rows(Fold):
     def __init__(self, time: FloatArray) -> None:
         self._time = time
 
-    def start(self, _members: int) -> State:
-        """No state."""
-        return {}
-
     def rows(self, _state: State, _block: Block) -> None:
         """Nothing to add."""
 
