@@ -1,5 +1,6 @@
 """The platform: geometry, masses, friction, gravity, home pose and limits; frozen and validated."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from inspect import cleandoc
 from typing import Any, Self
@@ -10,6 +11,7 @@ from gough_stewart.model import platform_checks
 from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.interface import nearest
 from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
 from gough_stewart.model.joint_order import joint_order_hints
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
@@ -144,6 +146,35 @@ class Platform(PlatformFields):
             joints_on_circles(base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing)
         )
         return cls(**joints, **parameters)
+
+    def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
+        """A platform with other values of some parameters; as `dataclasses.replace`, which checks all of them again.
+
+        Parameters
+        ----------
+        parameters
+            Values by name, those of single legs as for a platform: six of a parameter that has a factor.
+
+        Returns
+        -------
+        Platform
+            With its other parameters unchanged.
+
+        Raises
+        ------
+        PlatformError
+            An unknown name, or an invalid value.
+        """
+        new: Self = object.__new__(type(self))
+        new.__dict__.update(self.__dict__)
+        values = by_leg(parameters)
+        for name, value in values.items():
+            if name not in TABLE:
+                raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
+            row = TABLE[name]
+            new.__dict__[name] = None if value is None and row.is_optional else _frozen(name, value, row.shape)
+        platform_checks.check(new, values)
+        return new
 
     def as_dict(self) -> dict[str, Any]:
         """All fields by name, in file order: texts, floats, arrays; without limits that are not set."""

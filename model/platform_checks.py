@@ -1,5 +1,6 @@
 """Validation of platforms: every check has its own message (value, expectation, remedy)."""
 
+from collections.abc import Callable, Collection
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -9,7 +10,7 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import TABLE, PlatformFields
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
-from gough_stewart.model.vectors import Array, FloatArray, dot
+from gough_stewart.model.vectors import Array, FloatArray, dot, without_warnings
 
 # Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.
 INERTIA_SLACK = 1e-9
@@ -25,20 +26,21 @@ class Joints(NamedTuple):
     platform_points: FloatArray
 
 
-def check(platform: PlatformFields) -> None:
-    """Raise `PlatformError` for the first invalid parameter."""
-    check_bounds(platform)
-    check_inertia(platform)
-    check_joints(platform)
-    check_home_pose(platform)
-    check_com_offsets(platform)
-    check_limits(platform)
+GEOMETRY = ("base_points", "platform_points", "home_position", "home_orientation")
 
 
-def check_bounds(platform: PlatformFields) -> None:
-    """All numbers satisfy the bounds of the table."""
+def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> None:
+    """Raise `PlatformError` for the first invalid parameter, or combination with one of those that have changed."""
+    check_bounds(platform, changed)
+    for each, names in _CHECKS:
+        if not names.isdisjoint(changed):
+            each(platform)
+
+
+def check_bounds(platform: PlatformFields, changed: Collection[str] = TABLE) -> None:
+    """All numbers, or those that have changed, satisfy the bounds of the table."""
     for name in _BOUNDED:
-        value = getattr(platform, name)
+        value = getattr(platform, name) if name in changed else None
         if value is not None:
             check_bound(name, value)
 
@@ -157,21 +159,47 @@ def check_limits(platform: PlatformFields) -> None:
         )
 
 
+# What a check depends on; bounds come first.
+_CHECKS: tuple[tuple[Callable[[PlatformFields], None], frozenset[str]], ...] = (
+    (check_inertia, frozenset({"platform_inertia"})),
+    (check_joints, frozenset({"base_points", "platform_points"})),
+    (check_home_pose, frozenset(GEOMETRY)),
+    (check_com_offsets, frozenset({*GEOMETRY, "leg_lower_com", "leg_upper_com", "platform_com"})),
+    (check_limits, frozenset({*GEOMETRY, "leg_length_min", "leg_length_max", "joint_angle_max"})),
+)
+
 # Successive platforms often differ in a few parameters only, so results are cached by the bytes of the arrays.
 _REMEMBERED = 64
+_MOST_POSES = 1024
+_poses: dict[tuple[bytes, ...], tuple[FloatArray, float]] = {}
+
+
+def remember_home_poses(*geometry: FloatArray) -> None:
+    """Evaluate the home poses of many platforms at once, each of `GEOMETRY` with a leading axis (N, ...)."""
+    lengths, worst = _evaluated(*geometry)
+    keys = zip(*([each.tobytes() for each in part] for part in geometry), strict=True)
+    found = zip(lengths, worst.tolist(), strict=True)
+    if len(_poses) > _MOST_POSES:
+        _poses.clear()
+    _poses.update(zip(keys, found, strict=True))
 
 
 def _home_pose(platform: PlatformFields) -> tuple[FloatArray, float]:
     """Leg lengths (6,) [m] of the home pose, and the condition number of its leg Jacobian."""
-    parts = (platform.base_points, platform.platform_points, platform.home_position, platform.home_orientation)
-    return _pose(*(part.tobytes() for part in parts))
+    parts = [getattr(platform, name) for name in GEOMETRY]
+    key = tuple(part.tobytes() for part in parts)
+    if key not in _poses:
+        remember_home_poses(*(part[None] for part in parts))
+    return _poses[key]
 
 
-@lru_cache(_REMEMBERED)
-def _pose(base: bytes, platform: bytes, position: bytes, orientation: bytes) -> tuple[FloatArray, float]:
-    joints: Any = Joints(_points(base), _points(platform))  # all that the geometry needs
-    legs = leg_geometry(joints, np.frombuffer(position), np.frombuffer(orientation))
-    return np.asarray(legs.length), float(conditioning_of_legs(legs).condition_number)
+@without_warnings
+def _evaluated(
+    base_points: FloatArray, platform_points: FloatArray, position: FloatArray, orientation: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    joints: Any = Joints(base_points, platform_points)  # all that the geometry needs
+    legs = leg_geometry(joints, position, orientation)
+    return np.asarray(legs.length), np.asarray(conditioning_of_legs(legs).condition_number)
 
 
 @lru_cache(_REMEMBERED)

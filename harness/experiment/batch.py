@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from gough_stewart.harness.control.laws_of_members import LawFrom, laws_of
 from gough_stewart.harness.experiment.members import Draws, Members
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.preparation import Prepared, Stages
+from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.together import together
 from gough_stewart.harness.plants import members as in_memory
@@ -16,6 +16,7 @@ from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, SingularPoseError
 from gough_stewart.model.parameters import stack
+from gough_stewart.model.platform_checks import GEOMETRY, remember_home_poses
 from gough_stewart.model.vectors import FloatArray
 
 # Size of the plant's vectors: a member's bits do not depend on the others if all vectors are full.
@@ -45,41 +46,59 @@ class Batch:
 def prepared_members(members: Members, first: int, last: int, draws: Draws | None = None) -> PreparedMembers:
     """Members first to last − 1, or with other draws; for an impossible one, the reason is returned, not raised."""
     draws = members.draws(first, last) if draws is None else draws
-    experiments, machines = {}, {}
+    preparation = members.preparation
+    _remember_home_poses(members, draws)
+    started = dict[int, tuple[Experiment, Stages]]()
     impossible = dict[int, str]()
     prepared = dict[int, Prepared]()
-    for k, values in enumerate(draws.values):
+    for k, values in enumerate(draws.values, first):
         try:
             each = members.experiment(values)
-            experiments[first + k] = each
-            machines[first + k] = (members.preparation.machine(each), members.preparation.start(each))
+            started[k] = each, preparation.stages(each, members.controller)
         except GoughStewartError as error:
-            impossible[first + k] = _reason(error, members.nominal.where)
-    held = _held(machines)
-    for k, (machine, _) in machines.items():
+            impossible[k] = _reason(error, members.nominal.where)
+    held = _held({k: stages for k, (_, stages) in started.items()})
+    for k, (each, stages) in started.items():
         try:
-            prepared[k] = members.prepared(experiments[k], seed=members.seed_of(k), held=held.get(k), machine=machine)
+            prepared[k] = members.prepared(each, seed=members.seed_of(k), held=held.get(k), stages=stages)
         except GoughStewartError as error:
             impossible[k] = _reason(error, members.nominal.where)
     return PreparedMembers(first, draws, prepared, impossible)
+
+
+def _remember_home_poses(members: Members, draws: Draws) -> None:
+    """Evaluate the home poses of all machines at once, if their geometry varies, for the checks of each."""
+    paths = [("plant", "parameters", name) for name in GEOMETRY]
+    if not draws.values or not any(path in draws.values[0] for path in paths):
+        return
+    machine = members.machine_of_all
+    if machine is None:
+        return
+    varied = [
+        np.array([values[path] for values in draws.values], dtype=float)
+        if path in draws.values[0]
+        else np.repeat(getattr(machine, path[-1])[None], len(draws.values), axis=0)
+        for path in paths
+    ]
+    remember_home_poses(*varied)
 
 
 def _reason(error: GoughStewartError, where: str) -> str:
     return str(error).removeprefix(f"{where}: ")
 
 
-def _held(machines: dict[int, Any]) -> dict[int, FloatArray]:
-    """Forces that hold each machine in its start pose; None if one has a singular pose, which reports itself."""
-    if not machines:
+def _held(members: dict[int, Stages]) -> dict[int, FloatArray]:
+    """Forces that hold each machine in its start pose; none if one has a singular pose, which reports itself."""
+    if not members:
         return {}
-    platforms = stack([machine for machine, _ in machines.values()])
-    starts = [start for _, start in machines.values()]
+    platforms = stack([stages.machine for stages in members.values()])
+    starts = [stages.start for stages in members.values()]
     position, orientation = (np.stack([getattr(s, name) for s in starts]) for name in ("position", "orientation"))
     try:
         forces = static_leg_forces(platforms, position, orientation)
     except SingularPoseError:
         return {}
-    return dict(zip(machines, np.asarray(forces), strict=True))
+    return dict(zip(members, np.asarray(forces), strict=True))
 
 
 def batch_of(prepared: Sequence[Prepared], substeps: int, compiler: bool | None = None) -> Batch:

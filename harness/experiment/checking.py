@@ -9,6 +9,7 @@ from typing import Literal
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.parts import force_limit_of
 from gough_stewart.harness.experiment.planning import Planning, ReferenceMotion
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
@@ -227,7 +228,9 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     """
     chosen = experiment_of(experiment, settings)
     planning = Planning()
-    platform, requested = planning.limited(chosen), planning.reference_motion(chosen)
+    nominal = planning.nominal(chosen)
+    platform = planning.limited(nominal, force_limit_of(chosen.actuators, nominal))
+    requested = planning.reference_motion(chosen, platform, planning.timing(chosen))
     time, motion = requested.timing.times, requested.motion
     shares = shares_along(platform, time, motion, chosen.limits.condition_number)
     return MotionCheck(chosen, platform, shares, needs_along(platform, time, motion), requested)

@@ -20,6 +20,8 @@ from gough_stewart.harness.sampling.design import Design, in_turn
 from gough_stewart.harness.sampling.distributions import Normal
 from gough_stewart.harness.sampling.variation import Spread, Target
 from gough_stewart.harness.section import complaints
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 _PLATFORMS = ("platform", "plant")
@@ -122,6 +124,14 @@ class Members:
             joined = set().union(*(g for g in found if g & members))
             found = [g for g in found if not g & members] + [joined]
         return tuple(tuple(sorted(group)) for group in sorted(found, key=min))
+
+    @cached_property
+    def machine_of_all(self) -> Platform | None:
+        """The machine without what varies; None if the members have no valid one in common."""
+        try:
+            return self.preparation.machine(self.nominal)
+        except GoughStewartError:
+            return None
 
     def draws(self, first: int, last: int) -> Draws:
         """The draws of members first to last − 1."""

@@ -20,7 +20,6 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import TUNABLE, nearest
 from gough_stewart.model.joint_circles import joints_of_keys
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_platform, load_preset
 from gough_stewart.model.real import real_array
@@ -37,10 +36,7 @@ def platform_of(choice: schema.PlatformChoice, folder: Path) -> Platform:
 
 
 def changed(platform: Platform, parameters: Mapping[str, Any]) -> Platform:
-    for name in parameters:
-        if name not in TABLE:
-            raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
-    return replace(platform, **by_leg(parameters)) if parameters else platform
+    return platform.with_parameters(parameters) if parameters else platform
 
 
 def check_frequency(highest: float, timing: Timing) -> None:

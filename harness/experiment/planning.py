@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment.once import Once
-from gough_stewart.harness.experiment.parts import check_frequency, force_limit_of, platform_of
+from gough_stewart.harness.experiment.parts import check_frequency, platform_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion, Reference
@@ -26,7 +26,7 @@ class ReferenceMotion(NamedTuple):
 
 
 class Planning:
-    """Plans experiments; results are shared between experiments with the same tables."""
+    """Stages of experiments, each from tables and earlier stages, and shared where these are the same."""
 
     def __init__(self) -> None:
         self.once = Once()
@@ -37,43 +37,40 @@ class Planning:
             choice, folder = experiment.platform, experiment.folder
             return self.once("platform", (choice, str(folder)), lambda: platform_of(choice, folder))
 
-    def limited(self, experiment: Experiment) -> Platform:
-        """The nominal model with the force limit of the experiment's actuators."""
-        platform = self.nominal(experiment)
-        limit = force_limit_of(experiment.actuators, platform)
+    def limited(self, platform: Platform, limit: float | None) -> Platform:
+        """A nominal model with the force limit of the experiment's actuators [N]: no motion may use more force."""
         if limit == platform.actuator_force_max:
             return platform
         return self.once("limited", (platform, limit), lambda: replace(platform, actuator_force_max=limit))
 
-    def reference_motion(self, experiment: Experiment) -> ReferenceMotion:
+    def reference_motion(self, experiment: Experiment, limited: Platform, timing: Timing) -> ReferenceMotion:
         """The reference motion of an experiment.
 
         Raises
         ------
         ExperimentError
-            There is none, or a part of the experiment that it depends on is invalid.
+            There is none, or it is invalid.
         """
         choice, where, folder = experiment.reference, experiment.where, experiment.folder
         if choice is None:
             raise ExperimentError(where, "reference", "is missing; add one, so that there is a motion")
-        # a fastest path may use no more force than the actuators have
-        platform, timing = self.limited(experiment), self.timing(experiment)
 
         def make() -> ReferenceMotion:
-            reference = choice.about(platform, folder)
+            reference = choice.about(limited, folder)
             check_frequency(choice.highest_frequency, timing)
             return ReferenceMotion(reference, timing, reference(timing.times))
 
         with part_of(where, "reference"):
-            return self.once("reference", (choice, platform, timing, str(folder)), make)
+            return self.once("reference", (choice, limited, timing, str(folder)), make)
 
     def timing(self, experiment: Experiment) -> Timing:
         """The clocks."""
         clocks, seed = experiment.loop, experiment.sensors.seed
-
-        def make() -> Timing:
-            step = clocks.plant_step or clocks.sample_time
-            timing = Timing(clocks.duration, clocks.sample_time, step, clocks.jitter, seed)
+        step = clocks.plant_step or clocks.sample_time
+        # by value: tables that differ in the delay alone share them
+        numbers = (clocks.duration, clocks.sample_time, step, clocks.jitter)
+        with part_of(experiment.where, "loop"):
+            timing = self.once("timing", (*numbers, seed), lambda: Timing(*numbers, seed))
             if not clocks.delay * timing.sample_time < timing.duration:
                 raise ControllerError(
                     f"delay of {clocks.delay} samples in a run of {timing.duration:g} s: no command would act; "
@@ -81,28 +78,22 @@ class Planning:
                 )
             return timing
 
-        with part_of(experiment.where, "loop"):
-            # by value: tables that differ in the delay alone share results of the clocks
-            numbers = (clocks.duration, clocks.sample_time, clocks.plant_step or 0.0, clocks.jitter, clocks.delay, seed)
-            made: Timing = self.once("timing of this delay", numbers, make)
-            return self.once("timing", (*numbers[:4], seed), lambda: made)
-
-    def warnings(self, experiment: Experiment, requested: ReferenceMotion) -> list[str]:
+    def warnings(self, experiment: Experiment, limited: Platform, requested: ReferenceMotion) -> list[str]:
         """Refuse a motion that the platform cannot follow; returns warnings for accepted limits."""
-        limits, limit = experiment.limits, force_limit_of(experiment.actuators, self.nominal(experiment))
-        platform = self.limited(experiment)
-        return self.once(
-            "reach",
-            (self.nominal(experiment), requested, limit, limits.condition_number, limits.reference),
-            lambda: check_reach(
-                platform,
-                requested.timing.times,
-                requested.motion,
-                limits.condition_number,
-                centre=centre_of(requested.reference),
-                dynamic=limits.reference,
-            ),
-        )
+        limits = experiment.limits
+        with part_of(experiment.where, "reference"):
+            return self.once(
+                "reach",
+                (limited, requested, limits.condition_number, limits.reference),
+                lambda: check_reach(
+                    limited,
+                    requested.timing.times,
+                    requested.motion,
+                    limits.condition_number,
+                    centre=centre_of(requested.reference),
+                    dynamic=limits.reference,
+                ),
+            )
 
 
 @contextmanager

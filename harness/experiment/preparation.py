@@ -1,6 +1,6 @@
 """Prepares an experiment for the loop: platform, reference, controller, limits, changes; everything is checked."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,8 +27,9 @@ from gough_stewart.harness.experiment.parts import (
 from gough_stewart.harness.experiment.planning import Planning, part_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.loop import Change, Loop
 from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion, Reference, end_of
 from gough_stewart.harness.motion.reach import LegMotion, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
@@ -115,8 +116,19 @@ class _Planned(NamedTuple):
     jacobians: FloatArray
 
 
+class Stages(NamedTuple):
+    """The stages of an experiment up to its start, each from tables and earlier ones."""
+
+    platform: Platform  # the nominal model
+    machine: Platform
+    timing: Timing
+    planned: _Planned | None
+    warnings: Sequence[str]  # limits that the motion exceeds with permission
+    start: State
+
+
 class Preparation(Planning):
-    """`prepare` for many similar experiments: results are shared where the tables are the same.
+    """`prepare` for many similar experiments: stages are shared where what they are made from is the same.
 
     Tables are the same if they are identical objects, as `model_copy` keeps them.
     """
@@ -124,6 +136,8 @@ class Preparation(Planning):
     def machine(self, experiment: Experiment) -> Platform:
         """The simulated platform."""
         nominal, choice = self.nominal(experiment), experiment.plant
+        if choice.file is None and not choice.parameters:
+            return nominal
         with part_of(experiment.where, "plant"):
             base = nominal
             if choice.file is not None:
@@ -131,12 +145,24 @@ class Preparation(Planning):
                 base = self.once("machine's file", (str(file),), lambda: load_platform(file))
             return self.once("machine", (choice, base), lambda: changed(base, choice.parameters))
 
-    def start(self, experiment: Experiment) -> State:
-        """The state at time 0."""
-        nominal, planned = self.nominal(experiment), self._planned(experiment)
-        parts = (experiment.start, nominal, planned)
-        motion = None if planned is None else planned.motion
-        return self.once("start", parts, lambda: start_of(experiment.start, nominal, motion))
+    def stages(self, experiment: Experiment, controller: Any = None, machine: Platform | None = None) -> Stages:
+        """Platform, machine (if not known), clocks, motion and start, in this order.
+
+        Raises
+        ------
+        ExperimentError, ReachError
+            As of `prepare`.
+        """
+        platform = self.nominal(experiment)
+        machine = machine or self.machine(experiment)
+        timing = self.timing(experiment)
+        planned, warnings = self._planned(experiment, platform, timing, controller)
+        start = self.once(
+            "start",
+            (experiment.start, platform, planned),
+            lambda: start_of(experiment.start, platform, None if planned is None else planned.motion),
+        )
+        return Stages(platform, machine, timing, planned, warnings, start)
 
     def prepare(
         self,
@@ -146,7 +172,7 @@ class Preparation(Planning):
         *,
         seed: Seed | None = None,
         held: FloatArray | None = None,
-        machine: Platform | None = None,
+        stages: Stages | None = None,
     ) -> Prepared:
         """See the function.
 
@@ -156,36 +182,16 @@ class Preparation(Planning):
             Seed of noise and jitter, instead of the sensors' own.
         held
             Actuator forces (6,) [N] that hold the machine in its start pose, if known.
-        machine
-            The simulated platform, if known.
+        stages
+            If known.
         """
         once, section = self.once, partial(part_of, experiment.where)
-        chosen, clocks, folder = experiment.controller, experiment.loop, experiment.folder
-        platform, machine = self.nominal(experiment), machine or self.machine(experiment)
-        timing = self.timing(experiment)
-        planned = self._planned(experiment, controller)
-        forces = self._feedforward(experiment, planned)
-        start = self.start(experiment)
+        chosen, clocks = experiment.controller, experiment.loop
+        stages = stages or self.stages(experiment, controller)
+        platform, machine, timing, planned, warnings, start = stages
+        forces = self._feedforward(experiment, stages)
         with section("controller"):
-            made: Controller | None
-            if controller is None:
-                made = once(
-                    "controller",
-                    (chosen, platform, timing.sample_time, str(folder)),
-                    lambda: chosen.controller(platform, timing.sample_time, folder),
-                )
-            else:
-                design = chosen.design(platform, timing.sample_time)
-                made = once(
-                    "given controller",
-                    (controller, chosen, platform, timing.sample_time),
-                    lambda: controller_of(controller, design),
-                )
-            if isinstance(made, UnitController) and not clocks.delay:
-                raise ControllerError(
-                    f"{made.path} outputs the forces of a sample after a step over it; expected a loop.delay "
-                    "of at least 1, for instance by --set loop.delay=1"
-                )
+            made = self._controller(experiment, stages, controller)
         if controller is None:
             forces = once("forces", (chosen, forces), lambda: chosen.planned(forces))
         elif isinstance(made, UnitController):
@@ -197,21 +203,13 @@ class Preparation(Planning):
             held = forces[0]
         elif held is None:
             held = static_leg_forces(machine, start.position, start.orientation)
-        with section("change"):
-            changes = parameter_changes(experiment, machine)
-            for change in changes:
-                timing.row(change.time, "a change")
-        with section("disturbance"):
-            changes += once(
-                "disturbances", (experiment.disturbance, timing), lambda: disturbances_of(experiment, timing)
-            )
         sensors = once("sensors", (experiment.sensors,), lambda: Sensors(**experiment.sensors.model_dump()))
         own: dict[str, Any] = {"seed": seed}
         loop = Loop(
             timing=timing if seed is None or not timing.jitter else replace(timing, **own),
             reference=None if planned is None else planned.signals,
             feedforward=forces,
-            start_force=np.clip(held, -(force_limit or np.inf), force_limit or np.inf),
+            start_force=held if force_limit is None else np.clip(held, -force_limit, force_limit),
             sensors=sensors if seed is None or not any(sensors.noise.values()) else replace(sensors, **own),
             actuators=once(
                 "actuators",
@@ -221,24 +219,58 @@ class Preparation(Planning):
             limits=once(
                 "limits", (experiment.limits, platform, is_closed), lambda: limits_of(experiment, platform, is_closed)
             ),
-            changes=tuple(changes),
-            injection=self._injection(experiment, injection, planned),
+            changes=self._changes(experiment, machine, timing),
+            injection=self._injection(experiment, injection, stages),
         )
-        motion, legs = (None, None) if planned is None else (planned.motion, planned.legs)
-        jacobians = _NO_JACOBIANS if planned is None else planned.jacobians
-        warnings = [] if planned is None else self.warnings(experiment, self.reference_motion(experiment))
-        reference = None if planned is None else planned.reference
+        if planned is None:
+            return Prepared(platform, machine, start, loop, None, None, made, _NO_JACOBIANS)
+        reference, motion, legs, _, jacobians = planned
         return Prepared(platform, machine, start, loop, motion, legs, made, jacobians, tuple(warnings), reference)
 
-    def _injection(
-        self, experiment: Experiment, injection: Injection | None, planned: _Planned | None
-    ) -> FloatArray | None:
-        timing, choice = self.timing(experiment), experiment.injection
+    def _controller(self, experiment: Experiment, stages: Stages, controller: Any) -> Controller | None:
+        """The experiment's controller, or a given one."""
+        chosen, platform, sample_time = experiment.controller, stages.platform, stages.timing.sample_time
+        made: Controller | None
+        if controller is None:
+            made = self.once(
+                "controller",
+                (chosen, platform, sample_time, str(experiment.folder)),
+                lambda: chosen.controller(platform, sample_time, experiment.folder),
+            )
+        else:
+            made = self.once(
+                "given controller",
+                (controller, chosen, platform, sample_time),
+                lambda: controller_of(controller, chosen.design(platform, sample_time)),
+            )
+        if isinstance(made, UnitController) and not experiment.loop.delay:
+            raise ControllerError(
+                f"{made.path} outputs the forces of a sample after a step over it; expected a loop.delay "
+                "of at least 1, for instance by --set loop.delay=1"
+            )
+        return made
+
+    def _changes(self, experiment: Experiment, machine: Platform, timing: Timing) -> tuple[Change, ...]:
+        """Of the machine's parameters, then of the load; each list in order of time."""
+        if not experiment.change and not experiment.disturbance:
+            return ()
+        with part_of(experiment.where, "change"):
+            changes = parameter_changes(experiment, machine)
+            for change in changes:
+                timing.row(change.time, "a change")
+        with part_of(experiment.where, "disturbance"):
+            disturbances = self.once(
+                "disturbances", (experiment.disturbance, timing), lambda: disturbances_of(experiment, timing)
+            )
+        return (*changes, *disturbances)
+
+    def _injection(self, experiment: Experiment, injection: Injection | None, stages: Stages) -> FloatArray | None:
+        platform, _, timing, planned, _, _ = stages
+        choice = experiment.injection
         if injection is not None:
             return injected(injection, timing.samples)
         if choice is None:
             return None
-        platform = self.nominal(experiment)
 
         def make() -> FloatArray:
             J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
@@ -248,16 +280,20 @@ class Preparation(Planning):
         with part_of(experiment.where, "injection"):
             return self.once("injection", (choice, platform, timing, planned), make)
 
-    def _planned(self, experiment: Experiment, controller: Any = None) -> _Planned | None:
+    def _planned(
+        self, experiment: Experiment, platform: Platform, timing: Timing, controller: Any
+    ) -> tuple[_Planned | None, Sequence[str]]:
+        """What is planned from the reference, and the limits that it exceeds with permission."""
         chosen, where = experiment.controller, experiment.where
         if experiment.reference is None:
             if controller is not None or chosen.is_closed or chosen.feedforward != "none":
                 raise ExperimentError(
                     where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
                 )
-            return None
-        platform, requested = self.nominal(experiment), self.reference_motion(experiment)
-        self.warnings(experiment, requested)
+            return None, ()
+        limited = self.limited(platform, force_limit_of(experiment.actuators, platform))
+        requested = self.reference_motion(experiment, limited, timing)
+        warnings = self.warnings(experiment, limited, requested)
 
         def make() -> _Planned:
             reference, timing, motion = requested
@@ -267,10 +303,11 @@ class Preparation(Planning):
             jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
             return _Planned(reference, motion, legs, rows, jacobians)
 
-        return self.once("planned", (platform, requested), make)
+        with part_of(where, "reference"):
+            return self.once("planned", (platform, requested), make), warnings
 
-    def _feedforward(self, experiment: Experiment, planned: _Planned | None) -> FloatArray:
-        platform, timing = self.nominal(experiment), self.timing(experiment)
+    def _feedforward(self, experiment: Experiment, stages: Stages) -> FloatArray:
+        platform, _, timing, planned, _, _ = stages
         kind, delay = experiment.controller.feedforward, experiment.loop.delay
 
         def make() -> FloatArray:

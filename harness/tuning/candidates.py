@@ -157,10 +157,11 @@ class Candidates:
                 try:
                     experiment = members.experiment({**own, **dict(zip(paths, point, strict=True))})
                     known = self._machines.get(k) if keeps_machines else None
-                    machine, held = known or (members.preparation.machine(experiment), None)
-                    prepared = members.prepared(experiment, seed=members.seed_of(k), machine=machine, held=held)
+                    machine, held = known or (None, None)
+                    stages = members.preparation.stages(experiment, members.controller, machine)
+                    prepared = members.prepared(experiment, seed=members.seed_of(k), stages=stages, held=held)
                     if keeps_machines and known is None and prepared.controller is not None:
-                        self._machines[k] = (machine, _held(prepared))
+                        self._machines[k] = (prepared.machine, _held(prepared))
                 except GoughStewartError as error:
                     yield (c, k), str(error)
                     continue

@@ -1,0 +1,85 @@
+"""A platform with other values of some parameters is the one that `dataclasses.replace` checks as a whole."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gough_stewart as gs
+from gough_stewart.model.parameters import TABLE
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_checks import GEOMETRY, remember_home_poses
+from tests.support.uneven import UNEVEN
+
+BAD: list[dict[str, Any]] = [
+    {"platform_mass": -1.0},
+    {"platform_mass": "heavy"},
+    {"platform_inertia": np.diag([1.0, 1.0, 9.0])},
+    {"platform_inertia": [[1, 2, 0], [0, 1, 0], [0, 0, 1]]},
+    {"base_points": np.ones((6, 3))},
+    {"platform_points": np.asarray(UNEVEN.platform_points)[[0, 1, 2, 3, 5, 5]]},
+    {"home_orientation": [0.0, 1.6, 0.0]},
+    {"home_position": [0.0, 0.0, -50.0], "leg_length_max": 4.0},
+    {"leg_lower_com": 40.0},
+    {"leg_upper_com": 40.0},
+    {"platform_com": [0.0, 0.0, 400.0]},
+    {"leg_length_min": 30.0},
+    {"leg_length_max": 0.1},
+    {"joint_angle_max": 180.0},
+    {"gravity": [0.0, 1.0]},
+    {"leg_viscous_friction": [1.0, 2.0, 3.0, -4.0, 5.0, 6.0]},
+]
+
+
+@given(
+    names=st.sets(st.sampled_from(sorted(TABLE)), min_size=1, max_size=4),
+    factor=st.floats(0.999, 1.001, exclude_min=True),
+)
+@settings(max_examples=60)
+def test_other_values_give_the_platform_that_replace_gives(names: set[str], factor: float) -> None:
+    """Expected: all numbers of `replace`; the original stays as it was, and arrays are read-only."""
+    before = UNEVEN.as_dict()
+    known = {name: getattr(UNEVEN, name) for name in names}
+    values: dict[str, Any] = {
+        name: None if value is None else np.asarray(value) * factor for name, value in known.items()
+    }
+    found, expected = UNEVEN.with_parameters(values), replace(UNEVEN, **values)
+    assert found == expected
+    assert type(found) is Platform
+    assert all(np.array_equal(UNEVEN.as_dict()[name], value) for name, value in before.items())
+    for name in names:
+        value = getattr(found, name)
+        assert not isinstance(value, np.ndarray) or not value.flags.writeable
+
+
+@pytest.mark.parametrize("values", BAD, ids=", ".join)
+def test_what_replace_refuses_is_refused_in_the_same_words(values: dict[str, Any]) -> None:
+    with pytest.raises(gs.GoughStewartError) as whole:
+        replace(UNEVEN, **values)
+    with pytest.raises(gs.GoughStewartError) as some:
+        UNEVEN.with_parameters(values)
+    assert str(some.value) == str(whole.value)
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(gs.GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
+        UNEVEN.with_parameters({"platform_mas": 3.0})
+
+
+def test_home_poses_that_were_evaluated_together_count_as_alone() -> None:
+    """Expected: of three platforms only the second, whose platform joints are its base joints, is singular."""
+    poses = [np.repeat(np.asarray(getattr(UNEVEN, name))[None], 3, axis=0) for name in GEOMETRY]
+    poses[0][2] *= 1.01
+    poses[1][1] = 0.5 * poses[0][1]
+    poses[2][1], poses[3][1] = [0.0, 0.0, 2.0], 0.0
+    remember_home_poses(*poses)
+    no_stroke: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None}
+    parts_of: Any = zip(*poses, strict=True)
+    first, singular, last = (dict(zip(GEOMETRY, parts, strict=True)) for parts in parts_of)
+    for values in (first, last):
+        assert np.array_equal(replace(UNEVEN, **values, **no_stroke).base_points, values["base_points"])
+    with pytest.raises(gs.GoughStewartError, match="singular at the home pose"):
+        replace(UNEVEN, **singular, **no_stroke)
