@@ -106,8 +106,7 @@ class Workers:
 
     def _forget(self) -> None:
         """Drop the ended process of this thread."""
-        worker: Isolated | None = getattr(self._own, "worker", None)
-        self._own.worker = None
+        worker: Isolated | None = vars(self._own).pop("worker", None)
         if worker is not None:
             with self._lock:
                 if worker in self._open:
@@ -115,7 +114,7 @@ class Workers:
             worker.close()
 
     def _worker(self) -> Isolated:
-        worker: Isolated | None = getattr(self._own, "worker", None)
+        worker: Isolated | None = vars(self._own).get("worker")
         if worker is None:
             name = Path(f"worker {threading.current_thread().name.rpartition('_')[2]}")
             kind = f"{Worker.__module__}:{Worker.__name__}"

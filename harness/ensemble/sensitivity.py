@@ -176,8 +176,8 @@ def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivi
 def _standard(values: FloatArray) -> FloatArray:
     """Columns (n, …) of mean 0 and standard deviation 1."""
     # by their range first, since squares of tiny numbers vanish
-    scaled = (values - values.min(axis=0)) / np.ptp(values, axis=0)
-    return np.asarray((scaled - scaled.mean(axis=0)) / scaled.std(axis=0))
+    scaled = (values - values.mean(axis=0)) / np.ptp(values, axis=0)
+    return np.asarray(scaled / scaled.std(axis=0))
 
 
 def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:

@@ -182,8 +182,7 @@ def designed(
     chosen = experiment.controller
     law = _law_of(chosen if controller is None else None, prepared)
     constant = np.zeros(6) if prepared.controller is not None else chosen.planned(np.zeros((1, 6)))[0]
-    has_reference = experiment.reference is not None
-    if law is None and (not has_reference or chosen.feedforward == "none"):
+    if law is None and chosen.feedforward == "none":
         raise ExportError(
             f"controller is type = '{chosen.type}' without feedforward: its forces are constant; expected a controller "
             "with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"

@@ -95,11 +95,7 @@ def words_of_ranges(variables: Iterable[Variable], ranges: Ranges) -> str:
     texts = []
     for v in variables:
         low, high = ranges.of(v)
-        same = np.ptp(low) == 0 == np.ptp(high)
-        ends = (
-            [f"{low[0]:.6g} to {high[0]:.6g}"]
-            if same
-            else [f"{a:.6g} to {b:.6g}" for a, b in zip(low, high, strict=True)]
-        )
-        texts.append(f"{v.name} {', '.join(ends)} {v.unit}")
+        ends = [f"{a:.6g} to {b:.6g}" for a, b in zip(low, high, strict=True)]
+        # once for all elements, if it is the same
+        texts.append(f"{v.name} {ends[0] if len(set(ends)) == 1 else ', '.join(ends)} {v.unit}")
     return "; ".join(texts) or "none, since nothing comes in"

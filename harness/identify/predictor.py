@@ -83,10 +83,10 @@ def predictor_inputs(
     n, step = len(lengths[0]) - 1, every * h
     J = np.asarray(leg_jacobian(platform, state.position, state.orientation))
     mobility = J @ np.linalg.solve(mass_matrix(platform, state.position, state.orientation), np.swapaxes(J, 1, 2))
-    # noise that passes the filter, estimated from the rejected part of the raw signals and the share of the band
-    lost, passed = slice(edge(h, wide), -edge(h, wide)), math.sqrt(min(1.0, 2 * wide * h))
-    of_force = float(np.std(force_of(log)[lost] - smoothed(force_of(log), h, wide, 1, 0, delay))) * passed
-    of_length = float(np.std(log.leg_length[lost] - smoothed(log.leg_length, h, wide))) * passed
+    # the noise by the rejected part of the raw signals: only the ratio matters, and the filter passes the same share
+    lost = slice(edge(h, wide), -edge(h, wide))
+    of_force = float(np.std(force_of(log)[lost] - smoothed(force_of(log), h, wide, 1, 0, delay)))
+    of_length = float(np.std(log.leg_length[lost] - smoothed(log.leg_length, h, wide)))
     accelerated = of_force * float(np.einsum("tii->ti", mobility).mean())
     alpha, beta = _gains(accelerated * step**2 / max(of_length, 1e-12))
     inverse, angles = np.linalg.inv(J), state.orientation

@@ -13,7 +13,11 @@ LIBRARIES = (
 _READY = {"harness": ("tools.mutants.ready",)}
 # Tests in addition to the folder's mirror in tests/. Other folders have only their mirror.
 _NEARBY = {
-    "fmu_build/c": ("tests/harness/export/test_fmu.py", "tests/harness/export/test_fmu_samples.py"),
+    "fmu_build/c": (
+        "tests/harness/export/test_fmu.py",
+        "tests/harness/export/test_fmu_samples.py",
+        "tests/harness/plants/test_lanes.py",  # the only users of c/lanes
+    ),
     "harness": ("tests/test_wrong_arguments.py",),
     "harness/loop": (
         "tests/harness/control/test_controllers_at_work.py",

@@ -62,6 +62,19 @@ def test_impossible_members_are_rows_with_their_reason(whole: Chunk) -> None:
     assert lost["ended"].null_count() == len(lost)
 
 
+def test_a_chunk_of_which_nobody_can_run_is_like_any_other(plan: Plan, whole: Chunk) -> None:
+    """Expected: the row that the member has among others, with the same columns and types, and bands of nobody."""
+    k = whole.rows["outcome"].to_list().index("impossible", 7)
+    part = chunk(plan, k, k + 1)
+    assert part.rows.schema == whole.rows.schema
+    assert part.rows.equals(whole.rows[k : k + 1], null_equal=True)
+    assert part.bands.columns == whole.bands.columns
+    assert part.bands.time.tolist() == whole.bands.time.tolist()
+    assert part.bands.values.shape == (*whole.bands.values.shape[:2], 0)
+    with_margins = chunk(plan_of(small(margins=True)), k, k + 1)
+    assert with_margins.rows.columns == [*whole.rows.columns, "margins.stable", "margins.disk"]
+
+
 def test_a_row_holds_the_figures_of_merit_of_the_members_record(whole: Chunk) -> None:
     """Expected: `metrics` of the member's own record, to rounding, and the end of its run."""
     record = gs.run(small(), member=11)

@@ -1,6 +1,7 @@
 """Members whose loops oscillate or grow by themselves, against the same members run alone."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
@@ -44,6 +45,16 @@ def test_every_member_is_judged_as_its_own_run_is() -> None:
     assert "oscillation.amplitude" not in found.metrics
 
 
+@pytest.mark.parametrize("sensors", [{"quantisation": {"leg_length": 2e-3}}, {"noise": {"leg_length": 1e-3}}])
+def test_what_each_kind_of_sensor_error_explains_is_no_oscillation(sensors: dict[str, Any]) -> None:
+    """Expected: nothing said, as of its own run, of a member that otherwise oscillates by 11 mm, and of a sound one."""
+    found = gs.ensemble("heave_step", {**MIXED, "sensors": sensors}, members=2, workers=1)
+    assert found.members["varied.loop.delay"].to_list() == [1, 22]
+    assert found.members["oscillation"].to_list() == [None, None]
+    record = gs.run("heave_step", {**MIXED, "sensors": sensors}, member=1)
+    assert gs.metrics(record)["outcome"]["oscillation"] is None
+
+
 @pytest.mark.parametrize(("duration", "is_thinned"), [(1.4, False), (2.2, True)])
 def test_the_command_counts_them_and_names_the_largest(duration: float, is_thinned: bool, tmp_path: Path) -> None:
     """Expected: numbers of the table; exit 0, for some are sound; no frequency where rows are left out."""
@@ -54,6 +65,8 @@ def test_the_command_counts_them_and_names_the_largest(duration: float, is_thinn
     )
     assert done.exit_code == 0, done.output
     members = polars.read_parquet(tmp_path / "out" / "members.parquet")
+    assert "sensitivity.png" in done.output
+    assert ", worst" not in " ".join(done.output.split())
     said = " ".join(done.stderr.split())
     for kind, verb in (("oscillating", "oscillate"), ("growing", "grow")):
         some = members.filter(polars.col("oscillation") == kind).sort("oscillation.amplitude", descending=True)

@@ -250,6 +250,17 @@ def test_margins_are_those_of_each_members_machine() -> None:
     assert found["margins.stable"][0] == 1.0
 
 
+def test_the_number_of_cores_is_that_of_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: three of eight that the process may use; all eight where a system has no such choice; at least one."""
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 4, 6}, raising=False)
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    assert local.cores() == 3
+    monkeypatch.delattr("os.sched_getaffinity")
+    assert local.cores() == 8
+    monkeypatch.setattr("os.cpu_count", lambda: None)
+    assert local.cores() == 1
+
+
 def test_a_number_of_workers_below_one_is_refused() -> None:
     with pytest.raises(EnsembleError, match="workers is 0"):
         gs.ensemble(small(), workers=0)

@@ -13,6 +13,7 @@ from lxml import html
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
+from gough_stewart.harness.ensemble.figures import ensemble_figures
 from gough_stewart.harness.ensemble.files import worst_by
 from gough_stewart.harness.ensemble.page import ensemble_page, worst_sheet
 from gough_stewart.harness.ensemble.result import Ensemble
@@ -29,6 +30,7 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Named
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, ensemble_of
+from tests.support.figures import figures_drawn
 
 PEAK = "tracking.position.norm_peak"
 
@@ -144,6 +146,14 @@ def test_the_page_of_a_large_ensemble_says_what_it_does_not_show(large: Ensemble
     margin = next(each for each in data["metrics"] if each["name"] == "margins.disk")
     assert margin["marks"][0]["value"] == pytest.approx(np.quantile(large.values("margins.disk"), 0.05))
     assert (peak["unit"], peak["least"], margin["least"]) == ("mm", 1e-3, 1e-3)
+    # by their units, of kg also a millionth of the largest
+    assert [each["least"] for each in data["inputs"]] == pytest.approx(
+        [1e-6 * np.abs(large.values("platform_mass")[:10_000]).max(), 1e-3, 1e-6, 1e-3]
+    )
+    assert [(each["unit"], each["least"]) for each in data["signals"]][2:5] == [
+        *(("m", 1e-6), ("mm", 1e-3)),
+        ("N", pytest.approx(1e-6 * np.abs(large.bands.filter(signal="actuator_force[1]")["highest"]).max())),
+    ]
     assert "10100 members, seed 7, sampling random" in said
     assert "leave out the 100 members that did not complete; margins count for all." in said
     assert "over the first 10000 members (the 5 % line is at 4.8 to 5.2 % of all members), extremes over all" in said
@@ -151,6 +161,16 @@ def test_the_page_of_a_large_ensemble_says_what_it_does_not_show(large: Ensemble
     assert "Worst members" not in said
     small = words_of(ensemble_page(ensemble_of(normal(30)), PEAK, {}))
     assert not re.search("leave out|first 10000|Not completed", small)
+
+
+def test_figures_of_a_large_ensemble_say_what_quantiles_are_of(large: Ensemble) -> None:
+    """Expected: in the title of the bands, as on the page; members that are drawn are the first 3,000."""
+    with figures_drawn(is_rendered=False) as figures:
+        ensemble_figures(large, PEAK)
+    assert " ".join(figures[0].get_suptitle().split()) == (
+        "closed forms: 10100 members; median, 25 to 75 %, 5 to 95 % of the first 10000, extremes"
+    )
+    assert " ".join(figures[2].get_suptitle().split()).endswith("against what varies; 3000 of 10100 members")
 
 
 def test_a_page_without_seed_and_of_another_design_says_so() -> None:

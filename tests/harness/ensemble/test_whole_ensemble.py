@@ -131,6 +131,13 @@ def test_members_end_in_all_ways(done: Done) -> None:
     assert len(set(done.members["ended"].drop_nulls().to_list())) >= 3
 
 
+def test_the_command_names_all_that_it_wrote(done: Done) -> None:
+    """Expected: what is in its folder."""
+    named = re.search(r"members\.parquet(?:, [\w.-]+)+", " ".join(done.result.output.split()))
+    assert named is not None
+    assert sorted(named[0].split(", ")) == sorted(path.name for path in done.folder.iterdir())
+
+
 def test_every_number_of_a_member_is_that_of_its_record(done: Done) -> None:
     """Expected: metrics by definition, from the rows of each record and the limits of its own nominal platform."""
     other = {"member", "outcome", "ended", "cause", "integration_error", "margins.stable", "margins.disk"}

@@ -20,6 +20,7 @@ from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.trace import motion_function
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
+from gough_stewart.harness.plants import signals
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_geometry
@@ -288,6 +289,24 @@ def test_a_motion_that_branches_is_refused() -> None:
 def test_a_system_of_another_size_or_clock_is_refused(system: Any, message: str) -> None:
     with pytest.raises(GoughStewartError, match=message):
         designed(uneven_experiment(**GRAVITY), system)
+
+
+def test_the_first_measurement_is_where_the_reference_begins() -> None:
+    """Expected: pose and velocities of the reference at time 0, and the legs' lengths there; it is under way."""
+    names = ("leg_length", "position", "orientation", "velocity")
+    system = control.ss([], [], [], np.ones((6, 15)), 0.0015)
+    swing = {**SINE, "fade_in": 0, "phase": 0.7}
+    made = designed(uneven_experiment(reference=swing, controller=PD), LinearController(system, signals=names))
+    assert made.reference is not None
+    begin = made.reference(np.zeros(1))
+    length = leg_geometry(UNEVEN, begin.position, begin.orientation).length
+    expected = {"leg_length": length, "position": begin.position, "orientation": begin.orientation}
+    expected["velocity"] = begin.velocity
+    assert [v.name for v in made.measured] == sorted(names, key=[v.name for v in signals.VARIABLES].index)
+    np.testing.assert_allclose(
+        made.first_measured, np.concatenate([expected[v.name][0] for v in made.measured]), rtol=1e-12, atol=1e-14
+    )
+    assert np.abs(begin.velocity).max() > 0.01
 
 
 def test_nothing_to_compute_is_refused() -> None:

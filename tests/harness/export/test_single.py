@@ -121,6 +121,39 @@ def test_phases_stay_right_for_months(reference: dict[str, Any], start: int) -> 
         assert np.abs(force - expected).max() < tolerance(made, expected) + 0.1 * rounding * 2e4
 
 
+@pytest.mark.parametrize("change", [-1e-5, 1e-5])
+def test_another_sample_time_than_the_designed_one_has_no_part_of_it(change: float) -> None:
+    """Expected: the motion in double precision after a hundred million samples of a shorter, and of a longer time.
+
+    What a float leaves out of the designed sample time would be 5 ms by then.
+    """
+    made = designed(uneven_experiment(reference=CIRCLE, controller={**PD, "feedforward": "gravity"}))
+    exported, plain = Exported(made, single=True), Exported(made)
+    for each in (exported, plain):
+        each.parameters["sample_time"] = np.float32(made.sample_time + change)
+        each.start().step(made.first_measured)
+        each.set_samples(10**8)
+    T = float(np.float32(made.sample_time + change))
+    assert made.reference is not None
+    lengths = legs_of(UNEVEN, made.reference(np.array([10**8 * T]))).leg_length[0]
+    expected, _ = plain.step(lengths)
+    force, _ = exported.step(lengths)
+    assert np.abs(force - expected).max() < tolerance(made, expected)
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_one_measurement_on_a_bus_of_zeros_is_a_fault(leg: int) -> None:
+    """Expected: five lengths of 0 are out of range, also at the first sample; only six mean that none has arrived."""
+    made = designed(uneven_experiment(reference=HOLD, controller={**PID, "feedforward": "gravity"}))
+    row = np.where(np.arange(6) == leg, made.first_measured, 0.0)
+    for single in (True, False):
+        exported = Exported(made, single=single).start()
+        exported.step(np.zeros(6))
+        assert exported.status == 0
+        exported.step(row)
+        assert exported.status == 1
+
+
 def test_small_steps_of_an_integral_add_up() -> None:
     """Expected: the controller in double precision; steps are less than half of what a float of the sum resolves."""
     made = designed(uneven_experiment(reference=HOLD, controller=PID))

@@ -28,7 +28,15 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.notes import notes_of
-from gough_stewart.harness.export.stability import Case, Host, LoopStability, _Member, _MemberCases, stability_of
+from gough_stewart.harness.export.stability import (
+    Case,
+    Host,
+    LoopStability,
+    StabilityReport,
+    _Member,
+    _MemberCases,
+    stability_of,
+)
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces
@@ -406,6 +414,17 @@ def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -
     gs.export(law, forms="c", out=tmp_path, warn=said.append)
     assert said == ["the stability of the loop of the C is not judged: a function has no linear form"]
     assert "Stability: not judged, since a function has no linear form." in (tmp_path / "soft_controller.h").read_text()
+
+
+def test_forces_without_feedback_are_not_judged_and_nobody_is_warned() -> None:
+    """Expected: the reason in the header of every form; a warning is for loops that might be unstable."""
+    feedforward = {"controller": {"type": "open_loop", "feedforward": "gravity"}, "sensors.quantisation": {}}
+    experiment = experiment_of("pitch_sine", feedforward)
+    for host, report in stability_of(experiment, prepare(experiment), HOSTS, margins=False).items():
+        assert report == StabilityReport(reason="there is no feedback")
+        notes = notes_of(experiment, host, report)
+        assert "Stability: not judged, since there is no feedback." in notes.inside
+        assert not any("judged" in each for each in notes.warnings)
 
 
 def test_the_member_with_the_smallest_margins_is_found_by_any_sign_of_it() -> None:

@@ -64,6 +64,13 @@ def test_each_family_is_tested_by_what_it_explains_beyond_the_fit() -> None:
     p = beyond(projection, projection.extensions["three"], projection.extensions["two"])
     assert p == pytest.approx(f_distribution.sf(F, 3, freedom), rel=1e-9)
     assert beyond(projection, projection.extensions["two"], projection.extensions["two"]) == 1.0
+    # whatever the units of each column
+    three, two = projection.extensions["three"] * [1e-11, 1.0, 1e4], projection.extensions["two"] * [1e9, 1e-6]
+    assert explained(projection, three).rank == 3
+    assert explained(projection, three).improvement == pytest.approx(
+        explained(projection, projection.extensions["three"]).improvement, rel=1e-9
+    )
+    assert beyond(projection, three, two) == pytest.approx(p, rel=1e-9)
 
 
 def test_all_tests_together_have_the_least_of_simes() -> None:
