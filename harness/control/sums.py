@@ -54,15 +54,14 @@ class MatrixProducts:
     """M v of matrices (n, n, N) or (n, n, 1) and vectors (n, N), as a sum of columns in fixed order."""
 
     def __init__(self, n: int, n_members: int) -> None:
-        # NumPy sums a single column in another order, so one member is followed by an unused one
+        # NumPy sums a single column in another order, so one member is there twice
         self._n_members = n_members
-        self._whole = np.zeros((n, n, max(n_members, 2)))
-        self._terms = self._whole[:, :, :n_members]
+        self._terms = np.zeros((n, n, max(n_members, 2)))
 
     def __call__(self, matrices: FloatArray, vectors: FloatArray) -> FloatArray:
         """A new array (n, N)."""
         np.multiply(matrices, vectors, out=self._terms)
-        return np.asarray(np.add.reduce(self._whole, axis=1)[:, : self._n_members])
+        return np.asarray(np.add.reduce(self._terms, axis=1)[:, : self._n_members])
 
 
 def _every(numbers: NDArray[np.intp]) -> slice:

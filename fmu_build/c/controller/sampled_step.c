@@ -26,7 +26,7 @@ static int is_due(const component *c)
 
 static outcome check_samples(component *c, double end)
 {
-    double sample_time = c->s.p.sample_time, latest = fmax(fabs(c->s.start_time), fabs(end));
+    double sample_time = c->s.p.sample_time, latest = fmax(fabs(c->s.start_time), end);
     if (sample_time < 1e3 * DBL_EPSILON * latest) {
         write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
                       sample_time, latest);

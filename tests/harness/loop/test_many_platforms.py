@@ -95,6 +95,29 @@ def controller_of_member(k: int, space: Any) -> LinearController:
     return LinearController(discretised(pid_matrices(gains), T), space=space)
 
 
+def slowed(controller: LinearController) -> LinearController:
+    """The same with a low-pass of 5 Hz after it: its integrators feed other states."""
+    pole = np.exp(-2 * np.pi * 5 * T)
+    filters = control.ss(pole * np.eye(6), (1 - pole) * np.eye(6), np.eye(6), np.zeros((6, 6)), T)
+    system = controller.system
+    before = control.ss(system.A, system.B, system.C, system.D, T)
+    return LinearController(control.series(before, filters), space=controller.space)
+
+
+def test_each_controller_starts_at_rest_under_its_own_error() -> None:
+    """Expected: the bits of each member alone, where integrators feed filters and each member starts off its path."""
+    numbers = [4, 0, 7]
+    loops, jacobians = zip(*(loop_of_member(k) for k in numbers), strict=True)
+    rows = [np.stack([each.reference[0] for each in loops]), np.stack([each.reference[0] + 0.01 for each in loops])]
+    rows[1] += 1e-3 * np.arange(3)[:, None]
+    controllers = [slowed(controller_of_member(k, "leg")) for k in numbers]
+    many = laws_of(controllers, T, np.stack(jacobians, axis=1))(*rows)
+    for at, controller in enumerate(controllers):
+        alone = laws_of([controller], T, jacobians[at][:, None])(*(row[at : at + 1] for row in rows))
+        assert alone.state.any()
+        assert alone.state[0].tobytes() == np.ascontiguousarray(many.state[at]).tobytes()
+
+
 def run_of(numbers: list[int], space: Any) -> Run:
     loops, jacobians = zip(*(loop_of_member(k) for k in numbers), strict=True)
     plant = lanes_plant([platform_of(k) for k in numbers], [start_of(k) for k in numbers], substeps=8)
