@@ -165,6 +165,18 @@ def test_the_frequency_range_ends_at_half_the_sample_rate(L: Any) -> None:
     assert low < 0.1
 
 
+def test_the_frequency_range_is_about_the_poles_of_both_loops() -> None:
+    """Expected: a thousandth of the slowest pole to a hundred times the fastest, of k/(s + a) and its closed loop."""
+    slow, fast = (diagonal(control.tf([k], [1.0, a])) for k, a in ((3.0, 2.0), (-1.5, 2.0)))
+    assert frequency_range(slow) == pytest.approx((2.0 / 1000, 100 * 5.0))
+    assert frequency_range(fast) == pytest.approx((0.5 / 1000, 100 * 2.0))
+    # sampled: up to half the rate; an integrator's own pole does not count
+    pole, gain = np.exp(-0.7 * T), np.exp(-0.7 * T) - np.exp(-40.0 * T)
+    low, high = frequency_range(diagonal(control.tf([gain], [1.0, -pole], T)))
+    assert (low, high) == pytest.approx((0.7 / 1000, np.pi / T))
+    assert frequency_range(diagonal(control.tf([1.0], [1.0, 0.0])))[0] == pytest.approx(1.0 / 1000)
+
+
 def test_an_unstable_loop_has_no_margins() -> None:
     """Expected: with 45 samples of delay the pose is lost; the error names the eigenvalue."""
     platform = load_preset("motion_base")

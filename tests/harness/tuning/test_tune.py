@@ -31,6 +31,30 @@ def test_the_search_finds_the_optimum_of_a_fine_grid_of_single_runs(found: gs.Tu
     assert found.before.value == pytest.approx(numbers[5], rel=1e-6)
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_limit_that_clips_the_start_of_one_candidate_clips_no_others(sign: int) -> None:
+    """Expected: each candidate's value is that of its own run; the experiment's own limit cannot hold the platform.
+
+    Standing, legs push with all they have; hanging from above, they pull.
+    """
+    platform = gs.load_preset("motion_base")
+    held = gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
+    weight = float(np.abs(held).max())
+    settings = {
+        "platform.parameters": {"gravity": [0.0, 0.0, sign * 9.81]},
+        "loop": {"duration": 0.1, "delay": 2},
+        "reference.at": 0.02,
+        "limits.reference": "warn",
+        "actuators.force_limit": 0.8 * weight,
+    }
+    limits = f"actuators.force_limit={1.1 * weight:.6g}..{2 * weight:.6g}N"
+    found = gs.tune("heave_step", [limits], RMS, settings, generations=1, population=5)
+    for limit, value in ((0.8 * weight, found.before), (found.values["actuators.force_limit"], found.seen)):
+        own = gs.metrics(gs.run("heave_step", {**settings, "actuators.force_limit": limit}))
+        assert value is not None
+        assert value.value == pytest.approx(own["tracking"]["position"]["norm_rms"], rel=1e-6)
+
+
 def test_conditions_bound_the_optimum(found: gs.Tuning) -> None:
     """Expected: the free optimum overshoots more than is allowed, so that the best that is allowed is at the bound."""
     overshoot = "step_response.z.overshoot_percent"
