@@ -80,8 +80,7 @@ def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars
 
 def _own_motion(prepared: Prepared, time: FloatArray, error: FloatArray, every: int) -> Oscillation | None:
     loop = prepared.loop
-    if loop.reference is None or prepared.controller is None:
-        return None
+    assert loop.reference is not None  # a candidate has one
     reference = loop.reference[::every, LENGTHS]
     length = float(np.mean(reference - error))
     sensors = loop.sensors

@@ -433,6 +433,9 @@ def test_ensemble_json_counts_what_happened(done: Done) -> None:
     assert said["oscillations"] == {}
     causes = done.members["cause"].drop_nulls().to_list()
     assert said["causes"] == {cause: causes.count(cause) for cause in causes}
+    # the most frequent first
+    assert list(said["causes"]) == sorted(said["causes"], key=lambda cause: (-causes.count(cause), cause))
+    assert len(said["causes"]) > 2
     assert said["integration_error"] == done.members["integration_error"].max()
     assert said["tolerance"] == 1e-8
     groups = {frozenset(group) for group in said["groups"]}
