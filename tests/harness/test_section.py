@@ -48,7 +48,7 @@ MESSAGES: dict[str, tuple[dict[str, Any], str]] = {
     "a key that is named like its kind": (
         {"controller": {"type": "pd", "bandwidth": 2, "pd": 3}},
         "controller.pd: unknown key (= 3); expected one of type, feedforward, space, bandwidth, damping_ratio, "
-        "proportional_gain, derivative_gain, derivative_on, derivative_filter, discretisation",
+        "proportional_gain, derivative_gain, derivative_on, derivative_filter, discretisation, notch",
     ),
     "a key that another kind has": (
         {"reference": {"type": "sine", "frequency": 1, "file": "a.csv"}},
