@@ -170,7 +170,7 @@ def test_fixed_steps_fit_into_every_communication_step(fmu: Fmu) -> None:
     assert np.array_equal(coarse, halved)
 
 
-@pytest.mark.parametrize("start", [0.0, 1e4, 1e6, 1e9])
+@pytest.mark.parametrize("start", [0.0, 1e4, 1e6, 1e9, -1e9])
 @pytest.mark.parametrize("parts", [1, 10, 100])
 def test_a_communication_step_takes_as_many_fixed_steps_at_any_time(fmu3: Fmu, start: float, parts: int) -> None:
     """Expected: `parts`, as the intermediate updates count them; rounding of late times adds none."""
@@ -184,6 +184,26 @@ def test_a_communication_step_takes_as_many_fixed_steps_at_any_time(fmu3: Fmu, s
         p.step(start + k * 0.01, 0.01)
         assert len(seen) == parts
     p.free()
+
+
+@pytest.mark.parametrize(("start", "parts"), [(-0.1, 1), (-0.1, 3), (-0.1, 7), (0.01, 5)])
+def test_the_last_fixed_step_ends_where_the_communication_step_does(fmu3: Fmu, start: float, parts: int) -> None:
+    """Expected: to the last bit, with no further step for what rounding leaves.
+
+    Of the steps from -0.1 s, start + (end - start) is less than the end.
+    """
+    size = 0.35000000000000003
+    end = start + size
+    assert (start + (end - start) < end) == (start < 0)
+    seen: list[float] = []
+    p = Plant(fmu3, intermediateUpdate=lambda *arguments: seen.append(arguments[1]))
+    p.start(start_of(uneven_case()) | {"fixed_step_size": 1.001 * size / parts}, time=start)
+    p.step(start, size)
+    assert p.get("time") == end
+    p.free()
+    assert len(seen) == parts
+    assert seen == pytest.approx(start + size * (1 + np.arange(parts)) / parts, abs=1e-15)
+    assert seen[-1] == end
 
 
 def test_the_communication_step_may_vary_from_call_to_call(fmu: Fmu) -> None:

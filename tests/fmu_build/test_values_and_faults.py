@@ -280,11 +280,13 @@ def test_a_step_that_makes_no_sense_is_an_error(fmu: Fmu, time: float, step: flo
 
 
 @pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("era", [1, -1])
 @pytest.mark.parametrize(("now", "step", "inside", "outside"), CLOCKS)
 def test_an_importers_clock_may_round_a_little(
-    fmu: Fmu, now: float, step: float, inside: float, outside: float, side: int
+    fmu: Fmu, now: float, step: float, inside: float, outside: float, era: int, side: int
 ) -> None:
-    """Expected: as for the stepping model."""
+    """Expected: as for the stepping model, before time 0 as after it."""
+    now *= era
     with plant(fmu) as p:
         p.start(time=now)
         assert refused(p.step, now + side * outside, step) == ERROR
