@@ -5,12 +5,10 @@
 
 #define N N_LEGS
 
-/* LU factors in place, with partial pivoting in `order`; returns the determinant. */
-static double factorise(double a[N][N], int order[N])
+/* LU factors in place, of the rows in the order of their pivots; returns the determinant. */
+static double factorise(double a[N][N])
 {
     double determinant = 1;
-    for (int i = 0; i < N; i++)
-        order[i] = i;
     for (int j = 0; j < N; j++) {
         int pivot = j;
         for (int i = j + 1; i < N; i++)
@@ -23,9 +21,6 @@ static double factorise(double a[N][N], int order[N])
             memcpy(row, a[j], sizeof row);
             memcpy(a[j], a[pivot], sizeof row);
             memcpy(a[pivot], row, sizeof row);
-            int swapped = order[j];
-            order[j] = order[pivot];
-            order[pivot] = swapped;
             determinant = -determinant;
         }
         determinant *= a[j][j];
@@ -39,14 +34,14 @@ static double factorise(double a[N][N], int order[N])
     return determinant;
 }
 
-/* Frobenius norm of the inverse, column by column. */
-static double norm_of_inverse(double lu[N][N], const int order[N])
+/* Frobenius norm of the inverse, column by column; the order of its columns, that of the pivots, does not matter. */
+static double norm_of_inverse(double lu[N][N])
 {
     double sum = 0;
     for (int column = 0; column < N; column++) {
         double v[N];
         for (int i = 0; i < N; i++) {
-            v[i] = order[i] == column;
+            v[i] = i == column;
             for (int k = 0; k < i; k++)
                 v[i] -= lu[i][k] * v[k];
         }
@@ -62,15 +57,14 @@ static double norm_of_inverse(double lu[N][N], const int order[N])
 
 double condition_number(const double jacobian[N][N], double *determinant)
 {
-    int order[N];
     double factors[N][N], squares = 0;
     for (int i = 0; i < N; i++)
         for (int j = 0; j < N; j++)
             squares += jacobian[i][j] * jacobian[i][j];
     memcpy(factors, jacobian, sizeof factors);
-    *determinant = factorise(factors, order);
+    *determinant = factorise(factors);
     double mean = squares / N, bound = 2 * mean * mean * mean / fabs(*determinant);
     if (bound < SINGULAR_CONDITION_NUMBER)
         return bound;
-    return *determinant == 0 ? INFINITY : sqrt(squares) * norm_of_inverse(factors, order);
+    return *determinant == 0 ? INFINITY : sqrt(squares) * norm_of_inverse(factors);
 }

@@ -138,17 +138,17 @@ static double number_of_steps(double start, double end, double size)
 integration integrate_fixed(const ode *problem, integration_point *at, double end, double size)
 {
     double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
-    long done = 0, total = 0;
+    long done = 0;
+    if (n > MOST_FIXED_STEPS)
+        return TOO_MANY_STEPS;
     while (at->t < end) {
-        if (end != planned) { /* the observer has reduced it */
+        if (end != planned) { /* the observer has reduced it; no more steps than were left */
             start = at->t;
             n = number_of_steps(start, end, size);
             span = end - start;
             planned = end;
             done = 0;
         }
-        if (n > MOST_FIXED_STEPS || total++ > MOST_FIXED_STEPS)
-            return TOO_MANY_STEPS;
         done++;
         double h = span / n, t = (double)done < n ? start + span * ((double)done / n) : end;
         double k2[N_STATES], k3[N_STATES], k4[N_STATES], x[N_STATES];

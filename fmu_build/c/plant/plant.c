@@ -110,15 +110,16 @@ static const leg_state *legs_of(component *c)
     return &c->legs;
 }
 
+_Static_assert(R_LEG_LENGTH == N_STATES && R_LEG_VELOCITY == N_STATES + N_LEGS, "legs come after the states");
+
 /* Results other than the states. Leg lengths and rates do not need the dynamics, at a fifth of the cost. */
 static double find_result(component *c, int result)
 {
     if (c->has_legs || !c->has_results) {
-        int length = result - R_LEG_LENGTH, rate = result - R_LEG_VELOCITY;
-        if (length >= 0 && length < N_LEGS)
-            return legs_of(c)->length[length];
-        if (rate >= 0 && rate < N_LEGS)
-            return legs_of(c)->length_rate[rate];
+        if (result < R_LEG_VELOCITY)
+            return legs_of(c)->length[result - R_LEG_LENGTH];
+        if (result < R_LEG_VELOCITY + N_LEGS)
+            return legs_of(c)->length_rate[result - R_LEG_VELOCITY];
     }
     if (!c->has_results) {
         kernel_outputs(c->s.x, c->s.inputs, c->s.p, c->results);
