@@ -10,6 +10,8 @@ import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gough_stewart.model.interrupts import interrupts_held_back
+
 DASHES = ("-", "--", "-.", "-", "--", "-.")
 STYLE: dict[str, Any] = {
     "figure.dpi": 150,
@@ -84,12 +86,15 @@ def _files(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> d
         # once for both formats; otherwise each would draw the figure just for the layout
         layout = figure.get_layout_engine()
         if layout is not None:
-            layout.execute(figure)
+            with interrupts_held_back():
+                layout.execute(figure)
             figure.set_layout_engine("none")
         for kind in kinds:
             buffer = BytesIO()
             # no date in the SVG; stronger compression of the PNG takes twice as long
             options = {"metadata": {"Date": None}} if kind == "svg" else {"pil_kwargs": {"compress_level": 1}}
-            figure.savefig(buffer, format=kind, **options)
+            # Matplotlib's C++ turns an interrupt in the conversion of its arguments into an error of its own
+            with interrupts_held_back():
+                figure.savefig(buffer, format=kind, **options)
             files[kind] = buffer.getvalue()
     return files

@@ -1,6 +1,7 @@
 """How figures look, and that the same data give the same bytes."""
 
 import re
+import signal
 import warnings
 from io import BytesIO
 from typing import Any
@@ -113,3 +114,34 @@ def test_a_long_title_is_on_the_paper_as_a_whole() -> None:
     assert box.x0 >= 0
     assert box.x1 <= figure.bbox.x1
     assert drawn.get_text().split() == title.split()
+
+
+@pytest.mark.parametrize("name", ["savefig", "get_layout_engine"])
+def test_ctrl_c_while_matplotlib_writes_comes_at_the_end_of_the_file(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the interrupt, and Matplotlib's C++, which would make another error of it, was not broken off."""
+    ended = list[str]()
+    real = Figure.savefig
+
+    def interrupted(figure: Figure, *arguments: Any, **options: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        ended.append(options["format"])
+        real(figure, *arguments, **options)
+
+    class Layout:
+        def execute(self, _figure: Figure) -> None:
+            signal.raise_signal(signal.SIGINT)
+            ended.append("layout")
+
+    if name == "savefig":
+        monkeypatch.setattr(Figure, name, interrupted)
+    else:
+        monkeypatch.setattr(Figure, name, lambda _figure: Layout())
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            pictures("a", draw, 3.0, 2.0)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended == (["png"] if name == "savefig" else ["layout"])
