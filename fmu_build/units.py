@@ -34,5 +34,6 @@ UNITS = (
     Unit("N/(m.s)", {"kg": 1, "s": -3}),
     Unit("1", {}),
     Unit("N/s", {"kg": 1, "m": 1, "s": -3}),
+    Unit("Hz", {"s": -1}),
 )
 BY_NAME = {unit.name: unit for unit in UNITS}

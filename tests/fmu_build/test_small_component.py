@@ -426,6 +426,7 @@ def test_units_come_from_force_to_the_rarer_ones_with_their_dimensions() -> None
         ("N/(m.s)", "kg s-3", None),
         ("1", "", None),
         ("N/s", "kg m s-3", None),
+        ("Hz", "s-1", None),
     ]
     assert [unit.name for unit in UNITS] == [name for name, _, _ in expected]
     for unit, (name, bases, display) in zip(UNITS, expected, strict=True):

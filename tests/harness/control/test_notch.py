@@ -1,10 +1,12 @@
 """The notch of `[controller.notch]` everywhere: its formula, the loop, margins, ensembles, tuning, C and FMU."""
 
+from pathlib import Path
 from typing import Any
 
 import control
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
@@ -162,6 +164,17 @@ def test_in_c_it_gives_the_forces_of_the_loop(space: str, integral: dict[str, An
             exported.parameters[f"notch_{key}"] = value
         found = exported.forces(measured_by(run, made))
         assert largest_difference(found, commanded(run, made)) < TOLERANCE["float" if single else "double"]
+
+
+def test_as_a_unit_it_gives_the_forces_of_the_loop(tmp_path: Path) -> None:
+    """Expected: rows of the loop with the controller in Python, and its keys as parameters with units."""
+    own = ["loop.duration=0.15", "loop.delay=1", "sensors.quantisation={}", "controller.notch={frequency=30,depth=0.2}"]
+    (unit,) = gs.export("heave_step", own, out=tmp_path, fmi=["3.0"])
+    inside, outside = gs.run("heave_step", own), gs.run("heave_step", own, controller=unit)
+    forces = inside["actuator_force"]
+    assert np.abs(outside["actuator_force"] - forces).max() < 1e-10 * np.abs(forces).max()
+    described = {v.name: v for v in read_model_description(str(unit)).modelVariables}
+    assert (described["notch_frequency"].unit, float(described["notch_frequency"].start)) == ("Hz", 30.0)
 
 
 @pytest.mark.parametrize(("key", "value"), [("frequency", 1 / (2 * T)), ("depth", 1.0), ("damping", 0.0)])
