@@ -115,8 +115,13 @@ class LinearLaw:
         outputs = Product(self._matrices[:, n:, :], n_members)
         self._y = np.zeros((N_LEGS, n_members))
         one, other = np.zeros((2, n + first.system.ninputs, n_members))
+        size = len(signals.positions(first.signals))
+
+        def parts_of(u: FloatArray) -> tuple[FloatArray, ...]:
+            return tuple(np.split(u, [size, 2 * size])[: first.kinds])  # views, see `inputs_of`
+
         self._now, self._next = (
-            _Turn(now, now[:n], _parts(now[n:], first), next_state.of(now, following), outputs.of(now, self._y))
+            _Turn(now, now[:n], parts_of(now[n:]), next_state.of(now, following), outputs.of(now, self._y))
             for now, following in ((one, other), (other, one))
         )
         self.used = first.signals
@@ -179,14 +184,6 @@ class LinearLaw:
         for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
             x[member] = rest(A[member], integrating_modes(A[member]), forcing[member])
         self._now.x[...] = x.T
-
-
-def _parts(u: FloatArray, controller: "LinearController") -> tuple[FloatArray, ...]:
-    """Views of the parts of u (n, N), see `inputs_of`."""
-    n = len(signals.positions(controller.signals))
-    return tuple(u[first : first + n] for first in range(0, 2 * n, n))[: controller.kinds] + (
-        (u[2 * n :],) if controller.kinds > 2 else ()
-    )
 
 
 class _MapsOfSamples:

@@ -64,6 +64,25 @@ def test_what_replace_refuses_is_refused_in_the_same_words(values: dict[str, Any
     assert str(some.value) == str(whole.value)
 
 
+@pytest.mark.parametrize("height", [0.7, 1.4])
+@pytest.mark.parametrize("name", ["home_position", "base_points"])
+def test_geometry_that_changes_is_held_against_limits_that_do_not(name: str, height: float) -> None:
+    """Expected: as `replace`, for a stroke, or a centre of mass, that only the new home legs contradict."""
+    home = UNEVEN.home_position[2]
+    length = float(np.linalg.norm(UNEVEN.home_position))
+    up = np.array([0.0, 0.0, (height - 1) * home])
+    value = UNEVEN.home_position + up if name == "home_position" else UNEVEN.base_points - up
+    bases = [replace(UNEVEN, leg_length_min=0.85 * length, leg_length_max=1.25 * length)]
+    if height < 1:
+        bases.append(replace(UNEVEN, leg_length_min=None, leg_length_max=None, leg_lower_com=0.85 * length))
+    for base in bases:
+        with pytest.raises(gs.GoughStewartError) as whole:
+            replace(base, **{name: value})
+        with pytest.raises(gs.GoughStewartError) as some:
+            base.with_parameters({name: value})
+        assert str(some.value) == str(whole.value)
+
+
 def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(gs.GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
         UNEVEN.with_parameters({"platform_mas": 3.0})

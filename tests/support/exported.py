@@ -33,6 +33,10 @@ WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion"
 GCC = shutil.which("gcc")
 COMPILER: tuple[str, ...] = ZIG if GCC is None else (GCC,)
 REALS: dict[str, Any] = {"double": np.float64, "float": np.float32}
+# Gains of six unequal channels for the uneven platform.
+KP = [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0]
+KD = [60.0, 45.0, 71.0, 52.0, 83.0, 66.0]
+KI = [900.0, 0.0, 1100.0, 700.0, 1300.0, 0.0]
 # As the contract of issue and docs has them: of the largest force of a sample.
 TOLERANCE = {"double": 1e-9, "float": 1e-5}
 

@@ -77,6 +77,7 @@ def assert_same(many: Run, k: int, single: Run, tolerance: float = 0.0) -> None:
     samples = int(at[-1]) + 1
     assert many.outcomes[k].status == single.outcomes[0].status
     assert many.outcomes[k].time == single.outcomes[0].time
+    np.testing.assert_array_equal(many.of_member(k).time, single.time)
     for name, n in (("results", rows), ("inputs", rows), ("command", samples), ("controller_state", samples)):
         found, expected = getattr(many, name)[:n, k], getattr(single, name)[:n]
         expected = expected.reshape(found.shape)

@@ -18,6 +18,9 @@ from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
+    KD,
+    KI,
+    KP,
     TOLERANCE,
     Exported,
     commanded,
@@ -36,9 +39,6 @@ GAINS: dict[str, Any] = {
 }
 INTEGRAL: dict[str, Any] = {"integral_gain": [9e4, 5e4, 0.0, 7e4, 3e4, 8e4], "anti_windup_time": 0.3}
 NOTCH: dict[str, Any] = {"frequency": 41.0, "damping": 0.35, "depth": 0.15}
-KP = [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0]
-KD = [60.0, 45.0, 71.0, 52.0, 83.0, 66.0]
-KI = [900.0, 0.0, 1100.0, 700.0, 1300.0, 0.0]
 HOLD = {"type": "hold", "position": [0.05, -0.02, 2.95], "orientation": [0.02, -0.03, 0.05]}
 
 

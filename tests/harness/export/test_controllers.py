@@ -20,6 +20,9 @@ from gough_stewart.harness.experiment.file import experiment_from, experiment_na
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
+    KD,
+    KI,
+    KP,
     REALS,
     TOLERANCE,
     Exported,
@@ -30,9 +33,6 @@ from tests.support.exported import (
     uneven_experiment,
 )
 
-KP = [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0]
-KD = [60.0, 45.0, 71.0, 52.0, 83.0, 66.0]
-KI = [900.0, 0.0, 1100.0, 700.0, 1300.0, 0.0]
 SINE = {
     "type": "sine",
     "position_amplitude": [0.03, -0.02, 0.04],

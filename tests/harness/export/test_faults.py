@@ -20,8 +20,8 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
-from tests.harness.export.test_controllers import CIRCLE, HOLD, KP, PD, PID, SINE
-from tests.support.exported import Exported, commanded, measured_by, run_in_python, uneven_experiment
+from tests.harness.export.test_controllers import CIRCLE, HOLD, PD, PID, SINE
+from tests.support.exported import KP, Exported, commanded, measured_by, run_in_python, uneven_experiment
 from tests.support.uneven import UNEVEN
 
 GOOD, OUT_OF_RANGE, FROZEN, NOT_FINITE = range(4)

@@ -24,11 +24,12 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_geometry
-from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, KP, PD, PID, SINE
+from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID, SINE
 from tests.support.c_hosts import ZIG
 from tests.support.exported import (
     COMPILER,
     GCC,
+    KP,
     TOLERANCE,
     WARNINGS,
     Exported,

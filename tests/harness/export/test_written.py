@@ -20,9 +20,9 @@ from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
 from gough_stewart.harness.export.system_structure import parameter_values, system_structure
 from gough_stewart.model import interface
-from tests.harness.export.test_controllers import CIRCLE, KD, KP, PD, PID, SINE
+from tests.harness.export.test_controllers import CIRCLE, PD, PID, SINE
 from tests.harness.export.test_system_structure import LOOP
-from tests.support.exported import Exported, commanded, measured_by, run_in_python, uneven_experiment
+from tests.support.exported import KD, KP, Exported, commanded, measured_by, run_in_python, uneven_experiment
 from tests.support.uneven import UNEVEN
 
 KI = [900.0, 500.0, 1100.0, 700.0, 1300.0, 400.0]
