@@ -95,8 +95,13 @@ def test_every_result_goes_by_the_reference_in_the_description(fmu: Fmu) -> None
 
 
 def test_units_have_the_dimensions_of_their_names() -> None:
-    """Expected: N = kg m/s², J = N m, and the rest read off the name."""
-    bases: dict[str, dict[str, int]] = {"1": {}, "N": {"kg": 1, "m": 1, "s": -2}, "J": {"kg": 1, "m": 2, "s": -2}}
+    """Expected: N = kg m/s², J = N m, Hz = 1/s, and the rest read off the name."""
+    bases: dict[str, dict[str, int]] = {
+        "1": {},
+        "Hz": {"s": -1},
+        "N": {"kg": 1, "m": 1, "s": -2},
+        "J": {"kg": 1, "m": 2, "s": -2},
+    }
     for unit in UNITS:
         numerator, _, denominator = unit.name.partition("/")
         exponents: dict[str, int] = {}
