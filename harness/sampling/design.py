@@ -10,6 +10,7 @@ from zlib import crc32
 
 import numpy as np
 
+from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.vectors import FloatArray
 
 Sampling = Literal["random", "latin_hypercube", "sobol", "saltelli"]
@@ -125,7 +126,9 @@ def _sobol(size: int, seed: int, first: int, last: int) -> FloatArray:
     from scipy.stats import qmc  # takes half a second, and is needed for these designs only
 
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
-    engine = qmc.Sobol(size, scramble=True, rng=rng)
+    # an interrupt while it reads its table of directions is lost, and the points would be others
+    with interrupts_held_back():
+        engine = qmc.Sobol(size, scramble=True, rng=rng)
     if first:
         engine.fast_forward(first)
     with warnings.catch_warnings():  # of counts that are not powers of two: chunks are parts of a longer sequence

@@ -1,5 +1,6 @@
 """Designs: member k has its numbers, whatever is drawn beside it; each is what it says it is."""
 
+import signal
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,26 @@ def test_sobol_points_fill_the_cube_better_than_chance() -> None:
     """Expected: a centred discrepancy far below that of as many random points."""
     sobol, random = (qmc.discrepancy(design(s, 256).points(0, 256)[:, :5]) for s in ("sobol", "random"))
     assert sobol < random / 3
+
+
+def test_ctrl_c_while_sobol_reads_its_table_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the interrupt, once SciPy has its engine; inside, it would be printed and lost, and all points differ."""
+    made = list[str]()
+
+    class Sobol(qmc.Sobol):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            signal.raise_signal(signal.SIGINT)
+            super().__init__(*arguments, **options)
+            made.append("engine")
+
+    monkeypatch.setattr(qmc, "Sobol", Sobol)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            design("sobol").points(0, 3)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert made == ["engine"]
 
 
 def test_saltellis_design_swaps_one_group_after_the_other() -> None:
