@@ -46,7 +46,7 @@ def test_sobol_points_fill_the_cube_better_than_chance() -> None:
 
 
 def test_ctrl_c_while_sobol_reads_its_table_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the interrupt, once SciPy has its engine; inside, it would be printed and lost, and all points differ."""
+    """Expected: the interrupt, when SciPy has its engine; inside it would be lost, and all points the same."""
     made = list[str]()
 
     class Sobol(qmc.Sobol):
