@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.branch_free import arctan2, where_below
 from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.model.operations import arctan2, less, where
 from gough_stewart.model.real import real_array
 from gough_stewart.model.rotations import angles_of, matrix_from_orientation, orientation_from_matrix
 from gough_stewart.model.vectors import Array, FloatArray, cross, dot, skew
@@ -152,12 +152,13 @@ def turning_of(rho: FloatArray, rate: FloatArray, acceleration: FloatArray) -> t
 def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
     """For θ² = |ρ|²: sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³, and θ²-derivatives of the last two; each (n,)."""
     q = dot(rho, rho)
-    safe = where_below(q, _SMALL_ANGLE**2, 1.0 + 0 * q, q)
+    is_small = less(q, _SMALL_ANGLE**2)
+    safe = where(is_small, 1.0, q)
     theta = np.sqrt(safe)
     a, b, c = np.sin(theta) / theta, (1 - np.cos(theta)) / safe, (theta - np.sin(theta)) / (safe * theta)
     # db/dq = (a − 2 b)/(2 q), dc/dq = (b − 3 c)/(2 q)
     exact = (a, b, c, (a - 2 * b) / (2 * safe), (b - 3 * c) / (2 * safe))
-    return tuple(where_below(q, _SMALL_ANGLE**2, _series(k, q), each) for k, each in enumerate(exact))
+    return tuple(where(is_small, _series(k, q), each) for k, each in enumerate(exact))
 
 
 def _series(k: int, q: FloatArray) -> FloatArray:

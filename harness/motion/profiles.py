@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.motion.branch_free import maximum, minimum, reached
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, motion_of
+from gough_stewart.model.operations import maximum, minimum, reached
 from gough_stewart.model.vectors import Array, FloatArray
 
 

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.at_home import AtHome, moved_home
-from gough_stewart.harness.motion.branch_free import maximum, minimum, numbers_or_symbols, reached
 from gough_stewart.harness.motion.low_pass import resampled, smoothed
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
 from gough_stewart.harness.motion.plausible_speed import check_speed
@@ -36,6 +35,7 @@ from gough_stewart.harness.quantities import (
     Time,
 )
 from gough_stewart.harness.section import FileName, Kind
+from gough_stewart.model.operations import maximum, minimum, numbers_or_symbols, reached
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.harness.motion.branch_free import numbers_or_symbols
 from gough_stewart.harness.motion.motion import Motion, Reference, coordinates_of, end_of, motion_of
+from gough_stewart.model.operations import numbers_or_symbols
 from gough_stewart.model.vectors import FloatArray
 
 

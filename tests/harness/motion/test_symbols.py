@@ -2,13 +2,11 @@
 
 from typing import Any
 
-import casadi
 import numpy as np
 import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion import branch_free
 from gough_stewart.harness.motion.fitting import factor_near
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.motion.plausible_speed import check_speed
@@ -16,45 +14,6 @@ from gough_stewart.harness.motion.shares import Limited
 from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.uneven import UNEVEN
-
-A = np.array([-2.5, -1.0, 0.0, 1e-12, 0.7, 3.0])
-B = np.array([1.0, -1.0, 0.3, 0.0, 0.7, -2.0])
-
-
-def _by_symbols(function: Any, *arrays: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """A function of arrays, by CasADi's symbols in their place."""
-    symbols = [np.array([casadi.SX.sym(f"{k}_{j}") for j in range(len(a))], dtype=object) for k, a in enumerate(arrays)]
-    results = np.asarray(function(*symbols), dtype=object)
-    flat = casadi.vertcat(*results.ravel())
-    inputs = [casadi.vertcat(*each) for each in symbols]
-    return np.array(casadi.Function("f", inputs, [flat])(*arrays)).reshape(results.shape)
-
-
-@pytest.mark.parametrize(
-    ("function", "expected"),
-    [
-        (branch_free.minimum, [-2.5, -1, 0, 0, 0.7, -2]),
-        (branch_free.maximum, [1, -1, 0.3, 1e-12, 0.7, 3]),
-        (branch_free.reached, [0, 1, 0, 1, 1, 1]),
-        (branch_free.arctan2, [np.arctan2(a, b) for a, b in zip(A, B, strict=True)]),
-    ],
-)
-def test_functions_without_branches_are_alike_for_numbers_and_symbols(function: Any, expected: list[float]) -> None:
-    """Expected: by hand, on both sides of each equality."""
-    np.testing.assert_allclose(function(A, B), expected, rtol=1e-15)
-    np.testing.assert_allclose(_by_symbols(function, A, B), expected, rtol=1e-15)
-    np.testing.assert_allclose(_by_symbols(lambda a: function(a, 0.3), A), function(A, 0.3), rtol=1e-15)
-
-
-def test_a_choice_below_a_bound_is_alike_for_numbers_and_symbols() -> None:
-    """Expected: the first below the bound, the second at it and above."""
-    expected = [1.0, -1.0, 0.3, 0.0, -0.7, -3.0]
-    np.testing.assert_array_equal(branch_free.where_below(A, 0.7, B, -A), expected)
-    np.testing.assert_array_equal(_by_symbols(lambda a, b: branch_free.where_below(a, 0.7, b, -a), A, B), expected)
-    assert branch_free.numbers_or_symbols([1, 2]).dtype == float
-    symbols = np.array([casadi.SX.sym("x")], dtype=object)
-    assert branch_free.numbers_or_symbols(symbols) is symbols
-
 
 SWING = gs.Excitation(
     frequency=0.4,

@@ -1,0 +1,113 @@
+"""Operations on numbers and on symbols: the values worked out by hand, and the same from CasADi's evaluation and C."""
+
+import ctypes
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gough_stewart.model import operations
+from tests.support.exported import COMPILER, compiled
+
+INF = np.inf
+A = np.array([-2.5, -1.0, 0.0, 1e-12, 0.7, 3.0, -0.0, INF, -INF, 2.5])
+B = np.array([1.0, -1.0, 0.3, 0.0, 0.7, -2.0, 0.0, 5.0, 4.0, INF])
+C = np.array([2.0, 0.5, 0.1, 7.0, 0.8, 9.0, -1.0, 6.0, 5.0, 0.0])
+CASES: dict[str, tuple[Callable[..., Any], tuple[Any, ...], list[float]]] = {
+    "minimum": (operations.minimum, (A, B), [-2.5, -1, 0, 0, 0.7, -2, 0, 5, -INF, 2.5]),
+    "maximum": (operations.maximum, (A, B), [1, -1, 0.3, 1e-12, 0.7, 3, 0, INF, 4, INF]),
+    # where the bounds cross, the upper one wins
+    "clip": (operations.clip, (A, B, C), [1, -1, 0.1, 1e-12, 0.7, 3, -1, 6, 4, 0]),
+    "sign": (operations.sign, (A,), [-1, -1, 0, 1, 1, 1, 0, 1, -1, 1]),
+    "less": (operations.less, (A, B), [1, 0, 1, 0, 0, 0, 0, 0, 1, 1]),
+    "greater": (operations.greater, (A, B), [0, 0, 0, 1, 0, 1, 0, 1, 0, 0]),
+    "not_equal": (operations.not_equal, (A, B), [1, 0, 1, 1, 0, 1, 0, 1, 1, 1]),
+    "reached": (operations.reached, (A, B), [0, 1, 0, 1, 1, 1, 1, 1, 0, 0]),
+    "where": (lambda a, b, c: operations.where(operations.less(a, 0.7), b, c), (A, B, C),
+              [1, -1, 0.3, 0, 0.8, 9, 0, 6, 4, 0]),
+    "number beside an array": (lambda a: operations.minimum(a, 0.3), (A,),
+                               [-2.5, -1, 0, 1e-12, 0.3, 0.3, 0, 0.3, -INF, 0.3]),
+    "rounded": (operations.rounded, (np.array([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5, 0.5 - 2**-54, 1e15 + 0.5, -7.2]),),
+                [-2, -2, 0, 0, 2, 2, 0, 1e15, -7]),
+    "arctan2": (operations.arctan2, (np.array([-2.5, 0.0, 0.7, 3.0]), np.array([0.0, -2.0, 0.7, -3.0])),
+                [-np.pi / 2, np.pi, np.pi / 4, 3 * np.pi / 4]),
+}  # fmt: skip
+
+
+def _function(of: Callable[..., Any], sizes: list[int]) -> casadi.Function:
+    symbols = [casadi.SX.sym(f"in{k}", n) for k, n in enumerate(sizes)]
+    arrays = [np.array([each[k] for k in range(each.numel())], dtype=object)[:, None] for each in symbols]
+    return casadi.Function("f", symbols, [casadi.vertcat(*of(*arrays).ravel())])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_numbers_and_symbols_give_the_values_worked_out_by_hand(name: str) -> None:
+    """Expected: typed in, at ties, both zeros and infinities; CasADi evaluates what was traced."""
+    of, arrays, expected = CASES[name]
+    _assert_equal(name, np.asarray(of(*arrays), dtype=float), expected)
+    function = _function(of, [len(each) for each in arrays])
+    _assert_equal(name, np.asarray(function(*arrays)).ravel(), expected)
+
+
+def test_c_gives_the_same(tmp_path: Path) -> None:
+    """Expected: the typed-in values, from the code that CasADi writes; C has its own fmin, remainder and conditions."""
+    generator = casadi.CodeGenerator("code.c", {"with_header": False})
+    for k, (of, arrays, _) in enumerate(CASES.values()):
+        f = _function(of, [len(each) for each in arrays])
+        generator.add(casadi.Function(f"f{k}", f.sx_in(), f.call(f.sx_in())))
+    generator.generate(f"{tmp_path}/")
+    compiled([*COMPILER, "-O1", "-shared", "-fPIC", "code.c", "-o", "code.so", "-lm"], tmp_path)
+    code = ctypes.CDLL(str(tmp_path / "code.so"))
+    for k, (name, (_, arrays, expected)) in enumerate(CASES.items()):
+        given_, found = [np.ascontiguousarray(each) for each in arrays], np.zeros(len(expected))
+        arg = (ctypes.c_void_p * len(given_))(*(each.ctypes.data for each in given_))
+        res = (ctypes.c_void_p * 1)(found.ctypes.data)
+        work = np.zeros(200)
+        assert getattr(code, f"f{k}")(arg, res, None, ctypes.c_void_p(work.ctypes.data), 0) == 0
+        _assert_equal(name, found, expected)
+
+
+def _assert_equal(name: str, found: Any, expected: list[float]) -> None:
+    """Exactly; but for the last bit of an angle, which libraries round differently."""
+    np.testing.assert_allclose(found, expected, rtol=3e-16 if name == "arctan2" else 0, atol=0, err_msg=name)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(-1e16, 1e16), min_size=1, max_size=6))
+def test_rounding_is_that_of_numpy_for_any_number(values: list[float]) -> None:
+    """Expected: NumPy's rint, which rounds in the processor; symbols round by a remainder."""
+    x = np.array(values)
+    np.testing.assert_array_equal(np.asarray(_function(operations.rounded, [len(x)])(x)).ravel(), np.rint(x))
+
+
+def test_numbers_stay_numpys_bit_by_bit() -> None:
+    """Expected: the NumPy function of the name, signed zeros and NaN too; members last, bounds of one number."""
+    rng = np.random.default_rng(2)
+    a, b = rng.normal(size=(2, 6, 5))
+    a[0], b[1] = -0.0, np.nan
+    for name in ("minimum", "maximum", "less", "greater", "not_equal", "arctan2"):
+        assert getattr(operations, name)(a, b).tobytes() == getattr(np, name)(a, b).tobytes()
+    assert operations.rounded(a).tobytes() == np.rint(a).tobytes()
+    assert operations.sign(a).tobytes() == np.sign(a).tobytes()
+    assert operations.clip(a, -0.5, 0.25).tobytes() == np.clip(a, -0.5, 0.25).tobytes()
+
+
+def test_broadcasting_is_numpys_for_symbols() -> None:
+    """Expected: (3, 1) and (4,) make (3, 4), each element of its own two."""
+    x = np.array([[casadi.SX.sym(f"x{k}")] for k in range(3)], dtype=object)
+    found = operations.minimum(x, np.arange(4.0))
+    assert found.shape == (3, 4)
+    f = casadi.Function("f", [casadi.vertcat(*x.ravel())], [casadi.vertcat(*found.ravel())])
+    values = np.array([0.5, 2.5, -1.0])
+    np.testing.assert_array_equal(np.asarray(f(values)).reshape(3, 4), np.minimum(values[:, None], np.arange(4.0)))
+
+
+def test_numbers_become_floats_and_symbols_stay() -> None:
+    assert operations.numbers_or_symbols([1, 2]).dtype == float
+    symbols = np.array([casadi.SX.sym("x")], dtype=object)
+    assert operations.numbers_or_symbols(symbols) is symbols
