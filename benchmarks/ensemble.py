@@ -23,7 +23,7 @@ from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import Plan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.folds import RowsInBlocks
+from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
@@ -55,7 +55,7 @@ def simulated_seconds(plan: Plan) -> tuple[float, float]:
     for _ in range(ROUNDS):
         batch = batch_of(prepared, plan.substeps)
         folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size))
-        rows = RowsInBlocks(batch.loop, folds, batch.size)
+        rows = FoldsOfRows(batch.loop, folds, batch.size)
         start = time.perf_counter()
         with batch.plant:
             observe(batch.plant, batch.law_from, batch.loop, rows)

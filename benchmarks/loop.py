@@ -20,7 +20,7 @@ from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.loop.together import together
 from gough_stewart.harness.plants.fmu import FmuPlant
@@ -76,7 +76,7 @@ def seconds_of_many() -> tuple[float, float, float]:
 class Nothing(Observer):
     """An observer that does nothing."""
 
-    def row(self, row: Row) -> None:
+    def block(self, rows: Rows) -> None:
         """Do nothing."""
 
 

@@ -37,6 +37,10 @@ class Law(Protocol):
         """The signals that they use."""
 
     @property
+    def may_overrun(self) -> bool:
+        """Whether members that have ended may be sampled, as code of the user must not be."""
+
+    @property
     def state(self) -> FloatArray:
         """Their memory (N, n_states)."""
 
@@ -230,6 +234,8 @@ def _structure(controller: Controller) -> str:
 
 class OwnLaws:
     """Members' own laws, called one by one; `watches` see whether functions that members share keep memory."""
+
+    may_overrun = False
 
     def __init__(
         self,

@@ -95,6 +95,7 @@ class LinearLaw:
     """
 
     limited = None
+    may_overrun = True
     failures: Mapping[int, ControllerError] = {}
 
     def __init__(

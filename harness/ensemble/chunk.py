@@ -25,7 +25,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import pilots
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.preparation import Prepared
-from gough_stewart.harness.loop.folds import RowsInBlocks
+from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
@@ -68,7 +68,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     bands = Bands(_signals(members), timing, len(prepared), first)
     errors = LegErrors(timing)
     folds = [*folds_of_loop(batch.loop, limits_of_members(prepared, batch.size)), bands, errors]
-    rows_in_blocks = RowsInBlocks(batch.loop, folds, batch.size)
+    rows_in_blocks = FoldsOfRows(batch.loop, folds, batch.size)
     with batch.plant:
         outcomes = observe_all(batch.plant, batch.law_from, batch.loop, rows_in_blocks)
         integration_error = batch.plant.integration_error[: len(prepared)]
@@ -163,7 +163,7 @@ def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamp
         some = members.prepared(members.nominal)
     loop, platform = some.loop, some.platform
     limits = {row.name: value for row in LIMITS if (value := getattr(platform, row.name)) is not None}
-    columns = {**columns_of(RowsInBlocks(loop, folds_of_loop(loop, limits)).results()), INTEGRATION_ERROR: np.zeros(1)}
+    columns = {**columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits)).results()), INTEGRATION_ERROR: np.zeros(1)}
     if members.choice.margins:
         columns |= {f"{MARGINS}stable": np.zeros(1), f"{MARGINS}disk": np.zeros(1)}
     bands = Bands(_signals(members), loop.timing, 0, first)

@@ -22,7 +22,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.observe import observe_all
-from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.motion.motion import end_of
 from gough_stewart.harness.plants.lanes import substeps_for
 from gough_stewart.model.errors import GoughStewartError
@@ -139,5 +139,5 @@ def _needs_stand_in(prepared: Prepared) -> bool:
 
 
 class _Nothing(Observer):
-    def row(self, row: Row) -> None:
+    def block(self, rows: Rows) -> None:
         pass

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
@@ -24,8 +24,6 @@ from gough_stewart.model.vectors import FloatArray
 if TYPE_CHECKING:
     from gough_stewart.harness.loop.loop import Loop
 
-# Rows times members in a block. Fewer cost calls, more no longer fit into the processor's cache.
-_SIZE = 8192
 FORCES, LIMITED = "actuator_force", ("flag.force_limited", "flag.rate_limited")
 _AT = {name: slice(int(at[0]), int(at[-1]) + 1) for name in signals.NAMES if len(at := signals.positions([name]))}
 # Signals whose errors are reference − actual, and their places among signals and references.
@@ -155,21 +153,25 @@ class Folding:
         self._count = 0
         self.running: BoolArray = np.ones(members, dtype=bool)
 
-    def add(self, block: Block) -> None:
-        """Add a block; members whose values are not finite from a row on end before it."""
+    def add(self, block: Block, counting: NDArray[np.intp] | None = None) -> None:
+        """Add a block, of which some rows of each member count (N,), by default all.
+
+        Members whose values are not finite from a row on end before it.
+        """
         done = 0
+        ends = [*self._breaks(block), *([] if counting is None else self._ends(counting, block.rows))]
         # members that have ended may compute NaN, and squares may overflow
         with np.errstate(all="ignore"):
-            for row, ending in [*self._breaks(block), (block.rows, None)]:
+            for row, ending in [*sorted(ends, key=lambda end: end[0]), (block.rows, None)]:
                 if row > done:
                     part = block if row - done == block.rows else block.part(done, row, self.running)
                     for fold, state in zip(self._folds, self._states, strict=True):
                         fold.rows(state, part)
                     done, self._count = row, block.first + row
                 if ending is not None:
-                    self.end(ending)
+                    self._end(ending & self.running)
 
-    def end(self, members: BoolArray) -> None:
+    def _end(self, members: BoolArray) -> None:
         """End members (N,): later rows do not count for them."""
         if not members.any():
             return
@@ -193,6 +195,11 @@ class Folding:
                 found |= fold.result(kept, rows)
         return found
 
+    def _ends(self, counting: NDArray[np.intp], rows: int) -> list[tuple[int, BoolArray]]:
+        """Rows of a block before which members end (N,), since no more rows of theirs count."""
+        early = counting[self.running & (counting < rows)]
+        return [(row, counting == row) for row in np.unique(early).tolist()]
+
     def _breaks(self, block: Block) -> list[tuple[int, BoolArray]]:
         """Rows of a block before which members end (N,), since values that a fold needs are not finite."""
         # squares are finite only if all values are; ones that overflow are looked at closely
@@ -204,8 +211,8 @@ class Folding:
         return [(row, at == row) for row in np.unique(at[at < block.rows]).tolist()]
 
 
-class RowsInBlocks(Observer):
-    """A loop observer that collects rows and passes them to folds in blocks.
+class FoldsOfRows(Observer):
+    """A loop observer that passes rows to folds.
 
     Parameters
     ----------
@@ -224,53 +231,22 @@ class RowsInBlocks(Observer):
         if reference is not None:
             reference = reference[..., None] if reference.ndim == 2 else np.moveaxis(reference, 1, 2)
         self._reference = reference
-        self._most = size = min(max(1, _SIZE // max(members, 1)), loop.timing.steps + 1)
-        self._signals = np.zeros((size + 1, signals.SIZE, members))
-        needs = {name.removeprefix("error.") for fold in folds for name in fold.needs}
-        # the rates of the pose lie between what all metrics need
-        has_rates = needs & {"velocity", "angular_velocity"}
-        self._copied = (slice(None),) if has_rates else (slice(0, 6), slice(12, None))
-        self._forces = np.zeros((size + 1, 6, members))
-        self._limited = np.zeros((2, size + 1, 6, members), dtype=bool)
-        self._columns = {
-            **{name: self._signals[:, _AT[name]] for name in signals.NAMES},
-            FORCES: self._forces,
-            **dict(zip(LIMITED, self._limited, strict=True)),
-        }
         self._scratch = Scratch()
-        self._first = self._filled = 0
-        self._n_running = members
 
-    def row(self, row: Row) -> None:
-        """Collect a row."""
-        running = int(np.count_nonzero(row.running))
-        if running != self._n_running:
-            self._pass_on()
-            self._folding.end(self._folding.running & ~row.running)
-            self._n_running = running
-        self._filled += 1
-        k = self._filled
-        now = row.signals.T
-        for part in self._copied:
-            self._signals[k, part] = now[part]
-        self._forces[k] = row.inputs.T[:6]
-        self._limited[0, k], self._limited[1, k] = row.force_limited.T, row.rate_limited.T
-        if k == self._most:
-            self._pass_on()
+    def block(self, rows: Rows) -> None:
+        """Fold a block."""
+        n, first = rows.count, rows.first
+        reference = None if self._reference is None else self._reference[first : first + n]
+        columns = {
+            **{name: rows.signals[: n + 1, at] for name, at in _AT.items()},
+            FORCES: rows.forces[: n + 1],
+            LIMITED[0]: rows.force_limited[: n + 1],
+            LIMITED[1]: rows.rate_limited[: n + 1],
+        }
+        whole = [rows.signals[1 : n + 1], rows.forces[1 : n + 1], *([] if reference is None else [reference])]
+        block = Block(first, n, columns, self._folding.running, self._scratch, reference, whole)
+        self._folding.add(block, rows.counting)
 
     def results(self) -> dict[str, FloatArray]:
         """Results (..., N) of all folds by name, of the rows so far."""
-        self._pass_on()
         return self._folding.results()
-
-    def _pass_on(self) -> None:
-        rows, self._filled = self._filled, 0
-        if not rows:
-            return
-        reference = None if self._reference is None else self._reference[self._first : self._first + rows]
-        columns = {name: each[: rows + 1] for name, each in self._columns.items()}
-        whole = [self._signals[1 : rows + 1], self._forces[1 : rows + 1], *([] if reference is None else [reference])]
-        self._folding.add(Block(self._first, rows, columns, self._folding.running, self._scratch, reference, whole))
-        for each in (self._signals, self._forces, *self._limited):
-            each[0] = each[rows]
-        self._first += rows

@@ -8,13 +8,14 @@ import numpy as np
 from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
 from gough_stewart.harness.loop.actuators import Drives
-from gough_stewart.harness.loop.loop import LENGTHS, Change, Limits, Loop
-from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.loop import Change, Loop
 from gough_stewart.harness.loop.outcomes import Outcome, Outcomes
+from gough_stewart.harness.loop.rows import CHECKED, Observer
 from gough_stewart.harness.loop.sampler import Sampler
+from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.alone import Alone, signals_of
-from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.progress import TimeProgress
@@ -57,20 +58,27 @@ def observe(
     if loop.shape not in ((), shape):
         raise ControllerError(f"a loop of shape {loop.shape} with a plant of shape {shape}; expected the same shape")
     is_alone = not shape
-    outcomes = Outcomes(shape or (1,))
+    several = Alone(plant) if is_alone else plant
+    (n_members,) = several.shape
+    outcomes = Outcomes(n_members, loop.timing.times)
+    rows = observer.start(loop.timing, several, n_members)
+    watch = Watch(loop, rows, observer, outcomes)
     try:
         # members that have ended may compute NaN, which is not used; in a run of one, warnings are of the user's code
         with np.errstate(over="ignore") if is_alone else np.errstate(all="ignore"):
-            _run(Alone(plant) if is_alone else plant, law_from, loop, observer, outcomes, progress)
+            _run(several, law_from, loop, watch, progress)
     except (StepError, ControllerError, PlantError) as error:
-        if outcomes.time is None or isinstance(error, SharedMemoryError):
+        if not outcomes.rows or isinstance(error, SharedMemoryError):
             raise
-        outcomes.end(True, "diverged" if isinstance(error, StepError) else "stopped", str(error), counts=False)
+        watch.check()
+        outcomes.end(True, "diverged" if isinstance(error, StepError) else "stopped", str(error))
     except KeyboardInterrupt:
-        if outcomes.time is None:
+        if not outcomes.rows:
             raise
-        outcomes.end(True, "interrupted", "interrupted by the user", counts=False)
-    return outcomes.at_last(float(loop.timing.times[-1]))
+        watch.check()
+        outcomes.end(True, "interrupted", "interrupted by the user")
+    watch.finish()
+    return outcomes.at_last()
 
 
 def observe_all(plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Observer) -> tuple[Outcome, ...]:
@@ -89,33 +97,26 @@ def observe_all(plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Ob
     return outcomes
 
 
-def _run(
-    plant: Plant,
-    law_from: LawFrom | None,
-    loop: Loop,
-    observer: Observer,
-    outcomes: Outcomes,
-    progress: TimeProgress | None,
-) -> None:
-    timing, shape, is_alone = loop.timing, outcomes.going.shape, isinstance(plant, Alone)
+def _run(plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progress: TimeProgress | None) -> None:
+    outcomes, timing = watch.outcomes, loop.timing
+    shape, is_alone = outcomes.going.shape, isinstance(plant, Alone)
     n, plant_step = timing.steps, timing.plant_step
     acting = members.zeros(shape, interface.size_of(interface.INPUTS))
     forces = acting[..., :6]  # a view
     forces[...] = loop.start_force
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
-    sampler, changes = Sampler(loop, law_from, drives, outcomes), _by_row(loop)
+    sampler, changes = Sampler(loop, law_from, drives, outcomes, watch.rows), _by_row(loop)
     read_signals = signals_of(plant)
-    wanted = None if loop.reference is None else loop.reference[..., :3]
     for k, time in enumerate(timing.times.tolist()):
         for change in changes.get(k, ()):
             _apply(change, plant, acting)
         now = read_signals()
-        sampled, rate_limited = None, drives.none
+        rate_limited = drives.none
         if k < n:
-            sampled = sampler.at_row(k, time, now)
-            if not outcomes.all_go and not outcomes.running.any():
+            sampler.at_row(k, now)
+            if not outcomes.all_go and not (outcomes.counting > k).any():
                 # all controllers have failed: this row does not count
-                if is_alone and outcomes.time is None:
+                if is_alone and not k:
                     raise sampler.failures[0]
                 return
             drive, rate_limited = drives.step()
@@ -125,44 +126,30 @@ def _run(
                 np.copyto(forces, drive, where=outcomes.going[..., None])
                 rate_limited = rate_limited & outcomes.going[..., None]
         plant.set_inputs(acting)
-        reference = None if loop.reference is None else loop.reference[k]
-        observer.row(
-            Row(
-                k,
-                time,
-                now,
-                acting,
-                reference,
-                sampler.command,
-                sampler.force_limited,
-                rate_limited,
-                outcomes.running,
-                sampled,
-            )
-        )
-        outcomes.time = time
-        _check(loop.limits, now, None if wanted is None else wanted[k], outcomes)
-        ended = outcomes.end_of_row()
-        if ended is not None:
-            if not outcomes.going.any():
-                return
-            plant.freeze(ended)
-        if k < n:
-            _step(plant, time, plant_step, outcomes)
-            if not outcomes.all_go and not outcomes.going.any():
-                return
+        watch.row(now, acting, sampler.force_limited, rate_limited)
+        if not k and plant.may_overrun and sampler.may_overrun:
+            watch.every = CHECKED
         if progress is not None and k % _ROWS_A_REPORT == 0:
             progress(time)
+        if k == n or not _step(plant, time, plant_step, outcomes):
+            return
 
 
-def _step(plant: Plant, time: float, step: float, outcomes: Outcomes) -> None:
-    """Step the plant; members that it cannot step end at their last row."""
+def _step(plant: Plant, time: float, step: float, outcomes: Outcomes) -> bool:
+    """Step the plant; members that it cannot step end at their last row. False if no member is left."""
+    if outcomes.ended_now:
+        outcomes.ended_now = False
+        if not outcomes.going.any():
+            return False
+        plant.freeze(~outcomes.going)
     try:
         plant.do_step(time, step)
     except MembersError as error:
         for member, failure in error.failures.items():
-            outcomes.end(outcomes.only(member), "diverged", str(failure), counts=False)
-        outcomes.end_of_row()  # the plant has already frozen them
+            outcomes.end(outcomes.only(member), "diverged", str(failure))
+        outcomes.ended_now = False  # the plant has already frozen them
+        return bool(outcomes.going.any())
+    return True
 
 
 def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
@@ -175,36 +162,6 @@ def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
     if change.external_wrench is not None:
         concerned = True if change.members is None else change.members[..., None]
         np.copyto(acting[..., 6:], change.external_wrench, where=concerned)
-
-
-def _check(limits: Limits, now: FloatArray, wanted: FloatArray | None, outcomes: Outcomes) -> None:
-    """End members that have reached a limit; `wanted` are positions (3,) or (N, 3) [m]."""
-    if limits.on_stroke == "stop":
-        beyond = limits.beyond_stroke(now[..., LENGTHS])
-        if beyond.any():
-            outcomes.end(beyond.any(axis=-1), "stopped", lambda k: _beyond_stroke(limits, now[..., LENGTHS], beyond, k))
-    if wanted is None:
-        return
-    bound = limits.largest_position_error
-    gap = (wanted - now[:, :3]).T
-    if members.all_below(gap, members.smallest(bound)):
-        return
-    x, y, z = gap
-    error = np.sqrt(x * x + y * y + z * z)
-    outcomes.end(
-        ~np.less_equal(error, bound),  # also true for NaN
-        "diverged",
-        lambda k: (
-            f"the platform is {members.of(error, k):.3g} m from its reference; the limit is {members.of(bound, k):g} m"
-        ),
-    )
-
-
-def _beyond_stroke(limits: Limits, lengths: FloatArray, beyond: BoolArray, k: int) -> str:
-    """The message for a member's first leg beyond its stroke."""
-    leg = int(beyond.reshape(-1, 6)[k].argmax())
-    low, high = (members.of(each, k) for each in limits.stroke)
-    return f"leg {leg + 1} is {lengths.reshape(-1, 6)[k, leg]:.6g} m long; its stroke is {low:g} to {high:g} m"
 
 
 def _by_row(loop: Loop) -> dict[int, list[Change]]:

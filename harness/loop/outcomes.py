@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.vectors import FloatArray
 
 Status = Literal["completed", "diverged", "stopped", "interrupted"]
 
@@ -19,16 +20,27 @@ class Outcome(NamedTuple):
 
 
 class Outcomes:
-    """The outcomes of a run, or of many members, so far."""
+    """The outcomes of N members so far, in a run with rows at these times [s].
 
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self._shape = shape
-        self._found: dict[int, Outcome] = {}
-        self.time: float | None = None  # of the latest row; None before the first
-        self.going = np.ones(shape, dtype=bool)  # members without an outcome
-        self.running = np.ones(shape, dtype=bool)  # members for which the present row counts
-        self.all_go = True
-        self._ended_now = False
+    Attributes
+    ----------
+    rows
+        Number of rows so far.
+    counting
+        How many rows count for each member (N,).
+    going, all_go
+        Members without an outcome (N,); whether all are.
+    ended_now
+        Whether some have ended since this was set to False.
+    """
+
+    def __init__(self, members: int, times: FloatArray) -> None:
+        self._times, self._found = times, dict[int, Outcome]()
+        self._before_limits = set[int]()  # members that ended before their last row was checked
+        self.rows = 0
+        self.counting = np.full(members, len(times))
+        self.going = np.ones(members, dtype=bool)
+        self.all_go, self.ended_now = True, False
 
     def end(
         self,
@@ -36,38 +48,32 @@ class Outcomes:
         status: Status,
         cause: str | Callable[[int], str],
         *,
-        time: float | None = None,
-        counts: bool = True,
+        at_next: bool = False,
     ) -> None:
-        """End those of these members that still run, at a time [s], by default that of the latest row.
+        """End those of these members that still run, at the latest row; or at the next one, before it is checked."""
+        for member in np.flatnonzero(self.going & whose).tolist():
+            self._put(member, status, cause if isinstance(cause, str) else cause(member), self.rows + at_next)
+            if at_next:
+                self._before_limits.add(member)
 
-        The present row is their last one; if it does not count, the one before.
-        """
-        at = (self.time or 0.0) if time is None else time
-        ends = self.going & whose
-        if not ends.any():
-            return
-        for member in np.flatnonzero(ends).tolist():
-            words = cause if isinstance(cause, str) else cause(member)
-            self._found[member] = Outcome(status, at, words)
-        self.going[...] &= ~ends
-        if not counts:
-            self.running[...] &= ~ends
-        self.all_go, self._ended_now = False, True
+    def end_at_limit(self, member: int, rows: int, status: Status, cause: str) -> None:
+        """End a member after a number of rows, the last of which is beyond a limit, if nothing ended it before."""
+        before = self.counting[member]
+        if rows < before or (rows == before and member not in self._before_limits):
+            self._put(member, status, cause, rows)
+            self._before_limits.add(member)
+
+    def _put(self, member: int, status: Status, cause: str, rows: int) -> None:
+        self._found[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), cause)
+        self.counting[member] = rows
+        self.going[member] = self.all_go = False
+        self.ended_now = True
 
     def only(self, member: int) -> BoolArray:
         """A mask of one member."""
-        return np.asarray(np.arange(self.going.size).reshape(self._shape) == member)
+        return np.asarray(np.arange(self.going.size) == member)
 
-    def end_of_row(self) -> BoolArray | None:
-        """Members that have ended so far, None if none has since the last call; later rows do not count for them."""
-        if not self._ended_now:
-            return None
-        self.running[...] = self.going
-        self._ended_now = False
-        return ~self.going
-
-    def at_last(self, time: float) -> tuple[Outcome, ...]:
-        """The outcomes of all members at the end of the run [s]."""
-        completed = Outcome("completed", time, None)
+    def at_last(self) -> tuple[Outcome, ...]:
+        """The outcomes of all members at the end of the run."""
+        completed = Outcome("completed", float(self._times[-1]), None)
         return tuple(self._found.get(member, completed) for member in range(self.going.size))

@@ -1,6 +1,7 @@
 """A run with its complete history, row by row."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +9,10 @@ from numpy.typing import NDArray
 from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.loop.loop import LENGTHS, Loop
 from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.observing import Observer, Row, Sampled
 from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.loop.rows import AllRows, Observer, Rows
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant
-from gough_stewart.model import interface
 from gough_stewart.model.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
@@ -69,70 +68,45 @@ class Run:
 
 def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
     """`observe` with a complete history."""
-    is_alone = not getattr(plant, "shape", ())
-    everything = _Everything(plant, loop)
-    run = everything.run(observe(plant, law_from, loop, everything, progress))
-    return run.of_member(0) if is_alone else run
+    history = _History()
+    outcomes = observe(plant, law_from, loop, history, progress)
+    rows, timing = history.rows, loop.timing
+    k = slice(1, history.count + 1)
+    results = _of_members(rows.results[k])
+    run = Run(
+        timing.times[: history.count],
+        results,
+        _of_members(rows.inputs[k]),
+        _of_members(rows.rate_limited[k]),
+        loop.limits.beyond_stroke(results[..., LENGTHS]),
+        _samples_of_rows(timing)[: history.count],
+        _of_members(rows.measured),
+        _of_members(rows.command),
+        _of_members(rows.state),
+        _of_members(rows.limited),
+        outcomes,
+        rows.used,
+    )
+    return run if getattr(plant, "shape", ()) else run.of_member(0)
 
 
-class _Everything(Observer):
-    def __init__(self, plant: Plant, loop: Loop) -> None:
-        shape: tuple[int, ...] = getattr(plant, "shape", ()) or (1,)
-        self._plant, self._loop, self._shape = plant, loop, shape
-        n, self._m = loop.timing.steps + 1, len(loop.timing.samples)
-        self._rows: int  # so far
-        self._results = members.zeros(shape, interface.size_of(interface.RESULTS), n)
-        self._inputs = members.zeros(shape, interface.size_of(interface.INPUTS), n)
-        self._rate_limited = members.flags(shape, 6, n)
-        self._measured = members.zeros(shape, signals.SIZE, self._m)
-        self._command = members.zeros(shape, 6, self._m)
-        self._force_limited = members.flags(shape, 6, self._m)
-        # of the controllers, known from their first sample on, in the first row
-        self._state: FloatArray
-        self._used: tuple[str, ...]
+def _of_members(rows: NDArray[Any]) -> NDArray[Any]:
+    """(n, N, size) of rows (n, size, N)."""
+    return np.moveaxis(rows, 1, 2)
 
-    def row(self, row: Row) -> None:
-        # evaluated again: accelerations and joint forces under the forces that act from now on
-        k = row.k
-        self._results[k] = self._plant.results()
-        self._inputs[k] = row.inputs
-        self._rate_limited[k] = row.rate_limited
-        self._rows = k + 1
-        if row.sampled is not None:
-            self._sample(row.sampled)
 
-    def _sample(self, sampled: Sampled) -> None:
-        j = sampled.j
-        if j == 0:
-            self._used = sampled.used
-            self._state = members.zeros(self._shape, sampled.state.shape[-1], self._m)
-        if sampled.due is None:
-            self._measured[j], self._state[j] = sampled.measured, sampled.state
-            self._command[j], self._force_limited[j] = sampled.command, sampled.force_limited
-            return
-        whose = sampled.due[:, None]
-        np.copyto(self._measured[j], sampled.measured, where=whose)
-        np.copyto(self._state[j], sampled.state, where=whose)
-        np.copyto(self._command[j], sampled.command, where=whose)
-        np.copyto(self._force_limited[j], sampled.force_limited, where=whose)
+class _History(Observer):
+    """Keeps all rows."""
 
-    def run(self, outcomes: tuple[Outcome, ...]) -> Run:
-        """The history so far."""
-        timing, rows = self._loop.timing, self._rows
-        return Run(
-            timing.times[:rows],
-            self._results[:rows],
-            self._inputs[:rows],
-            self._rate_limited[:rows],
-            self._loop.limits.beyond_stroke(self._results[:rows][..., LENGTHS]),
-            _samples_of_rows(timing)[:rows],
-            self._measured,
-            self._command,
-            self._state,
-            self._force_limited,
-            outcomes,
-            self._used,
-        )
+    rows: AllRows
+    count = 0
+
+    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
+        self.rows = AllRows(timing, members, plant)
+        return self.rows
+
+    def block(self, rows: Rows) -> None:
+        self.count = int(rows.counting.max())
 
 
 def _samples_of_rows(timing: Timing) -> NDArray[np.intp]:

@@ -8,8 +8,8 @@ from gough_stewart.harness.control.laws_of_members import Law, LawFrom
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Drives
 from gough_stewart.harness.loop.loop import Loop
-from gough_stewart.harness.loop.observing import Sampled
 from gough_stewart.harness.loop.outcomes import Outcomes
+from gough_stewart.harness.loop.rows import Rows
 from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
@@ -23,7 +23,9 @@ class Sampler:
     With jitter, members may be sampled at different rows, but always within the same sample time.
     """
 
-    def __init__(self, loop: Loop, law_from: LawFrom | None, drives: Drives, outcomes: Outcomes) -> None:
+    def __init__(
+        self, loop: Loop, law_from: LawFrom | None, drives: Drives, outcomes: Outcomes, rows_of_run: Rows
+    ) -> None:
         timing, shape = loop.timing, outcomes.going.shape
         own = loop.sensors.sample_time
         every = None if own is None else timing.steps_in(own, "the sensors' sample_time")
@@ -32,7 +34,7 @@ class Sampler:
         if law_from is not None and loop.reference is None:
             raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
-        self._every, self._plant_step = timing.steps_a_sample, timing.plant_step
+        self._every, self._plant_step, self._rows_of_run = timing.steps_a_sample, timing.plant_step, rows_of_run
         # a list if common to all members, since Python reads it faster; None where members differ
         self._rows = rows.tolist() if rows.ndim == 1 else None
         self._rows_of_members = rows
@@ -43,7 +45,7 @@ class Sampler:
         self.command = members.zeros(shape, 6)
         self.force_limited = members.flags(shape, 6)
 
-    def at_row(self, k: int, time: float, now: FloatArray) -> Sampled | None:
+    def at_row(self, k: int, now: FloatArray) -> None:
         """Measure, compute and command, for members with a sample at this row; failures end members."""
         j, due = k // self._every, None
         if self._rows is not None:
@@ -52,11 +54,10 @@ class Sampler:
             due = self._rows_of_members[j] == k
             is_sample = bool(due.any())
         reading = self._encoders(k, now, j if is_sample else None)
-        if not is_sample:
-            return None
-        return self._sample(j, time, reading, due)
+        if is_sample:
+            self._sample(j, reading, due)
 
-    def _sample(self, j: int, time: float, reading: FloatArray, due: BoolArray | None) -> Sampled:
+    def _sample(self, j: int, reading: FloatArray, due: BoolArray | None) -> None:
         if not self._outcomes.all_go:
             due = self._outcomes.going & (True if due is None else due)
         command = self._loop.feedforward[j]
@@ -75,16 +76,22 @@ class Sampler:
                 self.failures = law.failures
                 due = self._without_failures(due)
             command = command + force
-        self._command(j, time, command, due, law)
-        return Sampled(j, due, reading, state, self.command, self.force_limited, () if law is None else law.used)
+        self._command(j, command, due, law)
+        used = () if law is None else law.used
+        self._rows_of_run.sample(j, due, reading, state, self.command, self.force_limited, used)
+
+    @property
+    def may_overrun(self) -> bool:
+        """Whether samples after the end of a run do no harm; known after the first one."""
+        return self._law is None or self._law.may_overrun
 
     def _without_failures(self, due: BoolArray | None) -> BoolArray:
         """End the members whose controllers gave no forces; the members that are due without them."""
         failed = np.isin(np.arange(*self._shape), list(self.failures))
-        self._outcomes.end(failed, "stopped", lambda k: str(self.failures[k]), counts=False)
+        self._outcomes.end(failed, "stopped", lambda k: str(self.failures[k]))
         return self._outcomes.going & (True if due is None else due)
 
-    def _command(self, j: int, time: float, command: FloatArray, due: BoolArray | None, law: Law | None) -> None:
+    def _command(self, j: int, command: FloatArray, due: BoolArray | None, law: Law | None) -> None:
         going = self._outcomes.going
         if due is not None:
             # a member's command stays until its next sample; that of an ended member is cleared
@@ -96,7 +103,7 @@ class Sampler:
                 beyond,
                 "diverged",
                 lambda member: f"the controller's forces are {self.command[member].tolist()} N",
-                time=time,
+                at_next=True,
             )
             due = going & (True if due is None else due)
         # for commands that were held, both stay the same

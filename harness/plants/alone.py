@@ -17,6 +17,7 @@ class Alone(Plant):
 
     def __init__(self, plant: Plant) -> None:
         self._plant, self._signals = plant, signals_of(plant)
+        self.may_overrun = getattr(plant, "may_overrun", False)
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2 of `Plant`."""
@@ -32,7 +33,7 @@ class Alone(Plant):
             self._plant.set_parameters(values)
 
     def signals(self) -> FloatArray:
-        """Rule 10."""
+        """Rule 11."""
         return self._signals()[np.newaxis]
 
     def results(self) -> FloatArray:

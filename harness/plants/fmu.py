@@ -46,6 +46,8 @@ class FmuPlant(Plant):
         No such file, not an FMU, an FMU of another model, or one that does not run on this machine.
     """
 
+    may_overrun = True
+
     def __init__(
         self,
         path: Path | str | UnitFile,
@@ -100,7 +102,7 @@ class FmuPlant(Plant):
         return self._results.array.copy()
 
     def signals(self) -> FloatArray:
-        """Rule 10 of `Plant`: a view."""
+        """Rule 11 of `Plant`: a view."""
         self._checked("results", self._unit.read, self._signals)
         return self._signals.array
 

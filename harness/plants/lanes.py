@@ -47,6 +47,8 @@ class LanesPlant(Plant):
         all steps decide which steps are estimated: those that may have the largest error; see c/lanes/lanes.h.
     """
 
+    may_overrun = True
+
     def __init__(
         self, kernel: LaneKernel, platforms: Sequence[Platform], starts: Sequence[State], substeps: int
     ) -> None:
@@ -88,7 +90,7 @@ class LanesPlant(Plant):
             self._batch.put_parameter(name, value)
 
     def signals(self) -> FloatArray:
-        """Rule 10: a view."""
+        """Rule 11: a view."""
         if self._steps == 0:  # later, the step provides them
             self._kernel.signals(self._batch, self._signals)
         return self._signals[:, : self.shape[0]].T

@@ -14,6 +14,8 @@ from gough_stewart.model.vectors import FloatArray
 class ModelPlant(Plant):
     """The stepping model as a `Plant`."""
 
+    may_overrun = True
+
     def __init__(self, platform: Platform, start: State | None = None, tolerance: float = DEFAULT_TOLERANCE) -> None:
         self._model = SteppingModel(platform, tolerance)
         if start is not None:

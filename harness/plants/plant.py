@@ -34,11 +34,14 @@ class Plant(Protocol):
        contiguous in memory, see `members`. `set_parameters` and `set_parameters_of` accept values with or without this
        axis. `do_step` advances all members that can continue; those that cannot stay unchanged from then on, as after
        `freeze`, and are listed in the `MembersError` that it raises at the end.
-    10. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
+    10. A plant that `may_overrun` may be stepped for some rows more after a run has reached a limit; by default none
+       is.
+    11. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
        step.
     """
 
     shape: tuple[int, ...] = ()
+    may_overrun: bool = False
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2."""
@@ -51,7 +54,7 @@ class Plant(Protocol):
         raise _single(self)
 
     def signals(self) -> FloatArray:
-        """Rule 10."""
+        """Rule 11."""
         return self.results()[..., : signals.SIZE]
 
     def results(self) -> FloatArray:

@@ -15,7 +15,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import substeps_of
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.folds import RowsInBlocks
+from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.choice import EnsembleChoice
@@ -89,7 +89,7 @@ class Candidates:
             self.leave_out_impossible()
             raise TuningError(f"{self.members.nominal.where}: no member can run")
         folds = folds_of_loop(some.loop, limits_of_members([some], 1))
-        return tuple(columns_of(RowsInBlocks(some.loop, folds).results()))
+        return tuple(columns_of(FoldsOfRows(some.loop, folds).results()))
 
     def leave_out_impossible(self) -> tuple[int, str]:
         """Remove the members that are impossible in the original experiment; their number, and the first reason."""
@@ -185,7 +185,7 @@ class Candidates:
         n = len(prepared)
         batch = batch_of(prepared, self.substeps)
         folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size), names)
-        rows = RowsInBlocks(batch.loop, folds, batch.size)
+        rows = FoldsOfRows(batch.loop, folds, batch.size)
         with batch.plant:
             outcomes = observe_all(batch.plant, batch.law_from, batch.loop, rows)
             self.integration_error = max(self.integration_error, float(np.max(batch.plant.integration_error[:n])))

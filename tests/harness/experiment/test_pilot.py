@@ -12,7 +12,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import pilots, stand_in, substeps_of
 from gough_stewart.harness.experiment.plan import plan_of
 from gough_stewart.harness.loop.observe import observe_all
-from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.rows import Observer, Rows
 from tests.support.memory import EXPERIMENT, SHORT, Pid
 from tests.support.small_ensemble import SMALL, small
 
@@ -57,7 +57,7 @@ def test_the_stand_in_needs_as_many_substeps_as_controllers_that_work() -> None:
     """Expected: its error per step is at least a third of the largest of three PIDs of the user, of other gains."""
 
     class Nothing(Observer):
-        def row(self, row: Row) -> None:
+        def block(self, rows: Rows) -> None:
             pass
 
     def error(prepared: Any) -> float:

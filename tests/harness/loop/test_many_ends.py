@@ -15,7 +15,7 @@ from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.loop import Limits, Loop
 from gough_stewart.harness.loop.observe import observe, observe_all
-from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.loop.together import together
@@ -117,11 +117,11 @@ class Counting(Observer):
     """Counts the rows of each member."""
 
     def __init__(self, n: int) -> None:
-        self.rows, self.calls = np.zeros(n, dtype=int), 0
+        self.rows, self.all = np.zeros(n, dtype=int), 0
 
-    def row(self, row: Row) -> None:
-        self.rows += row.running
-        self.calls += 1
+    def block(self, rows: Rows) -> None:
+        self.rows += rows.counting
+        self.all += rows.count
 
 
 def test_rows_count_up_to_the_row_of_the_outcome() -> None:
@@ -134,40 +134,65 @@ def test_rows_count_up_to_the_row_of_the_outcome() -> None:
         law_from = laws_of([each.controller for each in chosen], T, np.zeros((0, 6, 6)))
         outcomes = observe(plant, law_from, together([each.loop for each in chosen]), counting)
         assert counting.rows.tolist() == [len(alone(each).time) for each in chosen]
-        assert counting.calls == counting.rows.max()
+        assert counting.all == counting.rows.max()
         if len(chosen) == 7:  # with nobody left nothing is frozen
             assert plant.frozen.tolist() == [outcome.status != "completed" for outcome in outcomes]
 
 
-class Commands(Observer):
-    """Keeps command and flags of every row."""
+class Flags(Observer):
+    """Keeps which forces are limited, of every row."""
 
     def __init__(self) -> None:
-        self.rows: list[tuple[FloatArray, BoolArray]] = []
+        self.rows: list[BoolArray] = []
 
-    def row(self, row: Row) -> None:
-        self.rows.append((row.command.copy(), row.force_limited.copy()))
+    def block(self, rows: Rows) -> None:
+        self.rows += list(rows.force_limited[1 : rows.count + 1].copy())
 
 
-def test_a_command_stays_in_the_rows_until_the_next_sample_of_its_member() -> None:
+def test_a_limited_force_stays_so_in_the_rows_until_the_next_sample_of_its_member() -> None:
     """Expected: rows of single runs, in which each has its samples late in its own way."""
     features = ["jitter", "force_limit", "feedforward", "delays"]
     some = [member_of(k, law_of_member(k), features) for k in range(4)]
-    many = Commands()
+    many = Flags()
     law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
     observe(ManyMasses([each.platform_mass for each in some]), law_from, together([each.loop for each in some]), many)
+    assert (np.array(many.rows) != many.rows[0]).any(axis=0).sum() > 3  # it changes
     for k, each in enumerate(some):
-        single = Commands()
-        observe(
-            Masses(each.platform_mass),
-            law_of(each.controller, T, np.zeros((0, 6, 6))),
-            each.loop,
-            single,
-        )
+        single = Flags()
+        observe(Masses(each.platform_mass), law_of(each.controller, T, np.zeros((0, 6, 6))), each.loop, single)
         assert len(single.rows) == len(many.rows) == 151
-        for (command, limited), (commands, limits) in zip(single.rows, many.rows, strict=True):
-            np.testing.assert_array_equal(commands[k], command[0])
-            np.testing.assert_array_equal(limits[k], limited[0])
+        np.testing.assert_array_equal(np.array(many.rows)[:, :, k], np.array(single.rows)[:, :, 0])
+
+
+def test_rows_after_an_end_that_is_seen_late_leave_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: of a plant that runs on before its limits are checked, what one says that stops at each row."""
+    gains = [sampled(pid(gains_of_member(k)), T) for k in range(5)]
+    limits = [
+        Limits((0.0, 9.0), "stop", 1e-3),
+        Limits((0.5, 1.61), "stop", 0.5),
+        Limits((0.0, 9.0), "stop", 4e-3),
+        Limits((0.0, 1.65), "stop", 5e-3),
+        Limits(),
+    ]
+    some = []
+    for k, limit in enumerate(limits):
+        member = member_of(k, LinearController(gains[k]))
+        fails_at = 0.05 if k == 4 else 0.21 if k == 3 else np.inf
+        some.append(
+            replace(member, loop=replace(member.loop, limits=replace(limit, on_stroke="stop")), fails_at=fails_at)
+        )
+    checked_at_each = side_by_side(some)
+    singles = [alone(each) for each in some]
+    monkeypatch.setattr(ManyMasses, "may_overrun", True)
+    monkeypatch.setattr(Masses, "may_overrun", True)
+    late = side_by_side(some)
+    assert late.outcomes == checked_at_each.outcomes
+    assert len({outcome.time for outcome in late.outcomes}) > 3
+    for k, member in enumerate(some):
+        assert_same(late, k, singles[k])
+        single = alone(member)
+        assert_same(late, k, single)
+        assert single.outcome == singles[k].outcome
 
 
 def test_the_first_outcome_of_a_member_is_its_outcome() -> None:

@@ -18,7 +18,7 @@ from gough_stewart.harness.control.state_space import discretised
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Loop
 from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.observing import Observer, Row
+from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
@@ -150,8 +150,8 @@ def test_platforms_side_by_side_are_single_runs_of_theirs(space: Any) -> None:
 class Last(Observer):
     """Keeps the signals of the last row."""
 
-    def row(self, row: Row) -> None:
-        self.signals = row.signals.copy()
+    def block(self, rows: Rows) -> None:
+        self.signals = rows.signals[rows.count].T.copy()
 
 
 def test_the_response_to_white_noise_has_the_covariance_of_the_lyapunov_equation() -> None:

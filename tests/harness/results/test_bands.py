@@ -5,12 +5,12 @@ import polars
 import pytest
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.loop.folds import RowsInBlocks
+from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.loop import Loop
-from gough_stewart.harness.loop.observing import Row
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.bands import Bands, bands_frame, together
 from gough_stewart.model.vectors import FloatArray
+from tests.support.rows import pass_rows
 
 N, STEPS = 37, 50
 TIMING = Timing(STEPS * 2e-3, 4e-3, 2e-3)
@@ -23,11 +23,10 @@ ENDS = np.where(np.arange(N) % 5 == 2, 13 + np.arange(N), STEPS + 1)
 def run(bands: Bands, members: slice = slice(None)) -> Bands:
     """The bands of members in a run of random numbers."""
     loop = Loop(TIMING, WANTED[:, members], np.zeros((26, 6)), np.zeros(6))
-    rows = RowsInBlocks(loop, [bands], len(ENDS[members]))
-    for k in range(STEPS + 1):
-        flags = np.zeros((len(ENDS[members]), 6), dtype=bool)
-        given = (SIGNALS[k, members], FORCES[k, members], WANTED[k, members], FORCES[k, members, :6])
-        rows.row(Row(k, 0.0, *given, flags, flags, (k < ENDS)[members]))
+    rows = FoldsOfRows(loop, [bands], len(ENDS[members]))
+    flags = np.zeros((len(ENDS[members]), 6), dtype=bool)
+    given = ((SIGNALS[k, members], FORCES[k, members], flags, flags) for k in range(STEPS + 1))
+    pass_rows(rows, TIMING, given, ENDS[members])
     assert rows.results() == {}
     return bands
 
@@ -92,10 +91,9 @@ def test_values_that_are_not_finite_count_as_none() -> None:
     bands, flags = Bands(("velocity", "error.leg_length"), TIMING, 3, times=51), np.zeros((3, 6), dtype=bool)
     signals = np.arange(72.0).reshape(3, 24)
     signals[1, 6], signals[:, 7] = np.inf, np.nan
-    rows = RowsInBlocks(Loop(TIMING, None, np.zeros((26, 6)), np.zeros(6)), [bands], 3)
-    for k in range(8):
-        given = (signals + 100 * (7 - k), FORCES[0, :3], None, FORCES[0, :3, :6])
-        rows.row(Row(k, 0.0, *given, flags, flags, np.ones(3, dtype=bool)))
+    rows = FoldsOfRows(Loop(TIMING, None, np.zeros((26, 6)), np.zeros(6)), [bands], 3)
+    given = ((signals + 100 * (7 - k), FORCES[0, :3], flags, flags) for k in range(8))
+    pass_rows(rows, TIMING, given, [8, 8, 8])
     rows.results()
     frame = bands_frame(bands.samples()).filter(polars.col("time") == 7 * 2e-3)
     first, second, third, *errors = frame.iter_rows(named=True)

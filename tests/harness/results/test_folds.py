@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run_prepared
-from gough_stewart.harness.loop import folds
-from gough_stewart.harness.loop.folds import RowsInBlocks
+from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.loop import Limits, Loop
-from gough_stewart.harness.loop.observing import Row
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.results.metric_folds import METRICS, columns_of, folds_of_loop
@@ -23,6 +21,7 @@ from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.model.vectors import FloatArray
 from tests.support.metric_definitions import as_one_number, defined_metrics
+from tests.support.rows import pass_rows
 
 LIMITS: dict[str, Any] = {
     "leg_length_min": 0.9,
@@ -59,29 +58,22 @@ def seen_again(
     loop: Loop, limits: dict[str, Any], members: list[Member], names: list[str] | None = None
 ) -> dict[str, FloatArray]:
     """The metrics of members side by side; those that have ended stay as they are, as a loop has it."""
-    rows = RowsInBlocks(loop, folds_of_loop(loop, limits, names), len(members))
-    n = max(len(member.signals) for member in members)
+    rows = FoldsOfRows(loop, folds_of_loop(loop, limits, names), len(members))
+    ends = [len(member.signals) for member in members]
 
     def together(values: list[FloatArray]) -> Any:
         return np.stack(values, axis=1).T
 
-    for k in range(n):
-        at = [min(k, len(member.signals) - 1) for member in members]
-        running = np.array([k < len(member.signals) for member in members])
-        wanted = None if members[0].wanted is None else together([member.wanted[k] for member in members])  # type: ignore[index]
-        rows.row(
-            Row(
-                k,
-                0.0,
-                together([member.signals[i] for member, i in zip(members, at, strict=True)]),
-                together([np.append(member.forces[i], np.zeros(6)) for member, i in zip(members, at, strict=True)]),
-                wanted,
-                np.zeros(6),
-                together([member.force_limited[i] for member, i in zip(members, at, strict=True)]),
-                together([member.rate_limited[i] for member, i in zip(members, at, strict=True)]),
-                running,
-            )
+    def row(k: int) -> tuple[Any, ...]:
+        at = [(member, min(k, end - 1)) for member, end in zip(members, ends, strict=True)]
+        return (
+            together([member.signals[i] for member, i in at]),
+            together([np.append(member.forces[i], np.zeros(6)) for member, i in at]),
+            together([member.force_limited[i] for member, i in at]),
+            together([member.rate_limited[i] for member, i in at]),
         )
+
+    pass_rows(rows, loop.timing, map(row, range(max(ends))), ends)
     return columns_of(rows.results())
 
 
@@ -306,7 +298,8 @@ def test_random_members_in_blocks_of_any_size_have_the_figures_of_their_records(
     loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
     each = [seen_again(replace(loop, reference=member.wanted), limits, [member]) for member in members]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(folds, "_SIZE", size)
+        patch.setattr("gough_stewart.harness.loop.rows.CHECKED", 1)
+        patch.setattr("gough_stewart.harness.loop.rows._SIZE", size)
         found = seen_again(loop, limits, members)
     for name, values in found.items():
         assert values.tolist() == pytest.approx([own[name][0] for own in each], rel=0, abs=0, nan_ok=True), name
@@ -339,11 +332,12 @@ def test_a_members_bits_are_the_same_among_1_8_512_and_600() -> None:
 
     def results(number: int) -> dict[str, FloatArray]:
         loop = Loop(timing, wanted[:, :number], np.zeros((18, 6)), np.zeros(6))
-        rows = RowsInBlocks(loop, folds_of_loop(loop, LIMITS), number)
-        for k in range(n):
-            parts = (values[k, :, :number].T, forces[k, :, :number].T, wanted[k, :number], forces[k, :6, :number].T)
-            limited = (flags[0, k, :, :number].T, flags[1, k, :, :number].T)
-            rows.row(Row(k, 0.0, *parts, *limited, k < ends[:number]))
+        rows = FoldsOfRows(loop, folds_of_loop(loop, LIMITS), number)
+        given = (
+            (values[k, :, :number].T, forces[k, :, :number].T, *flags[:, k, :, :number].swapaxes(1, 2))
+            for k in range(n)
+        )
+        pass_rows(rows, timing, given, ends[:number])
         return rows.results()
 
     whole = results(most)

@@ -1,0 +1,136 @@
+"""The rows of a run, as the loop fills them and as observers get them: in blocks, members last."""
+
+from typing import Protocol
+
+import numpy as np
+
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.model import interface
+from gough_stewart.model.vectors import FloatArray
+
+# Rows times members in a block. Fewer cost calls, more no longer fit into the processor's cache.
+_SIZE = 8192
+# Rows that run before the limits are checked, of any number of members, so that this does not depend on it.
+CHECKED = 16
+
+
+class Rows:
+    """Consecutive rows of N members: arrays (rows + 1, size, N), after the last row of the block before.
+
+    Attributes
+    ----------
+    first, count
+        Index of the first row, and the number of rows.
+    counting
+        How many of these rows count for each member (N,): up to the row of its outcome.
+    signals, forces, force_limited, rate_limited
+        Sizes 24, 6, 6, 6; the forces act from the row on.
+    """
+
+    def __init__(self, timing: Timing, members: int) -> None:
+        self._allocate(min(max(CHECKED, _SIZE // members), timing.steps + 1), members)
+
+    def _allocate(
+        self, most: int, members: int, signals_: FloatArray | None = None, forces: FloatArray | None = None
+    ) -> None:
+        self.most, self.first, self.count = most, 0, 0
+        self.counting = np.zeros(members, dtype=np.intp)
+        self.signals = np.zeros((most + 1, signals.SIZE, members)) if signals_ is None else signals_
+        self.forces = np.zeros((most + 1, 6, members)) if forces is None else forces
+        self.force_limited, self.rate_limited = np.zeros((2, most + 1, 6, members), dtype=bool)
+
+    def add(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
+        """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
+        self.count += 1
+        k = self.count
+        self.signals[k] = now.T
+        self.forces[k] = acting.T[:6]
+        self.force_limited[k], self.rate_limited[k] = force_limited.T, rate_limited.T
+
+    def sample(
+        self,
+        j: int,
+        due: BoolArray | None,
+        measured: FloatArray,
+        state: FloatArray,
+        command: FloatArray,
+        force_limited: BoolArray,
+        used: tuple[str, ...],
+    ) -> None:
+        """Called before the row of a sample is added; see `AllRows`."""
+
+    def clear(self) -> None:
+        """Begin the next block."""
+        for each in (self.signals, self.forces, self.force_limited, self.rate_limited):
+            each[0] = each[self.count]
+        self.first, self.count = self.first + self.count, 0
+
+
+class AllRows(Rows):
+    """All rows of a run, with all results and inputs, and its samples.
+
+    Attributes
+    ----------
+    results, inputs
+        Sizes N_RESULTS and 12.
+    measured, state, command, limited
+        By sample, arrays (m, size, N): of many members only the signals that controllers use; before the command was
+        computed; before limits; which forces are limited.
+    used
+        The signals that controllers use.
+    """
+
+    def __init__(self, timing: Timing, members: int, plant: Plant) -> None:
+        n, m, self._plant = timing.steps + 2, len(timing.samples), plant
+        self.results = np.zeros((n, interface.size_of(interface.RESULTS), members))
+        self.inputs = np.zeros((n, interface.size_of(interface.INPUTS), members))
+        self._allocate(n + CHECKED, members, self.results[:, : signals.SIZE], self.inputs[:, :6])
+        self.measured = np.zeros((m, signals.SIZE, members))
+        self.command = np.zeros((m, 6, members))
+        self.limited = np.zeros((m, 6, members), dtype=bool)
+        self.state = np.zeros((m, 0, members))
+        self.used: tuple[str, ...] = ()
+
+    def add(self, _now: FloatArray, acting: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
+        """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
+        k = self.count + 1
+        self.results[k] = self._plant.results().T
+        self.inputs[k] = acting.T
+        self.rate_limited[k] = rate_limited.T
+        self.count = k
+
+    def sample(
+        self,
+        j: int,
+        due: BoolArray | None,
+        measured: FloatArray,
+        state: FloatArray,
+        command: FloatArray,
+        force_limited: BoolArray,
+        used: tuple[str, ...],
+    ) -> None:
+        """Keep sample j of the members that are due (N,); None means all."""
+        if j == 0:
+            self.used = used
+            self.state = np.zeros((len(self.measured), state.shape[-1], len(state)))
+        if due is None:
+            self.measured[j], self.state[j] = measured.T, state.T
+            self.command[j], self.limited[j] = command.T, force_limited.T
+            return
+        np.copyto(self.measured[j], measured.T, where=due)
+        np.copyto(self.state[j], state.T, where=due)
+        np.copyto(self.command[j], command.T, where=due)
+        np.copyto(self.limited[j], force_limited.T, where=due)
+
+
+class Observer(Protocol):
+    """Gets the rows of a run in blocks, in order, after their limits have been checked."""
+
+    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:  # noqa: ARG002
+        """The rows to be filled."""
+        return Rows(timing, members)
+
+    def block(self, rows: Rows) -> None:
+        """Called with each block; views, valid during the call only."""

@@ -1,0 +1,88 @@
+"""The limits of a run, watched row by row; rows that have been checked go on to the observer."""
+
+import numpy as np
+
+from gough_stewart.harness.loop.loop import LENGTHS, Limits, Loop
+from gough_stewart.harness.loop.outcomes import Outcomes
+from gough_stewart.harness.loop.rows import CHECKED, Observer, Rows
+from gough_stewart.harness.plants import members
+from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.vectors import FloatArray
+
+
+class Watch:
+    """Ends members at their first row beyond a limit, and passes blocks of rows to the observer.
+
+    `every` is the number of rows between checks: 1 where code of the user runs, which must not go on after an end.
+    """
+
+    def __init__(self, loop: Loop, rows: Rows, observer: Observer, outcomes: Outcomes) -> None:
+        self.rows, self.outcomes = rows, outcomes
+        self._limits, self._observer = loop.limits, observer
+        wanted = loop.reference
+        if wanted is not None:  # (n, 30, N), or (n, 30, 1) if common to all members
+            wanted = wanted[..., None] if wanted.ndim == 2 else np.moveaxis(wanted, 1, 2)
+        self._wanted = wanted
+        self._checked = 0  # rows of the run
+        self.every = 1
+
+    def row(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
+        """Add a row; see `Rows.add`."""
+        self.rows.add(now, acting, force_limited, rate_limited)
+        self.outcomes.rows += 1
+        if self.outcomes.rows % self.every == 0:
+            self.check()
+            if self.rows.count + CHECKED > self.rows.most:
+                self._pass_on()
+
+    def finish(self) -> None:
+        """Check all rows, and pass them on."""
+        self.check()
+        self._pass_on()
+
+    def check(self) -> None:
+        """Check the new rows."""
+        rows, first, last = self.rows, self._checked, self.outcomes.rows
+        if last > first:
+            self._checked = last
+            with np.errstate(all="ignore"):  # members that have ended may compute NaN
+                self._check(first, rows.signals[first - rows.first + 1 : last - rows.first + 1])
+
+    def _pass_on(self) -> None:
+        rows = self.rows
+        if rows.count:
+            rows.counting = np.clip(self.outcomes.counting - rows.first, 0, rows.count)
+            self._observer.block(rows)
+            rows.clear()
+
+    def _check(self, first: int, now: FloatArray) -> None:
+        """Signals (rows, 24, N) from a row on."""
+        limits, bound, end = self._limits, self._limits.largest_position_error, self.outcomes.end_at_limit
+        may_end = self.outcomes.counting > first
+        if limits.on_stroke == "stop":
+            lengths = now[:, LENGTHS].swapaxes(1, 2)  # (rows, N, 6)
+            beyond = limits.beyond_stroke(lengths)
+            for row, k in _first_of_members(beyond.any(axis=-1) & may_end):
+                end(k, first + row + 1, "stopped", _beyond_stroke(limits, lengths[row, k], beyond[row, k], k))
+        if self._wanted is None:
+            return
+        gap = self._wanted[first : first + len(now), :3] - now[:, :3]
+        if members.all_below(gap, members.smallest(bound)):
+            return
+        x, y, z = gap.swapaxes(0, 1)
+        error = np.sqrt(x * x + y * y + z * z)
+        for row, k in _first_of_members(~np.less_equal(error, bound) & may_end):  # also true for NaN
+            how = f"the platform is {error[row, k]:.3g} m from its reference; the limit is {members.of(bound, k):g} m"
+            end(k, first + row + 1, "diverged", how)
+
+
+def _first_of_members(beyond: BoolArray) -> list[tuple[int, int]]:
+    """The first row of each member at which it is beyond (rows, N), and the member."""
+    return [(int(beyond[:, k].argmax()), k) for k in np.flatnonzero(beyond.any(axis=0)).tolist()]
+
+
+def _beyond_stroke(limits: Limits, lengths: FloatArray, beyond: BoolArray, k: int) -> str:
+    """The message for a member's first leg beyond its stroke."""
+    leg = int(beyond.argmax())
+    low, high = (members.of(each, k) for each in limits.stroke)
+    return f"leg {leg + 1} is {lengths[leg]:.6g} m long; its stroke is {low:g} to {high:g} m"
