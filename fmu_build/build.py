@@ -4,8 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gough_stewart.fmu_build.builder import VERSIONS, build_units
-from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset

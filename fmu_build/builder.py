@@ -11,8 +11,7 @@ from threading import Event
 from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.companions import build_description, terminals_and_icons
 from gough_stewart.fmu_build.component import Component
-from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.model_description import Identity

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.compiler_cache import cache_folder
-from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.model.files import write_whole
 from gough_stewart.model.progress import StepProgress

@@ -2,7 +2,7 @@
 
 from lxml import etree
 
-from gough_stewart.fmu_build import dependencies
+from gough_stewart.fmu_build import model_description
 from gough_stewart.fmu_build import model_description as shared
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
@@ -79,7 +79,7 @@ def _add_structure(root: etree._Element, component: Component) -> None:
         if slots:
             element = etree.SubElement(structure, name)
             for slot in slots:
-                of_slot = dependencies.of_slot(component, slot, knowns)
+                kinds = model_description.dependencies_of_slot(component, slot, knowns)
                 unknown = etree.SubElement(element, "Unknown", index=str(_index(component, slot)))
-                unknown.set("dependencies", " ".join(str(_index(component, known)) for known in of_slot))
-                unknown.set("dependenciesKind", " ".join(of_slot.values()))
+                unknown.set("dependencies", " ".join(str(_index(component, known)) for known in kinds))
+                unknown.set("dependenciesKind", " ".join(kinds.values()))

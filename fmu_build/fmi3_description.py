@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from lxml import etree
 
-from gough_stewart.fmu_build import dependencies
+from gough_stewart.fmu_build import model_description
 from gough_stewart.fmu_build import model_description as shared
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
@@ -66,7 +66,7 @@ def _add_structure(root: etree._Element, component: Component) -> None:
 
     def add(name: str, rows: Iterable[Row], roles: tuple[Role, ...]) -> None:
         for row in rows:
-            knowns = dependencies.of_row(component, row, roles)
+            knowns = model_description.dependencies_of_row(component, row, roles)
             unknown = etree.SubElement(structure, name, valueReference=str(row.reference))
             unknown.set("dependencies", " ".join(map(str, knowns)))
             unknown.set("dependenciesKind", " ".join(knowns.values()))

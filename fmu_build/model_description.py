@@ -1,14 +1,53 @@
-"""Shared parts of the model descriptions of both FMI versions: identity, units, log categories, experiment."""
+"""Shared parts of the model descriptions of both FMI versions: identity, units, dependencies, experiment."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
 from lxml import etree
 
-from gough_stewart.fmu_build.component import Component
-from gough_stewart.fmu_build.layout import Row
+from gough_stewart.fmu_build.component import Component, Kind
+from gough_stewart.fmu_build.layout import Role, Row
 from gough_stewart.fmu_build.package import package_metadata
-from gough_stewart.fmu_build.units import BY_NAME, UNITS
-from gough_stewart.fmu_build.xml_text import xml_text
+
+# What XML 1.0 does not allow, and the rest of the control characters.
+_REFUSED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as FMI describes it: exponents of base units; the factor is always 1."""
+
+    name: str
+    exponents: dict[str, int]
+    # displayed value = factor · value
+    display: tuple[str, float] | None = None
+
+
+_DEGREES = float(np.rad2deg(1.0))
+UNITS = (
+    Unit("N", {"kg": 1, "m": 1, "s": -2}),
+    Unit("N.m", {"kg": 1, "m": 2, "s": -2}),
+    Unit("m", {"m": 1}, ("mm", 1e3)),
+    Unit("rad", {"rad": 1}, ("deg", _DEGREES)),
+    Unit("m/s", {"m": 1, "s": -1}, ("mm/s", 1e3)),
+    Unit("rad/s", {"s": -1, "rad": 1}, ("deg/s", _DEGREES)),
+    Unit("m/s2", {"m": 1, "s": -2}),
+    Unit("rad/s2", {"s": -2, "rad": 1}, ("deg/s2", _DEGREES)),
+    Unit("J", {"kg": 1, "m": 2, "s": -2}),
+    Unit("kg", {"kg": 1}),
+    Unit("kg.m2", {"kg": 1, "m": 2}),
+    Unit("N.s/m", {"kg": 1, "s": -1}),
+    Unit("s", {"s": 1}),
+    Unit("N/m", {"kg": 1, "s": -2}),
+    Unit("N/(m.s)", {"kg": 1, "s": -3}),
+    Unit("1", {}),
+    Unit("N/s", {"kg": 1, "m": 1, "s": -3}),
+    Unit("Hz", {"s": -1}),
+)
+BY_NAME = {unit.name: unit for unit in UNITS}
+
 
 LOG_CATEGORIES = {
     "logStatusWarning": "minor problems; the reason for terminating Model Exchange",
@@ -81,3 +120,28 @@ def number(value: float) -> str:
 def to_bytes(element: etree._Element) -> bytes:
     """The document."""
     return bytes(etree.tostring(element, encoding="UTF-8", xml_declaration=True, pretty_print=True))
+
+
+def xml_text(text: str) -> str:
+    """A text with a visible mark for each character that XML cannot have."""
+    return _REFUSED.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+def dependencies_of_slot(component: Component, slot: int, roles: Iterable[Role]) -> dict[int, Kind]:
+    """Dependencies of one unknown on knowns of some roles, by slot."""
+    knowns = {known for row in component.layout.of_role(*roles) for known in row.slots}
+    return {known: kind for known, kind in component.dependencies.get(slot, {}).items() if known in knowns}
+
+
+def dependencies_of_row(component: Component, row: Row, roles: Iterable[Role]) -> dict[int, Kind]:
+    """Dependencies of a whole variable on whole variables, by value reference of FMI 3.0.
+
+    Constant only if it is constant for every element.
+    """
+    references = {slot: known.reference for known in component.layout.rows for slot in known.slots}
+    found: dict[int, Kind] = {}
+    for slot in row.slots:
+        for known, kind in dependencies_of_slot(component, slot, roles).items():
+            if found.get(references[known]) != "dependent":
+                found[references[known]] = kind
+    return dict(sorted(found.items()))

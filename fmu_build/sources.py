@@ -7,8 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from gough_stewart.fmu_build.component import Code, Component
-from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.extra import RUNNER, check_installed
+from gough_stewart.fmu_build.errors import RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.tables import model_header, model_source, token_source
 
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}

@@ -7,7 +7,7 @@ from textwrap import fill
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.model import interface, platform
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 
 GENERATED = "/* Generated from the table of variables: do not edit. */"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import tomlkit
 
-from gough_stewart.model import joint_circles, shipped
+from gough_stewart.model import joint_circles, toml
 from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.files import write_whole
@@ -124,7 +124,7 @@ def preset_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return shipped.names(*_PRESETS)
+    return toml.shipped_names(*_PRESETS)
 
 
 def preset_text(name: str) -> str:
@@ -137,7 +137,7 @@ def preset_text(name: str) -> str:
     """
     if name not in preset_names():
         raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
-    return shipped.text(*_PRESETS, name)
+    return toml.shipped_text(*_PRESETS, name)
 
 
 def load_preset(name: str) -> Platform:

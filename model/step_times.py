@@ -1,8 +1,12 @@
-"""Start and end times of steps."""
+"""Steps in time: their ends, and tolerances of the integration, the same for the stepping model and the FMU."""
 
 import numpy as np
 
 from gough_stewart.model.errors import StepError
+
+DEFAULT_TOLERANCE = 1e-8
+# Below this range rounding dominates the error estimate; above it the estimate is meaningless.
+TOLERANCES = (1e-13, 1e-2)
 
 
 def end_of_step(time: float, step: float, current: float) -> float:

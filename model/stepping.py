@@ -20,8 +20,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.real import real_array
-from gough_stewart.model.step_times import end_of_step
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,23 @@
 """A sampled controller as a component, from its signals, parameters and plain C."""
 
 import hashlib
+import json
 
 import numpy as np
 
 from gough_stewart.fmu_build.component import Code, Component, Kind, Terminal, terminals_of
 from gough_stewart.fmu_build.controller.controller import OUTPUT_DELAY, Controller, Parameter
 from gough_stewart.fmu_build.controller.documentation import documentation_page
-from gough_stewart.fmu_build.controller.tables import controller_header
 from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.fmu_build.sources import c_folder
+from gough_stewart.fmu_build.tables import GENERATED, defines
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart_controller"
 _ACTUATOR = "actuator_force leg_length leg_velocity"
 _POSE = "position orientation velocity angular_velocity"
+# In one communication step; takes about 1 s.
+MOST_SAMPLES = 1_000_000
 
 
 def controller_component(controller: Controller, file_stem: str = "controller") -> Component:
@@ -78,3 +81,39 @@ def _terminals(layout: Layout, fmi_version: str) -> tuple[Terminal, ...]:
     reference = [name for name in names if name.startswith("reference_")]
     groups = (("pose", "pose and its rates", pose), ("reference", "reference of the platform", reference))
     return terminals_of(layout, fmi_version, actuators, groups)
+
+
+def controller_header(controller: Controller) -> str:
+    """`controller_table.h`."""
+    rows = controller.layout.by_name
+    named = ("actuator_force", "force_limited", "output_delay", "input_status", "input_bad_time")
+    slots = {name.upper(): rows[name].first for name in named}
+    limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
+    facts = {
+        "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),
+        "MOST_SAMPLES": MOST_SAMPLES,
+        "START_OUTPUT_DELAY": controller.output_delay,
+        "MOST_OUTPUT_DELAY": controller.most_output_delay,
+    }
+    expectations = " \\\n".join(f"        {json.dumps(p.expected)}," for p in controller.parameters)
+    return f"""{GENERATED}
+#ifndef CONTROLLER_TABLE_H
+#define CONTROLLER_TABLE_H
+
+/* slots of the outputs, and of the unit's own parameter */
+{defines(slots)}
+
+{defines(facts)}
+#define EXPECTED_OUTPUT_DELAY "a whole number of samples from 1 to {facts["MOST_OUTPUT_DELAY"]}"
+
+/* limits: no limit is infinity in the controller and 0 in the unit */
+#define IS_NONE_AT_ZERO(slot) ({" || ".join(f"(slot) == {slot}" for slot in limits) or "0"})
+
+/* for each parameter, what the controller expects if it rejects the value */
+#define EXPECTATIONS \\
+    {{ \\
+{expectations} \\
+    }}
+
+#endif
+"""

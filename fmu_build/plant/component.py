@@ -1,24 +1,26 @@
 """The plant as a component, with start values, pictures and documents of a platform."""
 
+from collections.abc import Iterable
 from functools import cache
 
+import casadi
 import numpy as np
 
 from gough_stewart.fmu_build.archive import PLANT_STEM
 from gough_stewart.fmu_build.codegen import kernel_source
-from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal, terminals_of
+from gough_stewart.fmu_build.component import Code, Component, Icon, Kind, SlotDependencies, Terminal, terminals_of
+from gough_stewart.fmu_build.layout import Role, Row
 from gough_stewart.fmu_build.package import package_metadata
-from gough_stewart.fmu_build.plant.dependencies import slot_dependencies
 from gough_stewart.fmu_build.plant.documentation import documentation_page
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
 from gough_stewart.fmu_build.plant.reference_results import reference_files, reference_runs
 from gough_stewart.fmu_build.plant.tables import plant_header
 from gough_stewart.fmu_build.sources import c_folder
-from gough_stewart.model import interface
+from gough_stewart.model import interface, kernel
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart"
@@ -97,3 +99,31 @@ def _terminals(fmi_version: str) -> tuple[Terminal, ...]:
     """Six actuators, the pose, the external wrench."""
     groups = (("pose", "pose and its rates", _POSE), ("external_wrench", "load at Op", _WRENCH))
     return terminals_of(PLANT, fmi_version, _ACTUATOR, groups)
+
+
+@cache
+def slot_dependencies() -> SlotDependencies:
+    """Dependencies of derivatives, outputs and locals on inputs, states and parameters.
+
+    A dependency is `constant` if its entry of the Jacobian is a plain number.
+    """
+    x, u, p = kernel.derivatives_function().sx_in()
+    f = casadi.vertcat(kernel.derivatives_function()(x, u, p), kernel.outputs_function()(x, u, p))
+    jacobian = casadi.jacobian(f, casadi.vertcat(x, u, p))
+    rows, columns = jacobian.sparsity().get_triplet()
+    unknowns = [*_slots(Role.DERIVATIVE), *_slots(Role.STATE), *_slots(Role.RESULT)]
+    parameters = (PLANT.by_name[v.name] for v in interface.PLATFORM_PARAMETERS)
+    knowns = [*_slots(Role.STATE), *_slots(Role.INPUT), *_slots_of(parameters)]
+    found: dict[int, dict[int, Kind]] = {slot: {} for slot in unknowns}
+    for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
+        kind: Kind = "constant" if jacobian.nz[k].is_constant() else "dependent"
+        found[unknowns[row]][knowns[column]] = kind
+    return {slot: dict(sorted(kinds.items())) for slot, kinds in found.items()}
+
+
+def _slots(*roles: Role) -> list[int]:
+    return _slots_of(PLANT.of_role(*roles))
+
+
+def _slots_of(rows: Iterable[Row]) -> list[int]:
+    return [slot for row in rows for slot in row.slots]

@@ -4,7 +4,7 @@ from gough_stewart.fmu_build.layout import Role
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.tables import GENERATED, defines, places
 from gough_stewart.model import integrator, interface, platform_checks, pose_limits
-from gough_stewart.model.tolerance import TOLERANCES
+from gough_stewart.model.step_times import TOLERANCES
 
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000

@@ -134,8 +134,7 @@ def _compare(
 ) -> None:
     with members_bar() as progress:
         task = progress.add_task("preparing", total=None)
-        from gough_stewart.harness.ensemble.compare import compare_sheets
-        from gough_stewart.harness.ensemble.compared import DIFFERENCES, PAGE, names_of, run_compared
+        from gough_stewart.harness.ensemble.compare import DIFFERENCES, PAGE, compare_sheets, names_of, run_compared
 
         names = names_of(*texts)
         found = run_compared(

@@ -72,8 +72,7 @@ def excite_command(
                 raise UsageError(f"--{name} is {value:g}; expected a number > 0")
         chosen = chosen_platform(preset, platform)
         with preparing():
-            from gough_stewart.harness.identify.excite import excite
-            from gough_stewart.harness.identify.experiment_text import experiment_text
+            from gough_stewart.harness.identify.excite import excite, experiment_text
             from gough_stewart.model.files import Content, check_output_folder, write_files
             from gough_stewart.model.platform_toml import platform_to_toml
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.fmu_build.extra import RUNNER, check_installed
+from gough_stewart.fmu_build.errors import RUNNER, check_installed
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.isolated import Isolated

@@ -11,11 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from gough_stewart.harness.ensemble.columns import OUTCOME
-from gough_stewart.harness.ensemble.names import shown_input, shown_signal
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import counted, left_out
-from gough_stewart.harness.ensemble.tables import usual_metrics
+from gough_stewart.harness.ensemble.tables import shown_input, shown_signal, usual_metrics
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, png
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES

@@ -9,11 +9,10 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.ensemble.columns import MEMBER, OUTCOME, VARIED, numbers
-from gough_stewart.harness.ensemble.names import shown_input, shown_signal
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import counted, failures, finite, left_out
-from gough_stewart.harness.ensemble.tables import failure_sheet, quantile_sheet
+from gough_stewart.harness.ensemble.tables import failure_sheet, quantile_sheet, shown_input, shown_signal
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
 from gough_stewart.harness.output.quantities_shown import least_span

@@ -12,7 +12,7 @@ from gough_stewart.harness.motion import excitation, via_path  # noqa: F401 - by
 from gough_stewart.harness.motion.reach import WhenBeyond
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.motion.shares import WORST_CONDITION_NUMBER
-from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants.plant import PlantKind
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import (
     ZEROS,
@@ -38,7 +38,7 @@ from gough_stewart.model import joint_circles
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.joint_circles import Pairing
 from gough_stewart.model.parameters import TABLE
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE, TOLERANCES
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES
 
 # Smaller noise and steps are rounding, and their inverse overflows.
 _FINEST = 1e-15

@@ -18,8 +18,7 @@ from gough_stewart.harness.export.texts import filled, number, numbers, read
 from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of
 from gough_stewart.harness.motion.polynomials import PIECES, SHORT, SHORTEST, Polynomials
 from gough_stewart.harness.motion.scaling import smaller
-from gough_stewart.harness.motion.time_law import Averaged, Quintic, Stepwise, Stretched, TimeLaw
-from gough_stewart.harness.motion.timed_path import TimedPath
+from gough_stewart.harness.motion.time_law import Averaged, Quintic, Stepwise, Stretched, TimedPath, TimeLaw
 
 _TEXT, _SINGLE = read("path.c"), read("path_single.c")
 

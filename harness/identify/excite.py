@@ -25,6 +25,7 @@ from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.progress import StepProgress
 from gough_stewart.model.state import State
+from gough_stewart.model.toml import toml_item
 from gough_stewart.model.vectors import FloatArray
 
 Criterion = Literal["condition", "determinant"]
@@ -37,6 +38,8 @@ _LARGEST = (0.3, 0.3)
 _COARSE, _FINE = 6, 40
 _BISECTIONS = 7
 _FIRST = 0.3  # share of the trials that are independent; the others vary the best one
+# Bandwidth of the tracking loop: a few times the highest frequency of the motion.
+_ABOVE = 6.0
 
 
 class Excited(NamedTuple):
@@ -193,3 +196,58 @@ def _largest(keeps: Callable[[float], bool]) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if keeps(middle) else (low, middle)
     return low
+
+
+_TEXT = """\
+# Written by `gough-stewart excite` with --seed {seed}: finite Fourier series in six coordinates that excite
+#   {names}
+# Condition number of their regressor: {number:.3g}.
+
+title = {title}
+description = "motion for identification, computed torque"
+
+[platform]
+{platform}
+
+[reference]
+type = "excitation"
+frequency = "{frequency!r} Hz"
+duration = "{duration!r} s"
+fade = "{fade!r} s"
+# a row for each harmonic: x, y, z [m]; roll, pitch, yaw [rad]
+{coefficients}
+
+[controller]
+type = "pd"
+bandwidth = "{bandwidth:g} Hz"
+damping_ratio = 0.8
+feedforward = "computed_torque"
+
+[loop]
+duration = "{duration!r} s"
+sample_time = "1 ms"
+
+[sensors]
+quantisation = {{ leg_length = "1 um" }}
+"""
+
+
+def experiment_text(found: Excited, platform: Platform, chosen: str, names: str, seed: int) -> str:
+    """The TOML text; `chosen` is the line that names the platform."""
+    reference = found.reference
+    sine, cosine = reference.coefficients
+    parts = {"position_sine": sine[:, :3], "position_cosine": cosine[:, :3]}
+    parts |= {"orientation_sine": sine[:, 3:], "orientation_cosine": cosine[:, 3:]}
+    title = "excitation of " + platform.name
+    return _TEXT.format(
+        seed=seed,
+        names=names,
+        number=found.condition_number,
+        title=toml_item(title).as_string(),
+        platform=chosen,
+        frequency=float(reference.frequency),
+        duration=float(reference.duration),
+        fade=float(reference.fade),
+        coefficients="\n".join(f"{name} = {toml_item(values).as_string()}" for name, values in parts.items()),
+        bandwidth=max(1.0, _ABOVE * reference.highest_frequency),
+    )

@@ -9,17 +9,19 @@ from scipy.ndimage import minimum_filter1d
 
 from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, sample_time_of
 from gough_stewart.harness.identify.estimate import nominal_values
-from gough_stewart.harness.identify.innovation_noise import (
-    difference_correlations,
-    difference_noise,
-    unexplained_forces,
-)
 from gough_stewart.harness.identify.instruments import instruments_of, is_of_instruments, tilt_directions, tilted
 from gough_stewart.harness.identify.linear import has_coulomb
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.movement import motion_of_lengths
 from gough_stewart.harness.identify.names import PER_LEG, place_of
-from gough_stewart.harness.identify.noise import KernelCorrelations, RowNoise, whitening_of
+from gough_stewart.harness.identify.noise import (
+    KernelCorrelations,
+    RowNoise,
+    TwoNoises,
+    kernel_correlations,
+    two_noises,
+    whitening_of,
+)
 from gough_stewart.harness.identify.regression import cutoff_of
 from gough_stewart.harness.identify.simulation import (
     Innovations,
@@ -28,7 +30,7 @@ from gough_stewart.harness.identify.simulation import (
     parameter_columns,
     simulated,
 )
-from gough_stewart.harness.identify.smoothing import edge, smoothed
+from gough_stewart.harness.identify.smoothing import edge, kernel_of, smoothed
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
@@ -209,3 +211,47 @@ def noise_of_innovations(chosen: Sequence[tuple[Predictor, int]], levels: tuple[
         whitenings.append(whitening_of(parts.covariance(1.0, 1.0)))
         sizes.append(len(used))
     return RowNoise(tuple(whitenings), tuple(sizes), *levels)
+
+
+def unexplained_forces(innovations: FloatArray, alpha: float, beta: float, apparent: FloatArray) -> FloatArray:
+    """A⁻¹ d/h² (n − 2, 6, k) of innovations (n, 6, k), with A⁻¹/h² at the inner steps (n − 2, 6, 6)."""
+    e = innovations
+    return np.asarray(apparent @ (e[2:] - (2 - alpha - beta) * e[1:-1] + (1 - alpha) * e[:-2]))
+
+
+def difference_correlations(sample_time: float, cutoff: float, every: int) -> KernelCorrelations:
+    """Correlations of A⁻¹ d/h² for unit noise of forces, and of d for unit noise of lengths.
+
+    Parameters
+    ----------
+    sample_time
+        Of the raw signals [s].
+    cutoff
+        Of their low-pass [Hz].
+    every
+        Samples of a step; even.
+    """
+    kernel = kernel_of(sample_time, cutoff)
+    force, length = (np.zeros(len(kernel) + 2 * every) for _ in range(2))
+    for shift in (every // 2, every, 3 * every // 2):
+        force[shift : shift + len(kernel)] += kernel / 3
+    for shift, weight in ((0, 1.0), (every, -2.0), (2 * every, 1.0)):
+        length[shift : shift + len(kernel)] += weight * kernel
+    return kernel_correlations(force, length[None], every)
+
+
+def difference_noise(
+    correlations: KernelCorrelations, apparent: FloatArray, force: FloatArray, length: float, used: FloatArray
+) -> TwoNoises:
+    """The covariance of the unexplained forces at n steps, by noise of forces and of lengths.
+
+    Parameters
+    ----------
+    apparent
+        A⁻¹/h² (n, 6, 6) [N/m].
+    force, length
+        Standard deviations of the raw forces (6,) [N] and lengths [m].
+    used
+        1 for steps of a leg that are used, else 0 (n, 6).
+    """
+    return two_noises(correlations, apparent[:, :, None, :], force, length, used)

@@ -16,9 +16,8 @@ from gough_stewart.harness.motion.legs_along import DynamicLimits, LegsAlong, co
 from gough_stewart.harness.motion.path import GeometricPath
 from gough_stewart.harness.motion.polynomials import polynomials_of
 from gough_stewart.harness.motion.shares import DYNAMIC
-from gough_stewart.harness.motion.time_law import AlongPath, Averaged, Stepwise, Stretched, TimeLaw
+from gough_stewart.harness.motion.time_law import AlongPath, Averaged, Stepwise, Stretched, TimedPath, TimeLaw
 from gough_stewart.harness.motion.time_optimal import TimeOptimal
-from gough_stewart.harness.motion.timed_path import TimedPath
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, coordinates_of, motion_of
-from gough_stewart.harness.motion.timed_path import TimedPath
+from gough_stewart.harness.motion.time_law import TimedPath
 from gough_stewart.model.vectors import FloatArray
 
 # A quintic in τ from 0 to 1 from value, rate and second derivative at both ends, highest power first.

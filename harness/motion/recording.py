@@ -1,19 +1,21 @@
-"""Recorded motions: poses from motion logs, checked row by row, in SI units."""
+"""Recorded motions: poses from logs, checked row by row, in SI units, and moved to the home pose of a platform."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError, TableError
 from gough_stewart.harness.motion.columns import Column, columns_of
 from gough_stewart.harness.motion.table import FromTable, check_increasing
-from gough_stewart.harness.motion.turning import continuous, of_quaternions, of_rotation_vectors
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import LARGEST_PITCH
+from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -23,11 +25,10 @@ if TYPE_CHECKING:
 _LONGEST_STEP = 5.0
 # Shipped recordings are in the folder `shipped` of this package.
 _SHIPPED_FROM = "gough_stewart.harness.motion"
-_ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "orientation": continuous,
-    "quaternion": of_quaternions,
-    "rotation_vector": of_rotation_vectors,
-}
+# Logs round to at least four digits; a larger deviation from norm 1 is an error.
+_LENGTH_TOLERANCE = 1e-3
+# The pose of a recording that becomes the platform's home pose.
+AtHome = Literal["start", "mean"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,3 +116,102 @@ def _check_gaps(time: FloatArray, first: float, largest: float | None) -> None:
             f"{bound:.6g} s; the median is {median:.6g} s; cut the file there, or let the spline bridge the gap: "
             f"largest_gap = {steps[k]:.6g}"
         )
+
+
+def continuous(orientation: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw (n, 3) [rad], unwrapped, with the first row within (−π, π]."""
+    turned = np.unwrap(orientation, axis=0)
+    return np.asarray(turned - 2 * np.pi * np.round(turned[:1] / (2 * np.pi)))
+
+
+def orientation_of(rotation: FloatArray) -> FloatArray:
+    """Continuous roll, pitch, yaw (n, 3) [rad] of rotation matrices (n, 3, 3).
+
+    Raises
+    ------
+    MotionError
+        A pitch near ±90°, where roll and yaw are undefined; names the row, counted from 1.
+    """
+    steep = np.flatnonzero(~(np.abs(rotation[:, 2, 0]) < np.sin(LARGEST_PITCH)))
+    if steep.size:
+        raise MotionError(f"in row {steep[0] + 1} the pitch is ±90°; expected a pitch between these limits")
+    return continuous(orientation_from_matrix(rotation))
+
+
+def of_quaternions(quaternion: FloatArray) -> FloatArray:
+    """Continuous roll, pitch, yaw (n, 3) [rad] of unit quaternions (n, 4), scalar last; q and −q are the same.
+
+    Raises
+    ------
+    MotionError
+        A norm that is not 1; names the row, counted from 1.
+    """
+    length = np.linalg.norm(quaternion, axis=1)
+    bad = np.flatnonzero(~(np.abs(length - 1) <= _LENGTH_TOLERANCE))
+    if bad.size:
+        raise MotionError(
+            f"the quaternion in row {bad[0] + 1} has the norm {length[bad[0]]:.6g}; expected 1 "
+            f"within {_LENGTH_TOLERANCE:g}"
+        )
+    return orientation_of(matrix_from_quaternion(quaternion))
+
+
+def of_rotation_vectors(vector: FloatArray) -> FloatArray:
+    """Continuous roll, pitch, yaw (n, 3) [rad] of rotation vectors (n, 3) [rad]: axis times angle.
+
+    Raises
+    ------
+    MotionError
+        As `orientation_of`.
+    """
+    from scipy.spatial.transform import Rotation  # rarely needed
+
+    return orientation_of(Rotation.from_rotvec(vector).as_matrix())
+
+
+_ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "orientation": continuous,
+    "quaternion": of_quaternions,
+    "rotation_vector": of_rotation_vectors,
+}
+
+
+def moved_home(table: FromTable, platform: Platform, pose: AtHome, start: float) -> FromTable:
+    """Move a motion rigidly, so that its pose at a time, or its mean pose, becomes the home pose.
+
+    p = p_home + R_home R₀ᵀ (p − p₀) and R = R_home R₀ᵀ R: displacements stay the same in the axes of the platform in
+    the pose p₀, R₀, so surge of a vehicle stays surge, whatever its heading. Means are over time; the mean rotation is
+    the rotation nearest to the mean of the matrices.
+
+    Parameters
+    ----------
+    start
+        The time of the pose "start" [s].
+
+    Raises
+    ------
+    MotionError
+        The time is outside the table, or a pitch reaches ±90°.
+    """
+    if pose == "start":
+        at = table(np.array([start]))
+        position, rotation = at.position[0], matrix_from_orientation(at.orientation[0])
+    else:
+        position, rotation = _mean_pose(table)
+    turn = matrix_from_orientation(platform.home_orientation) @ rotation.T
+    return FromTable(
+        table.time,
+        platform.home_position + (table.position - position) @ turn.T,
+        orientation_of(turn @ matrix_from_orientation(table.orientation)),
+    )
+
+
+def _mean_pose(table: FromTable) -> tuple[FloatArray, FloatArray]:
+    """Mean position (3,) [m] and rotation (3, 3) over time, by the trapezoidal rule."""
+    from scipy.spatial.transform import Rotation  # rarely needed
+
+    steps = np.diff(table.time)
+    weights = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
+    rotations = Rotation.from_matrix(matrix_from_orientation(table.orientation))
+    position: FloatArray = np.average(table.position, axis=0, weights=weights)
+    return position, rotations.mean(weights=weights).as_matrix()

@@ -13,8 +13,7 @@ from gough_stewart.harness.motion.polynomials import Polynomials, polynomials_of
 from gough_stewart.harness.motion.recording import read_poses
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.motion.shares import shares_along
-from gough_stewart.harness.motion.time_law import Quintic, Stretched, TimeLaw
-from gough_stewart.harness.motion.timed_path import TimedPath
+from gough_stewart.harness.motion.time_law import Quintic, Stretched, TimedPath, TimeLaw
 from gough_stewart.harness.quantities import Share, Time, positive_or_word, vector
 from gough_stewart.harness.section import FileName
 from gough_stewart.model.platform import Platform

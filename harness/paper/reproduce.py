@@ -1,4 +1,4 @@
-"""The reproduction: compute an open-loop case in every way, show progress, then write all files."""
+"""The reproduction: compute an open-loop case in every way, show progress, then write all files, the record too."""
 
 import tempfile
 from collections.abc import Callable
@@ -6,17 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import polars
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gough_stewart.fmu_build.build import build
 from gough_stewart.fmu_build.builder import VERSIONS, number_of_steps
-from gough_stewart.fmu_build.extra import COMPILER, RUNNER, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, RUNNER, check_installed
+from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper import figures, readings, report
 from gough_stewart.harness.paper.agreement import agreement, of_fmus
-from gough_stewart.harness.paper.open_loop import run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper.record import csv_of, record_of_case
+from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.harness.view.page import PAGE, view_page
+from gough_stewart.model import interface
 from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
 from gough_stewart.model.platform import Platform
@@ -47,6 +51,7 @@ FILES = (
     "gough_stewart_fmi2.fmu",
     "gough_stewart_fmi3.fmu",
 )
+_INPUT_COLUMNS = [name for variable in interface.INPUTS for name in variable.scalar_names]
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,3 +184,28 @@ def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes
                 runs[f"FMU, FMI {version} {how}"] = run_fmu(path, case, fmi_type)
                 done()
         return {path.name: path.read_bytes() for path in paths}, runs
+
+
+def table_of(run: Trajectory) -> polars.DataFrame:
+    """An open-loop trajectory: `time`, then every output and local."""
+    names = ["time", *interface.RESULT_COLUMNS]
+    return polars.DataFrame(np.column_stack([run.time, run.results]), schema=names)
+
+
+def csv_of(run: Trajectory) -> bytes:
+    """`table_of` as CSV with the fewest digits that read back to the same numbers."""
+    return table_of(run).write_csv().encode()
+
+
+def record_of_case(case: OpenLoopCase, run: Trajectory) -> Record:
+    """Outputs, locals and inputs over time; there are no references, measurements or limits."""
+    inputs = np.tile(case.inputs.to_vector(), (len(run.time), 1))
+    metadata = {
+        "title": case.title,
+        "plant": "task-space kernel under DOP853",
+        "outcome": {"status": "completed", "time": case.duration, "cause": None},
+        "duration": case.duration,
+        "platform": plain(case.platform),
+        "versions": versions(),
+    }
+    return Record(table_of(run).hstack(polars.DataFrame(inputs, schema=_INPUT_COLUMNS)), metadata)

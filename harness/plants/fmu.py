@@ -18,7 +18,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
 _DISCARD = 2

@@ -20,7 +20,7 @@ from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
 # Time for the FMU to terminate [s].

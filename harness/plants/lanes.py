@@ -1,35 +1,86 @@
-"""A plant of many platforms, stepped together with fixed RK4 steps, vectorised over members.
+"""A plant of many platforms, stepped together with fixed RK4 steps, vectorised over members, in machine code or NumPy.
 
 A member's bits depend only on its own numbers, not on the number or choice of the other members.
 """
 
+import ctypes
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.lanes import Failure, lanes_library
+from gough_stewart.fmu_build.lanes import WIDTH, Failure, LanesLibrary, lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.compiled_lanes import CompiledLanes
 from gough_stewart.harness.plants.lane_batch import N_INPUTS, Batch, LaneKernel, rows
-from gough_stewart.harness.plants.lane_failures import failure_of, short_legs
 from gough_stewart.harness.plants.numpy_lanes import NumpyLanes
 from gough_stewart.harness.plants.parameter_changes import changed_parameter, refuse_impossible
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.errors import InterfaceError, MembersError, StepError
+from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, StepError
+from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_checks import check_leg_com_offsets
+from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import end_of_step
 from gough_stewart.model.vectors import FloatArray
 
+_ARRAYS = tuple(field.name for field in fields(Batch))
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.
 MOST_SUBSTEPS = 1024
+
+
+class _CBatch(ctypes.Structure):
+    """`batch` of c/lanes/lanes.h."""
+
+    _fields_ = [
+        ("blocks", ctypes.c_int64),
+        ("stride", ctypes.c_int64),
+        *((name, ctypes.c_void_p) for name in _ARRAYS),
+    ]
+
+
+class CompiledLanes:
+    """The library of `fmu_build.lanes`; it releases the GIL while it works."""
+
+    def __init__(self, library: LanesLibrary) -> None:
+        self.features = library.features
+        self.library = ctypes.CDLL(str(library.path))
+        self.library.lanes_check.restype = self.library.lanes_step.restype = ctypes.c_int64
+
+    def check(self, batch: Batch) -> int:
+        """See `LaneKernel`."""
+        return int(self.library.lanes_check(reference(batch)))
+
+    def step(
+        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, plain: bool = False
+    ) -> int:
+        """See `LaneKernel`."""
+        out = ctypes.c_void_p(None if signals is None else signals.ctypes.data)
+        numbers = ctypes.c_double(size), ctypes.c_int64(substeps), ctypes.c_int64(plain)
+        return int(self.library.lanes_step(reference(batch), *numbers, out))
+
+    def signals(self, batch: Batch, out: FloatArray) -> None:
+        """See `LaneKernel`."""
+        self.library.lanes_signals(reference(batch), ctypes.c_void_p(out.ctypes.data))
+
+    def results(self, batch: Batch, out: FloatArray) -> None:
+        """See `LaneKernel`."""
+        self.library.lanes_results(reference(batch), ctypes.c_void_p(out.ctypes.data))
+
+
+def reference(batch: Batch) -> Any:
+    """The argument of the library's functions; it must live as long as the batch is used."""
+    states = batch.states
+    pointers = (getattr(batch, name).ctypes.data for name in _ARRAYS)
+    return ctypes.byref(_CBatch(states.shape[1] // WIDTH, states.strides[0] // states.itemsize, *pointers))
 
 
 class LanesPlant(Plant):
@@ -207,3 +258,46 @@ def _compiled() -> CompiledLanes:
 @cache
 def _warn(reason: str) -> None:
     warnings.warn(f"many platforms are stepped by NumPy, some fifty times slower: {reason}", stacklevel=2)
+
+
+def failure_of(batch: Batch, k: int, begin: float, size: float, substeps: int) -> StepError:
+    """The error of member `k` in one of `substeps` of a `size` [s] of a step that starts at a time [s]."""
+    failure, x, u = int(batch.failure[k]), batch.reached[:, k], batch.inputs[:, k]
+    time = begin + float(batch.failed_at[k]) * size
+    if failure == Failure.NOT_FINITE:
+        if not np.isfinite(u).all():
+            return StepError(*_first_not_finite(interface.INPUTS, u), begin, "expected finite numbers")
+        remedy = f"more than {substeps} substeps, smaller forces, or smoother friction (leg_friction_velocity)"
+        return StepError(*_first_not_finite(interface.STATES, x), time, f"the motion is not finite; it needs {remedy}")
+    if failure == Failure.PITCHED:
+        return pitch_reached(float(x[4]), time)
+    platform, pose = batch.parameters_of([k]), (x[None, :3], x[None, 3:6])
+    if failure >= Failure.COLLAPSED:
+        leg = failure - Failure.COLLAPSED
+        with np.errstate(all="ignore"):
+            return leg_collapsed(leg, float(leg_geometry(platform, *pose).length[0, leg]), time)
+    number = float(conditioning(platform, *pose).condition_number[0])
+    return singular_pose(number, time, passed=failure == Failure.PASSED_SINGULAR)
+
+
+def short_legs(batch: Batch, platforms: Sequence[Platform], members: BoolArray, time: float) -> dict[int, StepError]:
+    """Which members (N,) have a leg too short for a part's centre of mass."""
+    n = len(platforms)
+    parameters, x = batch.parameters_of(slice(n)), batch.states[:, :n].T
+    shortest = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length.min(axis=-1)
+    farthest = np.maximum(parameters.leg_lower_com, parameters.leg_upper_com)
+    found = {}
+    for k in map(int, np.flatnonzero((farthest > shortest) & members)):
+        try:
+            check_leg_com_offsets(platforms[k], float(shortest[k]), "start")
+        except PlatformError as error:
+            value = float(getattr(platforms[k], error.field))
+            found[k] = StepError(error.field, value, time, str(error).partition(": ")[2])
+    return found
+
+
+def _first_not_finite(variables: Iterable[interface.Variable], values: FloatArray) -> tuple[str, float]:
+    """Name and value of the first element that is not finite."""
+    names = [name for v in variables for name in v.scalar_names]
+    at = int(np.flatnonzero(~np.isfinite(values))[0])
+    return names[at], float(values[at])

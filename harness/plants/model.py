@@ -6,8 +6,8 @@ from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.stepping import SteppingModel
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import FloatArray
 
 

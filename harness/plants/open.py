@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gough_stewart.fmu_build.cached import cached_build
-from gough_stewart.fmu_build.extra import RUNNER, check_installed
+from gough_stewart.fmu_build.errors import RUNNER, check_installed
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
-from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
-from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.plant import FMI_VERSIONS, Plant, PlantKind
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.progress import StepProgress
 from gough_stewart.model.state import State
-from gough_stewart.model.tolerance import DEFAULT_TOLERANCE
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
     from gough_stewart.harness.plants.unit import UnitFile

@@ -1,4 +1,4 @@
-"""Records of runs as tables: one row per time, SI units, interface variables under their FMI 2.0 names."""
+"""Records of runs as tables: one row per time, SI units, interface variables under their FMI 2.0 names; their files."""
 
 import json
 from dataclasses import dataclass
@@ -16,6 +16,23 @@ from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.platform import Platform
 
 _METADATA_KEY = "gough_stewart"
+# The first of these files that is there tells the kind.
+_KINDS: tuple[tuple[str, str, str], ...] = (
+    ("compare.html", "two ensembles compared by `ensemble --compare`", "open compare.html in a browser"),
+    ("plan.json", "an unfinished ensemble", "continue it with `gough-stewart ensemble … --resume`"),
+    ("ensemble.json", "an ensemble", "open report.html in a browser, or view worst/member-…"),
+    ("tuning.json", "a tuning", "run tuned.toml, then view that run"),
+    ("workspace.csv", "a workspace", "open workspace.html in a browser"),
+    ("estimate.json", "an identification", "open identify.html in a browser"),
+    ("excitation.toml", "an excitation", "run excitation.toml, then view that run"),
+    ("check.json", "a motion check", "look at shares.png"),
+    ("margins.json", "margins", "look at bode.png"),
+    ("frf.csv", "a frequency response", "look at frf.png"),
+    ("open_loop.csv", "the paper's case", "open report.html, which `reproduce --report` writes, in a browser"),
+    ("report.html", "a page", "open report.html in a browser"),
+)
+_ENDINGS = ((".fmu", "FMUs"), (".ssp", "an exported loop"), (".c", "an exported controller"), (".toml", "TOML files"))
+_MOST = 5
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,7 +111,6 @@ def read_record(path: Path | str) -> Record:
     >>> files = gs.save_record(gs.run("heave_step", {"loop.duration": 0.1}), "results/heave")
     >>> gs.read_record("results/heave")["error.position"].shape
     """
-    from gough_stewart.harness.results.folders import contents
     from gough_stewart.harness.results.record_checks import check_metadata, check_table
 
     path = Path(path)
@@ -171,3 +187,23 @@ def _platform_of(record: Record, key: str) -> Platform:
 
 def _json(data: dict[str, Any], indent: int | None = None) -> str:
     return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False)
+
+
+def contents(folder: Path) -> str:
+    """What a folder has, as far as it is known, and a remedy."""
+    for name, what, remedy in _KINDS:
+        if (folder / name).is_file():
+            return f"it has {what}; {remedy}"
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+    for ending, what in _ENDINGS:
+        if any(name.endswith(ending) for name in names):
+            return f"it has {what}: {_listed([name for name in names if name.endswith(ending)])}"
+    inside = [path.parent.name for path in sorted(folder.glob("*/record.parquet"))]
+    if inside:
+        return f"it has folders of records: {_listed(inside)}; view one of them"
+    return f"it has {_listed(names)}" if names else "it is empty"
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
+    return ", ".join(names[:_MOST]) + more

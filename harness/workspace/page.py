@@ -21,8 +21,8 @@ from gough_stewart.harness.workspace.display import (
     swept_text,
 )
 from gough_stewart.harness.workspace.explained import notices
+from gough_stewart.harness.workspace.isosurface import surface_of
 from gough_stewart.harness.workspace.maps import LIMIT_COLOURS, colour_map, limits_behind, norm_of
-from gough_stewart.harness.workspace.surface import surface_of
 from gough_stewart.harness.workspace.tables import sheets_of, size_text
 from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import Workspace, home_of

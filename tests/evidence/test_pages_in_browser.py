@@ -10,7 +10,7 @@ from playwright.sync_api import Browser
 from gough_stewart.harness.experiment.file import experiment_names, shipped_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.paper.open_loop import run_kernel
-from gough_stewart.harness.paper.record import record_of_case
+from gough_stewart.harness.paper.reproduce import record_of_case
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page

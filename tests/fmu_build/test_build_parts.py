@@ -15,17 +15,7 @@ from typing import IO, Any
 
 import pytest
 
-from gough_stewart.fmu_build import (
-    builder,
-    cached,
-    compiler_cache,
-    extra,
-    lanes,
-    package,
-    sources,
-    targets,
-    toolchain,
-)
+from gough_stewart.fmu_build import builder, cached, compiler_cache, errors, lanes, package, sources, targets, toolchain
 from gough_stewart.fmu_build.builder import contents, unit_archives, unit_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import lanes_library, lanes_sources
@@ -427,11 +417,11 @@ def test_missing_packages_are_named_with_their_use(monkeypatch: pytest.MonkeyPat
         ({"ziglang"}, "ziglang (to compile FMUs)"),
         ({"fmpy", "ziglang"}, "fmpy (to run FMUs) and ziglang (to compile FMUs)"),
     ):
-        monkeypatch.setattr(extra, "find_spec", lambda name, missing=missing: None if name in missing else object())
+        monkeypatch.setattr(errors, "find_spec", lambda name, missing=missing: None if name in missing else object())
         with pytest.raises(BuildError) as caught:
-            extra.check_installed("fmpy", "ziglang")
+            errors.check_installed("fmpy", "ziglang")
         assert str(caught.value) == f"not installed: {words}{remedy}"
-        extra.check_installed(*({"fmpy", "ziglang"} - missing))
+        errors.check_installed(*({"fmpy", "ziglang"} - missing))
 
 
 def test_targets_have_the_names_of_both_standards_and_of_the_compiler() -> None:

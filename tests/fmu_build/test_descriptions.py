@@ -5,12 +5,11 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from gough_stewart.fmu_build import dependencies
+from gough_stewart.fmu_build import model_description
 from gough_stewart.fmu_build.layout import Role
-from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.plant.dependencies import slot_dependencies
+from gough_stewart.fmu_build.model_description import BY_NAME, UNITS
+from gough_stewart.fmu_build.plant.component import plant_component, slot_dependencies
 from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.fmu_build.units import BY_NAME, UNITS
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.stepping import SteppingModel
@@ -151,7 +150,9 @@ def numeric_dependencies() -> dict[int, set[int]]:
 def test_dependencies_are_those_that_differences_show() -> None:
     """Expected: no more and no less than what changes when a state or an input does."""
     component, knowns = plant_component(UNEVEN), (Role.INPUT, Role.STATE)
-    declared = {slot: set(dependencies.of_slot(component, slot, knowns)) for slot in slot_dependencies()}
+    declared = {
+        slot: set(model_description.dependencies_of_slot(component, slot, knowns)) for slot in slot_dependencies()
+    }
     assert declared == numeric_dependencies()
 
 
@@ -160,10 +161,10 @@ def test_the_descriptions_carry_these_dependencies(fmu: Fmu) -> None:
     for unknowns in (fmu.description.outputs, fmu.description.derivatives):
         for unknown in unknowns:
             if fmu.version == "2.0":
-                expected = dependencies.of_slot(component, unknown.variable.valueReference, knowns)
+                expected = model_description.dependencies_of_slot(component, unknown.variable.valueReference, knowns)
             else:
                 row = PLANT.by_name[unknown.variable.name]
-                expected = dependencies.of_row(component, row, knowns)
+                expected = model_description.dependencies_of_row(component, row, knowns)
             assert [v.valueReference for v in unknown.dependencies] == list(expected)
             assert list(unknown.dependenciesKind) == list(expected.values())
 

@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import cached, codegen, dependencies
+from gough_stewart.fmu_build import cached, codegen, model_description
 from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.builder import Unit, chosen_versions, number_of_steps, unit_of
 from gough_stewart.fmu_build.component import Component, Kind
@@ -515,11 +515,13 @@ def test_a_variable_depends_constantly_only_if_every_element_does() -> None:
         first["acceleration"] + 2: {first["velocity"] + 1: "constant", first["external_force"]: "dependent"},
     }
     changed = replace(component(), dependencies=slots)
-    found = dependencies.of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT, Role.STATE))
+    found = model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT, Role.STATE))
     kinds = {row.variable.name: found[row.reference] for row in PLANT.rows if row.reference in found}
     assert kinds == {"external_force": "dependent", "position": "constant", "velocity": "dependent"}
     assert list(found) == sorted(found)
-    assert set(dependencies.of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT,)).values()) == {"dependent"}
+    assert set(
+        model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT,)).values()
+    ) == {"dependent"}
 
 
 def test_infinity_has_the_type_of_the_arithmetic() -> None:

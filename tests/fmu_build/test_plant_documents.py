@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.fmu_build import dependencies
+from gough_stewart.fmu_build import model_description
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.documentation import documentation_page
@@ -268,7 +268,7 @@ def test_dependencies_on_parameters_are_those_that_differences_show() -> None:
                     found[slot].add(62 + k)
     component = plant_component(UNEVEN, is_in_a_system=True)
     for slot, expected in found.items():
-        assert set(dependencies.of_slot(component, slot, PARAMETER_ROLES)) == expected, PLANT.rows
+        assert set(model_description.dependencies_of_slot(component, slot, PARAMETER_ROLES)) == expected, PLANT.rows
         # the whole list is in ascending order
         assert list(component.dependencies[slot]) == sorted(component.dependencies[slot])
 

@@ -8,8 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import gough_stewart as gs
-from gough_stewart.harness.identify.excite import condition_number_of, excite, within_limits
-from gough_stewart.harness.identify.experiment_text import experiment_text
+from gough_stewart.harness.identify.excite import condition_number_of, excite, experiment_text, within_limits
 from gough_stewart.harness.identify.retuned import before_and_after
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.output.tables import Named

@@ -14,7 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify import figures
+from gough_stewart.harness.identify import files
 from gough_stewart.harness.identify.diagnosis import CommonGain, Diagnosis, Finding
 from gough_stewart.harness.identify.estimate import Estimate, Residuals
 from gough_stewart.harness.identify.files import FILES, identification_files
@@ -406,7 +406,7 @@ def test_a_page_says_notes_without_an_alarm() -> None:
 
 def test_the_figure_of_parameters_shows_changes_and_correlation() -> None:
     figure = Figure()
-    figures._parameters(figure, ESTIMATE)
+    files._parameters(figure, ESTIMATE)
     left, right = figure.axes[:2]
     points = left.containers[0]
     change = 100 * np.array([316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
@@ -428,7 +428,7 @@ def test_the_figure_of_parameters_shows_changes_and_correlation() -> None:
 @pytest.mark.parametrize(("unit", "shown", "factor"), [("N", "N", 1.0), ("m", "µm", 1e6)])
 def test_the_figure_of_the_fit_shows_every_leg_before_and_after(unit: str, shown: str, factor: float) -> None:
     figure = Figure()
-    figures._fit(figure, replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, unit=unit)))
+    files._fit(figure, replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, unit=unit)))
     above, middle, below = figure.axes
     for k in range(6):
         lines: list[Any] = list(above.lines[2 * k : 2 * k + 2])
@@ -493,12 +493,12 @@ def test_figures_are_drawn_over_time_only_where_there_is_time(monkeypatch: pytes
         drawn.append((name, width, height))
         return {f"{name}.png": b"", f"{name}.svg": b""}
 
-    monkeypatch.setattr(figures, "pictures", noted)
-    assert list(figures.identification_figures(replace(ESTIMATE, details={"poses": 1}))) == [
+    monkeypatch.setattr(files, "pictures", noted)
+    assert list(files.identification_figures(replace(ESTIMATE, details={"poses": 1}))) == [
         "parameters.png",
         "parameters.svg",
     ]
-    assert list(figures.identification_figures(ESTIMATE))[2:] == ["fit.png", "fit.svg"]
+    assert list(files.identification_figures(ESTIMATE))[2:] == ["fit.png", "fit.svg"]
     # a row of 0.28 inches for each parameter
     assert drawn[0] == ("parameters", 10.0, pytest.approx(1.6 + 5 * 0.28))
 

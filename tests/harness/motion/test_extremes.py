@@ -11,8 +11,7 @@ from gough_stewart.harness.motion.legs_along import DynamicLimits
 from gough_stewart.harness.motion.path import GeometricPath
 from gough_stewart.harness.motion.polynomials import Polynomials, polynomials_of
 from gough_stewart.harness.motion.shares import shares_along
-from gough_stewart.harness.motion.time_law import Averaged, Quintic, Stepwise, TimeLaw
-from gough_stewart.harness.motion.timed_path import TimedPath
+from gough_stewart.harness.motion.time_law import Averaged, Quintic, Stepwise, TimedPath, TimeLaw
 from tests.support.forces import forces_by_newton_euler
 from tests.support.uneven import UNEVEN
 

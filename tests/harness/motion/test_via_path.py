@@ -17,8 +17,7 @@ from gough_stewart.harness.motion.fastest import fastest
 from gough_stewart.harness.motion.motion import coordinates_of
 from gough_stewart.harness.motion.path import GeometricPath
 from gough_stewart.harness.motion.polynomials import polynomials_of
-from gough_stewart.harness.motion.time_law import Quintic, TimeLaw
-from gough_stewart.harness.motion.timed_path import TimedPath
+from gough_stewart.harness.motion.time_law import Quintic, TimedPath, TimeLaw
 from gough_stewart.harness.motion.via_path import ViaPath
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.platform_toml import load_preset

@@ -4,8 +4,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.output.columns import Column, is_number, is_prose, stacked_columns
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
+from gough_stewart.harness.output.tables import (
+    Column,
+    Named,
+    Sheet,
+    is_number,
+    is_prose,
+    number_text,
+    quantity_text,
+    stacked_columns,
+    text_of,
+    to_html,
+    to_terminal,
+)
 from tests.support.whole_tables import check_is_whole, printed
 
 

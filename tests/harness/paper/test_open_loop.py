@@ -10,7 +10,7 @@ import pytest
 
 from gough_stewart.harness.paper import agreement, readings
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper.record import record_of_case, table_of
+from gough_stewart.harness.paper.reproduce import record_of_case, table_of
 from gough_stewart.harness.results.record import platform_of
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
@@ -86,7 +86,7 @@ def test_csv_reads_back_to_the_same_numbers(kernel_run: Trajectory) -> None:
 
     import polars
 
-    from gough_stewart.harness.paper.record import csv_of
+    from gough_stewart.harness.paper.reproduce import csv_of
 
     assert polars.read_csv(BytesIO(csv_of(kernel_run))).equals(table_of(kernel_run))
 

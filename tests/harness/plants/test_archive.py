@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plants.archive import check_archive
 from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.unit import check_archive
 from tests.support.uneven import UNEVEN
 
 
@@ -72,9 +72,9 @@ def test_an_archive_at_the_limit_of_size_is_no_bomb(tmp_path: Path, monkeypatch:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, size in (("a", 1_000_000), ("b", 3_000_000), ("c", 2_000_000)):
             archive.writestr(name, bytes(size))
-    monkeypatch.setattr("gough_stewart.harness.plants.archive.MOST_BYTES", 6_000_000)
+    monkeypatch.setattr("gough_stewart.harness.plants.unit.MOST_BYTES", 6_000_000)
     check_archive(path)
-    monkeypatch.setattr("gough_stewart.harness.plants.archive.MOST_BYTES", 5_999_999)
+    monkeypatch.setattr("gough_stewart.harness.plants.unit.MOST_BYTES", 5_999_999)
     with pytest.raises(PlantError) as caught:
         check_archive(path)
     assert str(caught.value) == (

@@ -26,9 +26,9 @@ from gough_stewart.harness.workspace.display import (
     swept_text,
 )
 from gough_stewart.harness.workspace.explained import notices
+from gough_stewart.harness.workspace.isosurface import surface_of
 from gough_stewart.harness.workspace.maps import LIMIT_COLOURS
 from gough_stewart.harness.workspace.page import workspace_page
-from gough_stewart.harness.workspace.surface import surface_of
 from gough_stewart.harness.workspace.tables import extent_text, sheets_of, size_text, workspace_csv
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
@@ -68,7 +68,7 @@ CASES: Mapping[str, tuple[Callable[[], Workspace], str, str]] = {
 @pytest.fixture(autouse=True)
 def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Surfaces that look ragged are as right, and take a second instead of ten."""
-    monkeypatch.setattr("gough_stewart.harness.workspace.surface._CELLS", 10)
+    monkeypatch.setattr("gough_stewart.harness.workspace.isosurface._CELLS", 10)
 
 
 class Seen:

@@ -24,9 +24,8 @@ from gough_stewart.harness.motion.reach import check_reach
 from gough_stewart.harness.workspace.display import clearance
 from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.figures import workspace_figures
-from gough_stewart.harness.workspace.isosurface import Surface, isosurface
+from gough_stewart.harness.workspace.isosurface import Surface, isosurface, surface_of
 from gough_stewart.harness.workspace.page import workspace_page
-from gough_stewart.harness.workspace.surface import surface_of
 from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform_toml import load_preset
