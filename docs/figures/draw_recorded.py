@@ -5,9 +5,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from saving import save_svg
 
-from gough_stewart.harness.motion.low_pass import smoothed
+from gough_stewart.harness.motion.recorded.low_pass import smoothed
+from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import FromFile
-from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.model.platform_toml import load_preset
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}

@@ -90,7 +90,7 @@ def check_command(
 
 def _show(found: "MotionCheck") -> None:
     from gough_stewart.harness.experiment.checking import verdict
-    from gough_stewart.harness.motion.shares_tables import shares_sheets
+    from gough_stewart.harness.motion.limits.shares_tables import shares_sheets
 
     show(*shares_sheets(found.shares, found.needs))
     Terminal().print(f"Needs: {'; '.join(found.needs.notes)}.")

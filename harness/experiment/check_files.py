@@ -4,9 +4,9 @@ import json
 from typing import Any
 
 from gough_stewart.harness.experiment.checking import MotionCheck
-from gough_stewart.harness.motion.needs import Needs
-from gough_stewart.harness.motion.shares_figure import shares_pictures
-from gough_stewart.harness.motion.shares_tables import LEGS, finite
+from gough_stewart.harness.motion.limits.needs import Needs
+from gough_stewart.harness.motion.limits.shares_figure import shares_pictures
+from gough_stewart.harness.motion.limits.shares_tables import LEGS, finite
 from gough_stewart.harness.output.versions import versions
 
 FILES = ("check.json", "needs.csv", "shares.png", "shares.svg")

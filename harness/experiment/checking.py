@@ -13,11 +13,11 @@ from gough_stewart.harness.experiment.parts import force_limit_of
 from gough_stewart.harness.experiment.planning import Planning, ReferenceMotion
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.motion.fitting import factor_near, shrinking_that_fits, slowing_that_fits
+from gough_stewart.harness.motion.limits.fitting import factor_near, shrinking_that_fits, slowing_that_fits
+from gough_stewart.harness.motion.limits.needs import Needs, needs_along
+from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Shares, shares_along
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.needs import Needs, needs_along
 from gough_stewart.harness.motion.scaling import Scaled, centre_of
-from gough_stewart.harness.motion.shares import DYNAMIC, LABELS, OPTIONAL, Shares, shares_along
 from gough_stewart.model.platform import Platform
 
 Fit = Literal["time", "amplitude"]
@@ -121,7 +121,7 @@ class MotionCheck:
 
     def __repr__(self) -> str:
         """Title, largest share of each limit, needs of the most loaded leg, and verdict, one line each."""
-        from gough_stewart.harness.motion.shares_tables import largest_needs, percent
+        from gough_stewart.harness.motion.limits.shares_tables import largest_needs, percent
 
         lines = [f"Motion: {self.experiment.title}, of platform {self.platform.name}"]
         for name in self.shares.of:
@@ -132,7 +132,7 @@ class MotionCheck:
 
     def _repr_html_(self) -> str:
         """The tables, for a notebook."""
-        from gough_stewart.harness.motion.shares_tables import shares_sheets
+        from gough_stewart.harness.motion.limits.shares_tables import shares_sheets
         from gough_stewart.harness.output.tables import to_html
 
         return f"<div>{''.join(map(to_html, shares_sheets(self.shares, self.needs)))}</div>"
@@ -176,7 +176,7 @@ def _rounded(scale: float, to: Callable[[float], int]) -> float:
 
 def verdict(found: MotionCheck) -> str:
     """Whether the motion is within all limits, which were not checked, the largest share, and what would fit."""
-    from gough_stewart.harness.motion.shares_tables import percent
+    from gough_stewart.harness.motion.limits.shares_tables import percent
     from gough_stewart.harness.output.tables import number_text
 
     peak = found.shares.largest

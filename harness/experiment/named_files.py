@@ -8,7 +8,7 @@ from gough_stewart.harness.control.controllers import PythonController
 from gough_stewart.harness.control.own_modules import files_beside
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.motion.recording import recording_path
+from gough_stewart.harness.motion.recorded.recording import recording_path
 from gough_stewart.harness.motion.references import FromFile
 from gough_stewart.harness.section import file_names
 

@@ -30,8 +30,8 @@ from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Loop
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.motion.limits.reach import LegMotion, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, end_of
-from gough_stewart.harness.motion.reach import LegMotion, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform

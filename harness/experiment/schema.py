@@ -8,10 +8,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.injections import InjectionChoice
-from gough_stewart.harness.motion import excitation, via_path  # noqa: F401 - by being there their motions are known
-from gough_stewart.harness.motion.reach import WhenBeyond
+from gough_stewart.harness.motion import excitation  # noqa: F401 - by being there its motion is known
+from gough_stewart.harness.motion.limits.reach import WhenBeyond
+from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
+from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.motion.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.plants.plant import PlantKind
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import (

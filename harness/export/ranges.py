@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.motion.reach import LegMotion
+from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform

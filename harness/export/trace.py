@@ -18,8 +18,8 @@ from gough_stewart.harness.export.designed import REFERENCE, Designed
 from gough_stewart.harness.export.laws import FunctionLaw, Law, Linear, MatrixLaw, PidLaw
 from gough_stewart.harness.export.path_source import path_function, path_of
 from gough_stewart.harness.export.relative import Home, change_of_lengths
+from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
-from gough_stewart.harness.motion.reach import legs_of
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces

@@ -7,7 +7,8 @@ import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
 from gough_stewart.harness.identify.linear import scales_of
-from gough_stewart.harness.identify.linear_parameters import (
+from gough_stewart.harness.identify.names import expanded, value_of
+from gough_stewart.harness.identify.rows.linear_parameters import (
     FRICTION,
     elements_of,
     gradient,
@@ -15,11 +16,10 @@ from gough_stewart.harness.identify.linear_parameters import (
     regressor,
     with_estimated,
 )
-from gough_stewart.harness.identify.names import expanded, value_of
-from gough_stewart.harness.identify.regression import Rows
+from gough_stewart.harness.identify.rows.regression import Rows
 from gough_stewart.harness.motion.excitation import Excitation
+from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, Reference
-from gough_stewart.harness.motion.reach import check_reach
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.platform import Platform

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.diagnose import diagnosis_of
+from gough_stewart.harness.identify.diagnosis.diagnose import diagnosis_of
 from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.physical import BestFit
-from gough_stewart.harness.identify.whitened import Whitened
+from gough_stewart.harness.identify.rows.whitened import Whitened
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

@@ -10,22 +10,22 @@ import numpy as np
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import scales, with_all
-from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
-from gough_stewart.harness.identify.hypotheses import MASSES
-from gough_stewart.harness.identify.leg_order import check_order_of_forces
+from gough_stewart.harness.identify.geometry.joints import GEOMETRY, identify_geometry
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.observability import (
+from gough_stewart.harness.identify.output_error import identify_output_error
+from gough_stewart.harness.identify.parts import VALIDATION
+from gough_stewart.harness.identify.rows.hypotheses import MASSES
+from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
+from gough_stewart.harness.identify.screening.observability import (
     MotionRows,
     check_separable,
     identifiability,
     is_linear,
     motion_rows,
 )
-from gough_stewart.harness.identify.output_error import identify_output_error
-from gough_stewart.harness.identify.parts import VALIDATION
-from gough_stewart.harness.identify.screening import Screened, screened
+from gough_stewart.harness.identify.screening.screening import Screened, screened
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray

@@ -8,9 +8,13 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, rms, scales
-from gough_stewart.harness.identify.force_derivatives import ForceDerivatives, force_derivatives
 from gough_stewart.harness.identify.instruments import is_of_instruments
-from gough_stewart.harness.identify.linear_parameters import (
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.names import expanded, value_of
+from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
+from gough_stewart.harness.identify.physical import BestFit, best_fit
+from gough_stewart.harness.identify.rows.force_derivatives import ForceDerivatives, force_derivatives
+from gough_stewart.harness.identify.rows.linear_parameters import (
     FRICTION,
     SIZE,
     dependences,
@@ -19,14 +23,10 @@ from gough_stewart.harness.identify.linear_parameters import (
     linear_parameters,
     with_estimated,
 )
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.names import expanded, value_of
-from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
-from gough_stewart.harness.identify.physical import BestFit, best_fit
-from gough_stewart.harness.identify.regression import Regression, Rows, joined, regression_of
-from gough_stewart.harness.identify.row_model import RowModel
+from gough_stewart.harness.identify.rows.regression import Regression, Rows, joined, regression_of
+from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.harness.identify.rows.whitened import Fit, Whitened, whitened
 from gough_stewart.harness.identify.simulation import kernel_parameters
-from gough_stewart.harness.identify.whitened import Fit, Whitened, whitened
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, scales
-from gough_stewart.harness.identify.force_derivatives import ForceDerivatives, force_derivatives
 from gough_stewart.harness.identify.instruments import is_of_instruments
 from gough_stewart.harness.identify.linear import has_coulomb, is_linear, ordinary_fit, scales_of
-from gough_stewart.harness.identify.linear_parameters import elements_of, with_estimated
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded, with_values
 from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
@@ -23,10 +21,12 @@ from gough_stewart.harness.identify.predictor import (
     settled,
     whitened_innovations,
 )
-from gough_stewart.harness.identify.regression import Regression, joined, regression_of
-from gough_stewart.harness.identify.row_model import RowModel
+from gough_stewart.harness.identify.rows.force_derivatives import ForceDerivatives, force_derivatives
+from gough_stewart.harness.identify.rows.linear_parameters import elements_of, with_estimated
+from gough_stewart.harness.identify.rows.regression import Regression, joined, regression_of
+from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.harness.identify.rows.whitened import Fit, whitened
 from gough_stewart.harness.identify.simulation import Innovations, kernel_parameters, parameter_columns
-from gough_stewart.harness.identify.whitened import Fit, whitened
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray

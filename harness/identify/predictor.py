@@ -14,7 +14,7 @@ from gough_stewart.harness.identify.linear import has_coulomb
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.movement import motion_of_lengths
 from gough_stewart.harness.identify.names import PER_LEG, place_of
-from gough_stewart.harness.identify.noise import (
+from gough_stewart.harness.identify.rows.noise import (
     KernelCorrelations,
     RowNoise,
     TwoNoises,
@@ -22,7 +22,7 @@ from gough_stewart.harness.identify.noise import (
     two_noises,
     whitening_of,
 )
-from gough_stewart.harness.identify.regression import cutoff_of
+from gough_stewart.harness.identify.rows.regression import cutoff_of
 from gough_stewart.harness.identify.simulation import (
     Innovations,
     PredictorInputs,

@@ -1,8 +1,8 @@
 """An estimate as tables."""
 
-from gough_stewart.harness.identify.diagnosis import Diagnosis
+from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
+from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.output.tables import Named, Sheet
 

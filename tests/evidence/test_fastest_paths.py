@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.motion.fastest import fastest
-from gough_stewart.harness.motion.path import GeometricPath
-from gough_stewart.harness.motion.polynomials import polynomials_of
-from gough_stewart.harness.motion.shares import DYNAMIC, shares_along
-from gough_stewart.harness.motion.time_law import TimedPath
+from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
+from gough_stewart.harness.motion.paths.fastest import fastest
+from gough_stewart.harness.motion.paths.path import GeometricPath
+from gough_stewart.harness.motion.paths.polynomials import polynomials_of
+from gough_stewart.harness.motion.paths.time_law import TimedPath
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import TableError
-from gough_stewart.harness.motion.recording import read_recording
+from gough_stewart.harness.motion.recorded.recording import read_recording
 from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.harness.table_text import columns_of, text_of
 

@@ -11,7 +11,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.path import GeometricPath
+from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gough_stewart.harness.control.laws import LinearController, controller_of
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.motion.reach import legs_of
+from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.references import Circle
 from gough_stewart.harness.plants.signals import SIZE
 from gough_stewart.model.kinematics import leg_jacobian

@@ -17,8 +17,8 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.setting_file import text_with_settings
-from gough_stewart.harness.motion.shares import DYNAMIC, shares_along
-from gough_stewart.harness.motion.shares_tables import shares_sheets
+from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
+from gough_stewart.harness.motion.limits.shares_tables import shares_sheets
 from gough_stewart.harness.output.tables import text_of, to_terminal
 from gough_stewart.model.parameters import TABLE
 from tests.support.uneven import UNEVEN

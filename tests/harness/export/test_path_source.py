@@ -16,7 +16,7 @@ from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.path_source import path_of
 from gough_stewart.harness.motion.motion import coordinates_of
-from gough_stewart.harness.motion.polynomials import Polynomials
+from gough_stewart.harness.motion.paths.polynomials import Polynomials
 from tests.harness.export.test_toolchains import M4F
 from tests.support.exported import Exported, compiled, largest_difference, write_sources
 

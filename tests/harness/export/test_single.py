@@ -26,7 +26,7 @@ from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.laws import PidLaw
 from gough_stewart.harness.export.relative import change_of_lengths, home_of
-from gough_stewart.harness.motion.reach import legs_of
+from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID, SINE, often, systems
 from tests.harness.export.test_toolchains import M4F, STRICT

@@ -8,14 +8,14 @@ from scipy.stats import chi2
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.linear_parameters import (
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.rows.linear_parameters import (
     elements_of,
     gradient,
     linear_parameters,
     regressor,
 )
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.motion.references import Circle
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler

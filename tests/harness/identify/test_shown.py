@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from gough_stewart.harness.identify import files
-from gough_stewart.harness.identify.diagnosis import CommonGain, Diagnosis, Finding
+from gough_stewart.harness.identify.diagnosis.diagnosis import CommonGain, Diagnosis, Finding
+from gough_stewart.harness.identify.diagnosis.finding_text import finding_text
+from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import Estimate, Residuals
 from gough_stewart.harness.identify.files import FILES, identification_files
-from gough_stewart.harness.identify.finding_text import finding_text
-from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.identify.page import identification_page
 from gough_stewart.harness.identify.tables import sheets_of

@@ -23,8 +23,8 @@ from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.loop.together import together
+from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.reach import legs_of
 from gough_stewart.harness.plants.lanes import lanes_plant
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces

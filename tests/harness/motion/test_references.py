@@ -15,9 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gough_stewart.harness.errors import ExperimentError, MotionError
-from gough_stewart.harness.motion.low_pass import smoothed
 from gough_stewart.harness.motion.motion import Motion, Reference, extrapolated, motion_of
-from gough_stewart.harness.motion.recording import read_recording
+from gough_stewart.harness.motion.recorded.low_pass import smoothed
+from gough_stewart.harness.motion.recorded.recording import read_recording
+from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import (
     Chirp,
     Circle,
@@ -28,7 +29,6 @@ from gough_stewart.harness.motion.references import (
     Sine,
     Step,
 )
-from gough_stewart.harness.motion.table import FromTable
 from gough_stewart.harness.quantities import Velocity
 from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.errors import GoughStewartError

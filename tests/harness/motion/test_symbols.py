@@ -7,11 +7,11 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.fitting import factor_near
+from gough_stewart.harness.motion.limits.fitting import factor_near
+from gough_stewart.harness.motion.limits.shares import Limited
 from gough_stewart.harness.motion.motion import Reference
-from gough_stewart.harness.motion.plausible_speed import check_speed
-from gough_stewart.harness.motion.shares import Limited
-from gough_stewart.harness.motion.table import FromTable
+from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
+from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.uneven import UNEVEN
 

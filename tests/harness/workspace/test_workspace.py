@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from typer.testing import Result
 
 from gough_stewart.harness.errors import ReachError
+from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.reach import check_reach
 from gough_stewart.harness.workspace.display import clearance
 from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.figures import workspace_figures

@@ -1,0 +1,1 @@
+"""Calibration: joints and leg offsets from leg lengths and poses."""

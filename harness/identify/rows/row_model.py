@@ -1,0 +1,99 @@
+"""Readings of forces as a function of all parameters of the linear method, in the rows of the regression.
+
+    reading(t) = g ∘ W(tilt) φ(θ) (t − delay) + o
+
+with gains g, offsets o, delay and tilt of the instruments; W is affine in gravity, which a tilt turns.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from gough_stewart.harness.identify.instruments import (
+    Instruments,
+    instruments_of,
+    is_of_instruments,
+    tilt_directions,
+    tilted,
+)
+from gough_stewart.harness.identify.names import place_of
+from gough_stewart.harness.identify.rows.linear_parameters import (
+    gradient,
+    linear_parameters,
+    regressor,
+    with_estimated,
+)
+from gough_stewart.harness.identify.rows.regression import Regression
+from gough_stewart.model.dynamics import Acceleration
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+
+
+class RowModel:
+    """The model of the rows; values are those of `names`, in their order."""
+
+    def __init__(
+        self, regression: Regression, platform: Platform, elements: Mapping[str, float], names: Sequence[str]
+    ) -> None:
+        self.regression, self.platform, self.elements, self.names = regression, platform, elements, tuple(names)
+        self.own = [k for k, name in enumerate(names) if not is_of_instruments(name)]
+
+    def phi(self, values: FloatArray) -> FloatArray:
+        """The linear parameters φ (SIZE,)."""
+        return np.asarray(linear_parameters(self._elements(values)), dtype=float)
+
+    def instruments(self, values: FloatArray) -> Instruments:
+        """The instruments."""
+        return instruments_of(self.names, values)
+
+    def force(self, values: FloatArray) -> FloatArray:
+        """The forces of the platform (n, 6) [N]."""
+        return np.asarray(self._regressor(values) @ self.phi(values))
+
+    def residual(self, values: FloatArray) -> FloatArray:
+        """What the log reads less what it should (n, 6) [N], at times that a delay shifts."""
+        found = self.instruments(values)
+        return self.regression.force_if_late(found.delay) - (found.gain * self.force(values) + found.offset)
+
+    def columns(self, values: FloatArray) -> FloatArray:
+        """Derivatives of the reading by each parameter (n, 6, p)."""
+        found, phi = self.instruments(values), self.phi(values)
+        W = self._regressor(values)
+        result = np.zeros((len(W), 6, len(self.names)))
+        if self.own:
+            by_own = gradient(self._elements(values), [self.names[k] for k in self.own])
+            result[:, :, self.own] = found.gain[:, None] * (W @ by_own)
+        for k, name in enumerate(self.names):
+            stem, index = place_of(name)
+            if stem == "force_gain":
+                result[:, index[0], k] = (W @ phi)[:, index[0]]
+            elif stem == "force_offset":
+                result[:, index[0], k] = 1.0
+            elif stem == "delay":
+                result[:, :, k] = -found.gain * self.regression.rate(phi)
+            elif stem == "base_tilt":
+                turned = tilt_directions(self.platform.gravity, found.tilt)[:, index[0]]
+                result[:, :, k] = found.gain * (np.einsum("nlpa,a->nlp", self._by_gravity, turned) @ phi)
+        return result
+
+    def _elements(self, values: FloatArray) -> dict[str, float]:
+        return with_estimated(self.elements, [self.names[k] for k in self.own], values[self.own])
+
+    def _regressor(self, values: FloatArray) -> FloatArray:
+        tilt = self.instruments(values).tilt
+        W = self.regression.rows.regressor
+        if not tilt.any():
+            return W
+        return np.asarray(W + self._by_gravity @ (tilted(self.platform.gravity, tilt) - self.platform.gravity))
+
+    @cached_property
+    def _by_gravity(self) -> FloatArray:
+        """∂W/∂g (n, 6, SIZE, 3)."""
+        motion = self.regression.motion
+        state, acceleration = State.from_vector(motion[:, :12]), Acceleration(motion[:, 12:15], motion[:, 15:])
+        level = regressor(replace(self.platform, gravity=np.zeros(3)), state, acceleration)
+        turned = [regressor(replace(self.platform, gravity=axis), state, acceleration) for axis in np.eye(3)]
+        return np.stack([each - level for each in turned], axis=-1)

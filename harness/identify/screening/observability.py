@@ -1,0 +1,190 @@
+"""Which parameters the motion of a log determines, judged on that motion alone.
+
+Noise of the lengths that passes the filters excites, too: accelerations of a micrometre at 40 Hz look like rotations
+that the platform never made, and give heave alone a centre of mass. Here lengths are low-passed just above the motion,
+which takes a million times more from the information of noise than from that of the motion. What noise adds to the
+regressor pulls estimates towards 0; by how much follows from noise of the same size through the same filters.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.checks import force_of, sample_time_of
+from gough_stewart.harness.identify.movement import motion_of_lengths
+from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.parts import Part
+from gough_stewart.harness.identify.rows.linear_parameters import (
+    COM,
+    FRICTION,
+    dependences,
+    elements_of,
+    gradient,
+    linear_parameters,
+    regressor,
+    with_estimated,
+)
+from gough_stewart.harness.identify.rows.regression import cutoff_of
+from gough_stewart.harness.identify.screening.faults import noise_of
+from gough_stewart.harness.identify.smoothing import HALF_LENGTH, edge, smoothed
+from gough_stewart.model.dynamics import Acceleration
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+
+# The cut-off of rows is 16 times the motion's highest frequency; lengths are low-passed at this share of it.
+_OF_CUTOFF = 1 / 8
+# At most this share of a part's length for one side of the filter.
+_EDGE = 0.15
+# A parameter is not excited if its standard error from the motion alone exceeds this share of its scale, or if noise of
+# lengths pulls it by more than the other share.
+_LARGEST_ERROR, _LARGEST_BIAS = 0.5, 0.05
+# Forces are never known better than this share of their changes, even if they seem to have no noise.
+_BEST_FORCE = 1e-3
+# Smaller singular values are rounding errors.
+_ROUNDING = 1e-9
+_ROWS_A_PERIOD = 4
+
+
+class MotionRows(NamedTuple):
+    """Rows of the regression by the motion alone, in standard deviations of the forces' noise."""
+
+    regressor: FloatArray  # W (m, 6, SIZE), each row over the deviation of its force
+    noise: FloatArray  # what noise of the lengths adds to it (m, 6, SIZE)
+    force: float  # typical change of forces [N]
+    velocity: float  # typical velocity of legs [m/s]
+
+
+class Identifiability(NamedTuple):
+    """How well a motion determines elements."""
+
+    errors: FloatArray  # (p,) standard errors in units of the scale; infinite if nothing depends on it
+    bias: FloatArray  # (p,) expected error by noise of the lengths in the regressor, in units of the scale
+    not_excited: tuple[str, ...]  # elements that get no number
+    held: tuple[str, ...]  # of these, the ones that stay at nominal in the fit, so that the others can follow the log
+
+
+def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None = None) -> MotionRows | None:
+    """The rows by the motion alone of all fitted parts; None if all are shorter than the filter.
+
+    Parameters
+    ----------
+    cutoff
+        Of the rows [Hz]; by default that of each part's motion.
+    """
+    found, added, force, velocity = [], [], [], []
+    rng = np.random.default_rng(0)
+    for part in parts:
+        assert part.log.time is not None  # checked by sample_time_of
+        log = part.log.rows(np.flatnonzero(part.is_fitted(part.log.time)))
+        if len(log) < 8:
+            continue
+        h = sample_time_of(log)
+        own = min(cutoff_of(part.log.leg_length, h) if cutoff is None else cutoff, 0.5 / h / 3)
+        low = max(_OF_CUTOFF * own, HALF_LENGTH / (_EDGE * len(log) * h))
+        every = max(1, int(1 / (_ROWS_A_PERIOD * 2 * own * h)))
+        thin = max(1, int(1 / (2 * own * h * every)))
+        if len(log) <= 2 * edge(h, low) + 2 * every * (edge(h * every, own) + 1) or low > own:
+            continue
+        lengths = [smoothed(log.leg_length, h, low, every, k) for k in range(3)]
+        wide = 2 * own
+        rows = len(log) - 2 * (edge(h, low) - edge(h, wide))
+        noise = noise_of(log.leg_length) * rng.standard_normal((rows, 6))
+        noisy = [length + smoothed(noise, h, wide, every, k) for k, length in enumerate(lengths)]
+        clean, unclean = (_filtered_regressor(platform, each, h * every, own, thin) for each in (lengths, noisy))
+        forces = force_of(log)
+        deviation = np.maximum(noise_of(forces) * np.sqrt(2 * own * h), _BEST_FORCE * forces.std(axis=0))
+        deviation = np.maximum(deviation, _ROUNDING * float(np.abs(forces).max()))
+        # the filter's ends count as well
+        share = np.sqrt(len(log) / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
+        found.append(share * clean)
+        added.append(share * (unclean - clean))
+        force.append(float(forces.std(axis=0).mean()))
+        velocity.append(float(np.sqrt((lengths[1] ** 2).mean())))
+    if not found:
+        return None
+    return MotionRows(np.concatenate(found), np.concatenate(added), float(np.mean(force)), float(np.mean(velocity)))
+
+
+def _filtered_regressor(
+    platform: Platform, lengths: Sequence[FloatArray], step: float, cutoff: float, thin: int
+) -> FloatArray:
+    """W (m, 6, SIZE) of lengths and their first two derivatives through the low-pass of rows."""
+    W = regressor(platform, *motion_of_lengths(platform, *lengths))
+    return smoothed(W.reshape(len(W), -1), step, cutoff, thin).reshape(-1, 6, W.shape[-1])
+
+
+def identifiability(
+    rows: MotionRows, platform: Platform, names: Sequence[str], values: FloatArray, scale: FloatArray
+) -> Identifiability:
+    """What of these elements the motion determines, near these values.
+
+    Parameters
+    ----------
+    names
+        Elements in which inverse dynamics is linear, or bilinear.
+    values, scale
+        (p,) [SI]
+    """
+    elements = with_estimated(elements_of(platform), names, values.tolist())
+    G = gradient(elements, names) * scale
+    D, N = ((W @ G).reshape(-1, len(names)) for W in (rows.regressor, rows.noise))
+    R = np.asarray(np.linalg.qr(D, mode="r"))
+    errors = _errors(R)
+    # (Iₘ + Iₙ)⁻¹ Nᵀ (Wₙ φ): noise makes forces that are not there
+    inverse = np.linalg.pinv(D.T @ D + N.T @ N, hermitian=True)
+    bias = inverse @ (N.T @ (rows.noise @ linear_parameters(elements)).ravel())
+    weak = (errors > _LARGEST_ERROR) | (np.abs(bias) > _LARGEST_BIAS)
+    left = list(range(len(names)))
+    # centres of mass are held first: inertias then take what the log knows of both, and need not be those of a body
+    while left and (now := _errors(R[:, left])).max() > _LARGEST_ERROR:
+        candidates = [k for k, error in zip(left, now, strict=True) if error > _LARGEST_ERROR]
+        left.remove(max(candidates, key=lambda k: (names[k] in COM, errors[k])))
+    return Identifiability(
+        errors,
+        -bias,
+        tuple(name for name, is_weak in zip(names, weak, strict=True) if is_weak),
+        tuple(name for k, name in enumerate(names) if k not in left),
+    )
+
+
+def check_separable(platform: Platform, names: Sequence[str]) -> None:
+    """Refuse elements that no motion can tell apart, or that no force depends on.
+
+    Raises
+    ------
+    IdentificationError
+        Names them.
+    """
+    rng = np.random.default_rng(0)
+    rho, n = platform.characteristic_length, 20 * (1 + len(names))
+    home = np.concatenate([platform.home_position, platform.home_orientation])
+    pose = home + 0.1 * np.repeat([rho, 1.0], 3) * rng.standard_normal((n, 6))
+    rates = np.tile(np.repeat([rho, 1.0], 3), 2) * rng.standard_normal((n, 12))
+    state = State(pose[:, :3], pose[:, 3:], rates[:, :3], rates[:, 3:6])
+    W = regressor(platform, state, Acceleration(rates[:, 6:9], rates[:, 9:]))
+    elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
+    D = (W @ gradient(elements, names)).reshape(-1, len(names))
+    size = np.linalg.norm(D, axis=0)
+    dead = [name for name, s in zip(names, size, strict=True) if s == 0]
+    if dead:
+        raise IdentificationError(f"no force depends on {', '.join(dead)}; remove them", dead)
+    dependent, text = dependences(D / size, names)
+    if dependent:
+        raise IdentificationError(f"{text}, in any motion; remove one of each", dependent)
+
+
+def is_linear(name: str, platform: Platform) -> bool:
+    """Whether inverse dynamics is linear or bilinear in this element."""
+    return name in elements_of(platform) or name.partition("[")[0] in FRICTION
+
+
+def _errors(R: FloatArray) -> FloatArray:
+    """Standard errors (p,) of a regression with this R; infinite where it is singular."""
+    _, sigma, directions = np.linalg.svd(R, full_matrices=False)
+    if len(sigma) < R.shape[1]:
+        return np.full(R.shape[1], np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.nan_to_num(np.sqrt(((directions.T / sigma) ** 2).sum(axis=1)), nan=np.inf))

@@ -1,0 +1,327 @@
+"""From logs to the parts that are fitted: faults of data are mended or left out, or the log is refused."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, rows_apart
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.parts import VALIDATION, Part
+from gough_stewart.harness.identify.rows.regression import cutoff_of
+from gough_stewart.harness.identify.screening.faults import (
+    Mask,
+    MissingRows,
+    clipped,
+    frozen,
+    lost_rows,
+    noise_of,
+    spikes,
+)
+from gough_stewart.harness.identify.screening.holding import without_held_rows
+from gough_stewart.harness.identify.smoothing import HALF_LENGTH
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# The least spike that counts: share of the largest length, and of the RMS force.
+_LEAST_LENGTH, _LEAST_FORCE = 2e-6, 5e-3
+# Rows with a fault that are interpolated; a longer segment is left out.
+_MENDED = 5
+_AROUND = 6  # rows on either side that tell what they should have been
+# Lengths that vary by fewer standard deviations of their noise are at rest.
+_AT_REST = 20.0
+_SHORTEST = 20  # rows that tell anything
+# More mended rows, or rows that cannot be used, are an alarm; still more, and the log is refused.
+_ALARM, _REFUSED = (0.005, 0.15), (0.02, 0.5)
+# Length of the filters of rows in periods of the cut-off, and the least length of a segment beyond them.
+_FILTERS, _BEYOND = 3 * HALF_LENGTH, 5.0
+_EXAMPLES = 3
+
+
+class Screened(NamedTuple):
+    """What of logs can be fitted."""
+
+    parts: list[Part]
+    notes: list[str]
+    alarms: list[str]
+    cutoff: float | None  # of the filter [Hz]; None if a method may choose it for each part
+
+
+def screened(
+    logs: Sequence[Log],
+    platform: Platform,
+    validation: float = VALIDATION,
+    validating: Sequence[Log] = (),
+    cutoff: float | None = None,
+) -> Screened:
+    """The parts of logs, with what was mended, left out or recognised.
+
+    Single spikes and a few lost rows are interpolated; clipped and frozen segments and longer gaps are left out, and
+    so are the filters' lengths beside them. Rows that were lost while times went on divide a log.
+
+    Parameters
+    ----------
+    validation
+        Share of each log, at its end, that validates the fit.
+    validating
+        Logs of which all validates the fit.
+    cutoff
+        Of the filter [Hz]; from the logs by default.
+
+    Raises
+    ------
+    LogError
+        A log that cannot be evaluated, or with too many faults: when, how many, and what helps.
+    """
+    if not 0 <= validation < 1:
+        raise LogError(f"validation is {validation:g}; expected a share of the log, 0 or more and less than 1")
+    parts: list[Part] = []
+    notes: list[str] = []
+    alarms: list[str] = []
+    cutoffs: list[float] = []
+    for which, log in enumerate([*logs, *validating]):
+        share = 1.0 if which >= len(logs) else validation
+        found = _of_log(log, platform, cutoff)
+        assert found.log.time is not None  # checked by rows_apart
+        begin, end = float(found.log.time[0]), float(found.log.time[-1])
+        until = -math.inf if share == 1 else end - share * (end - begin) if share else math.inf
+        parts += [Part(found.log.rows(rows), until, which) for rows in found.segments]
+        notes += found.notes
+        alarms += found.alarms
+        cutoffs.append(found.cutoff)
+    # short segments do not tell how fast the motion is
+    return Screened(parts, notes, alarms, max(cutoffs) if len(parts) > len(cutoffs) else cutoff)
+
+
+class _ScreenedLog(NamedTuple):
+    log: Log
+    segments: list[slice]
+    notes: list[str]
+    alarms: list[str]
+    cutoff: float
+
+
+class _Repaired(NamedTuple):
+    """Readings (n, 6) of a log with spikes replaced, and what was found."""
+
+    length: FloatArray
+    force: FloatArray
+    found: list[tuple[str, Mask, str]]  # each fault, its readings, and what was done
+    unknown_length: Mask
+    unknown_force: Mask
+    struck: Mask  # rows (n,) with spikes
+    lost: list[MissingRows]
+
+
+def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
+    _check_readings(log)
+    check_lengths(log, platform)
+    check_forces(log, platform)
+    log, is_missing, notes = _on_even_rows(log)
+    if not is_missing.any():
+        log, notes = without_held_rows(log)
+        is_missing = np.zeros(len(log), dtype=bool)
+    repaired = _repaired(log, platform, np.repeat(is_missing[:, None], 6, axis=1))
+    _check_motion(log, repaired.length)
+    notes += _texts(log, repaired)
+
+    bad = np.asarray((repaired.unknown_length | repaired.unknown_force).any(axis=1))
+    short = _runs_of(bad, _MENDED) if bad.any() else bad
+    _interpolate(repaired.length, repaired.unknown_length & short[:, None])
+    _interpolate(repaired.force, repaired.unknown_force & short[:, None])
+    log = replace(log, leg_length=repaired.length, actuator_force=repaired.force)
+    segments = _segments(bad & ~short, [each.row for each in repaired.lost])
+    longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
+    assert log.time is not None  # checked by rows_apart
+    h = float(np.median(np.diff(log.time)))
+    if longest.stop - longest.start > _SHORTEST:
+        cutoff = cutoff_of(repaired.length[longest], h) if cutoff is None else cutoff
+    if len(segments) > 1 and cutoff is not None:
+        least_rows = (_FILTERS + _BEYOND) / cutoff / h
+        segments = [rows for rows in segments if rows.stop - rows.start >= least_rows]
+    mended = float((repaired.struck | short).mean())
+    lost = 1 - sum(rows.stop - rows.start for rows in segments) / len(log)
+    _refuse_if_too_many(log, mended, lost, notes)
+    alarms = []
+    if mended > _ALARM[0] or lost > _ALARM[1]:
+        alarms.append(
+            f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * lost:.2g} % left out; where "
+            "so many readings are wrong, others may be that do not show"
+        )
+    return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
+
+
+def _repaired(log: Log, platform: Platform, missing: Mask) -> _Repaired:
+    length, force = log.leg_length, force_of(log)
+    # a held force is a command, which the actuator obeys at its limit, too
+    beyond = np.zeros_like(missing) if log.holds_force else clipped(force, platform.actuator_force_max)
+    still, silent = frozen(length, True, missing), frozen(force, False, beyond | missing)
+    least = _LEAST_FORCE * float(np.sqrt((force**2).mean()))
+    off, length = spikes(length, still | missing, _LEAST_LENGTH * float(np.abs(length).max()))
+    struck, force = spikes(force, silent | beyond | missing, least)
+    found = [
+        ("spikes in the leg length", off, "interpolated; check the encoder and its cable"),
+        ("spikes in the force", struck, "interpolated; check the force sensor and its cable"),
+        ("frozen readings of the leg length", still, "left out; check the encoder and the logger"),
+        ("frozen readings of the force", silent, "left out; check the force sensor and the logger"),
+        (
+            "clipped readings of the force",
+            beyond,
+            "left out; use a larger range of the force sensor, or a slower motion",
+        ),
+    ]
+    rows = np.asarray((off | struck).any(axis=1))
+    lost = lost_rows(length, still | missing)
+    return _Repaired(length, force, found, still | missing, silent | beyond | missing, rows, lost)
+
+
+def _texts(log: Log, repaired: _Repaired) -> list[str]:
+    """What was found, where and how often, and what was done."""
+    assert log.time is not None  # checked by rows_apart
+    texts = []
+    for what, bad, then in repaired.found:
+        rows = np.flatnonzero(bad.any(axis=1))
+        if rows.size:
+            texts.append(f"{log.where}: {_legs(what, bad)}, {_when(log.time, rows)}; {then}")
+    if repaired.lost:
+        at = ", ".join(f"{log.time[each.row]:.4g} s ({each.number:+.0f})" for each in repaired.lost[:_EXAMPLES])
+        more = f" and {len(repaired.lost) - _EXAMPLES} more" if len(repaired.lost) > _EXAMPLES else ""
+        texts.append(
+            f"{log.where}: rows were lost (+) or repeated (−) though times go on, since all legs jump, at {at}{more}; "
+            "the log is divided there; check the logger"
+        )
+    return texts
+
+
+def _check_motion(log: Log, length: FloatArray) -> None:
+    travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
+    if len(log) > _SHORTEST and travel <= _AT_REST * unsure:
+        raise LogError(
+            f"{log.where}: the legs move by {travel:.3g} m, hardly more than the noise of their lengths, {unsure:.2g} "
+            "m; expected a motion: record one that is designed for the parameters (gough-stewart excite)"
+        )
+
+
+def _check_readings(log: Log) -> None:
+    """Refuse logs of a few rows, what is no finite number, and sensors that are dead."""
+    force_of(log)
+    if len(log) < _SHORTEST:
+        raise LogError(f"{log.where}: {len(log)} rows; expected a log of some seconds")
+    for name in ("leg_length", "actuator_force"):
+        values = np.asarray(getattr(log, name))
+        bad = np.argwhere(~np.isfinite(values))
+        if len(bad):
+            row, leg = bad[0]
+            raise LogError(
+                f"{log.where}: {name}[{leg + 1}] in row {row + 1} is {values[row, leg]}; expected a finite number: cut "
+                "the log there, or fill the gap where it was recorded"
+            )
+        dead = np.flatnonzero(np.ptp(values, axis=0) == 0)
+        # commands may be constant; lengths that are all constant are those of a machine at rest
+        if dead.size and (dead.size < 6 if name == "leg_length" else not log.holds_force):
+            raise LogError(
+                f"{log.where}: {name}[{dead[0] + 1}] is {values[0, dead[0]]:.6g} in all rows; expected readings of a "
+                "sensor: check its channel"
+            )
+
+
+def _on_even_rows(log: Log) -> tuple[Log, Mask, list[str]]:
+    """The log with rows in place of those that are missing by its times, which these are, and a note on them.
+
+    Of a long gap, which will be left out, only a few rows are put in.
+    """
+    number, h = rows_apart(log)
+    if (number == 1).all():
+        return log, np.zeros(len(log), dtype=bool), []
+    assert log.time is not None  # checked by rows_apart
+    at = np.concatenate([[0], np.cumsum(np.minimum(number, _MENDED + 2))])
+    rows = np.arange(at[-1] + 1)
+    # a reading is repeated until another one replaces it
+    even = log.rows(np.searchsorted(at, rows, side="right") - 1)
+    is_missing = ~np.isin(rows, at)
+    even = replace(even, time=np.interp(rows, at, log.time))
+    for name in ("leg_length", "actuator_force"):
+        _interpolate(getattr(even, name), np.repeat(is_missing[:, None], 6, axis=1))
+    gaps, missing = np.flatnonzero(number > 1), int((number - 1).sum())
+    places = [
+        f"{log.time[k] + h:.4g} s" + (f" to {log.time[k + 1] - h:.4g} s" if number[k] > 2 else "")
+        for k in gaps[:_EXAMPLES]
+    ]
+    more = f" and {len(gaps) - _EXAMPLES} more times" if len(gaps) > _EXAMPLES else ""
+    note = (
+        f"{log.where}: {missing} missing row{'s' if missing > 1 else ''}, at {', '.join(places)}{more}; up to "
+        f"{_MENDED} in a row interpolated, more left out; check the logger"
+    )
+    return even, is_missing, [note]
+
+
+def _interpolate(values: FloatArray, bad: Mask) -> None:
+    """Replace readings (n, 6) by cubics through their good neighbours; by lines where many are bad in a row."""
+    rows = np.arange(len(values))
+    for leg in range(values.shape[1]):
+        wrong = bad[:, leg]
+        if not wrong.any() or wrong.all():
+            continue
+        good = np.flatnonzero(~wrong)
+        values[wrong, leg] = np.interp(rows[wrong], good, values[good, leg])
+        for run in np.flatnonzero(np.diff(np.concatenate([[False], wrong, [False]]))).reshape(-1, 2):
+            near = good[max(0, np.searchsorted(good, run[0]) - _AROUND) : np.searchsorted(good, run[1]) + _AROUND]
+            if run[1] - run[0] <= _MENDED and len(near) == 2 * _AROUND:
+                cubic = np.polynomial.Polynomial.fit(near, values[near, leg], 3)
+                values[run[0] : run[1], leg] = cubic(rows[run[0] : run[1]])
+
+
+def _runs_of(bad: Mask, longest: int) -> Mask:
+    """Rows in runs of bad ones that are no longer than that."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]])))
+    short = np.zeros(len(bad), dtype=bool)
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        short[begin:end] = end - begin <= longest and begin > 0 and end < len(bad)
+    return short
+
+
+def _segments(bad: Mask, cuts: Sequence[int]) -> list[slice]:
+    """Runs of good rows, also divided before the rows `cuts`."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], bad, [True]])))
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        inner = [int(begin), *(cut for cut in cuts if begin < cut < end), int(end)]
+        found += [slice(a, b) for a, b in pairwise(inner)]
+    return found
+
+
+def _legs(what: str, bad: Mask) -> str:
+    """The fault with the number of readings and the legs."""
+    count = bad.sum(axis=0)
+    if (count == count[0]).all():
+        return f"{count[0]} {what} of every leg"
+    if count.sum() == 1:
+        what = what.replace("spikes", "spike").replace("readings", "reading")
+    legs = [k + 1 for k in np.flatnonzero(count)]
+    return f"{count.sum()} {what} of leg{'s' if len(legs) > 1 else ''} {', '.join(map(str, legs))}"
+
+
+def _when(time: FloatArray, rows: NDArray[np.intp]) -> str:
+    """Times of the first few runs of rows, and how many there are."""
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > _MENDED) + 1)
+    texts = [
+        f"{time[run[0]]:.4g} s" if len(run) == 1 else f"{time[run[0]]:.4g} to {time[run[-1]]:.4g} s"
+        for run in runs[:_EXAMPLES]
+    ]
+    more = f" and {len(runs) - _EXAMPLES} more times" if len(runs) > _EXAMPLES else ""
+    return f"at {', '.join(texts)}{more}"
+
+
+def _refuse_if_too_many(log: Log, mended: float, lost: float, notes: Sequence[str]) -> None:
+    if mended <= _REFUSED[0] and lost <= _REFUSED[1]:
+        return
+    raise LogError(
+        f"{log.where}: too many faults of its data: {100 * mended:.2g} % of the rows were to be interpolated and "
+        f"{100 * lost:.2g} % left out; record again. Found: "
+        + "; ".join(n.removeprefix(f"{log.where}: ") for n in notes)
+    )

@@ -1,0 +1,233 @@
+"""The share of every limit of a platform that a motion uses: 1 is at the limit."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.harness.motion.limits.leg_loads import LegLoads
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
+from gough_stewart.model.kinematics import (
+    LegGeometry,
+    condition_number_bound,
+    conditioning_of_legs,
+    joint_angles,
+    leg_geometry,
+    scaled_jacobian_of_legs,
+)
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
+from gough_stewart.model.vectors import FloatArray
+
+# Of the leg Jacobian with angles scaled to lengths; a motion with a larger one is too close to a singular pose.
+WORST_CONDITION_NUMBER = 100.0
+# Limits of the poses alone; a slower motion or stronger actuators do not help.
+GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
+# Limits of speed and effort, of which a margin can be reserved.
+DYNAMIC = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
+# Limits that a platform may state or not.
+OPTIONAL = ("stroke", "joint_angle_max", *DYNAMIC)
+# Names for tables and figures.
+LABELS = {
+    "stroke": "stroke",
+    "joint_angle_max": "joint angle",
+    "leg_velocity_max": "leg velocity",
+    "leg_acceleration_max": "leg acceleration",
+    "actuator_force_max": "force",
+    "actuator_power_max": "power",
+    "condition_number": "condition number",
+    "pitch": "pitch",
+    "side": "singular pose",
+}
+
+
+class Beyond(NamedTuple):
+    """The first point where a limit is exceeded."""
+
+    row: int
+    leg: int | None  # from 1; None if the limit is of the whole platform
+    value: float
+    text: str  # quantity, leg, value and what was expected
+
+
+class Limited(NamedTuple):
+    """A quantity of a motion with its lower and upper limit."""
+
+    limit: str  # the name of a limit of the platform, or one of `GEOMETRIC`
+    quantity: str
+    unit: str
+    values: FloatArray  # (n,), or per leg (n, 6)
+    low: float
+    high: float
+    middle: float = 0.0  # the value at which the share is 0
+
+    @property
+    def within(self) -> NDArray[np.bool_]:
+        """Where the values are within the limits; false for NaN."""
+        return (self.values >= self.low) & (self.values <= self.high)
+
+    @property
+    def first_beyond(self) -> Beyond:
+        """The first row outside the limits."""
+        outside = ~self.within
+        row = int(outside.any(axis=tuple(range(1, outside.ndim))).argmax())
+        leg = int(outside[row].argmax()) + 1 if self.values.ndim == 2 else None
+        value = float(self.values[row, leg - 1] if leg else self.values[row])
+        of_leg = f" of leg {leg}" if leg else ""
+        unit = f" {self.unit}" if self.unit else ""
+        expected = f"{self.low:g} to {self.high:g}" if self.low < self.high else f"{self.low:g}"
+        return Beyond(row, leg, value, f"{self.quantity}{of_leg} is {value:.6g}{unit}; expected {expected}{unit}")
+
+    @property
+    def share(self) -> FloatArray:
+        """|x − middle| / (high − middle), or low / x without an upper limit; infinite for NaN."""
+        with np.errstate(all="ignore"):
+            if self.low == self.high:
+                share = np.where(self.values == self.low, 0.0, np.inf)
+            elif np.isfinite(self.high):
+                share = np.abs(self.values - self.middle) / (self.high - self.middle)
+            else:
+                share = self.low / self.values
+        return np.where(np.isnan(share), np.inf, share)
+
+
+class Peak(NamedTuple):
+    """The largest share of a limit."""
+
+    limit: str
+    share: float
+    time: float  # [s]
+    leg: int | None  # from 1; None if the limit is of the whole platform
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """The shares of all limits along a motion."""
+
+    time: FloatArray  # (n,) [s]
+    limited: tuple[Limited, ...]
+
+    @cached_property
+    def of(self) -> dict[str, FloatArray]:
+        """By limit, (n, 6) per leg or (n,); for joint angles, the larger of a leg's two."""
+        found: dict[str, FloatArray] = {}
+        for each in self.limited:
+            share = each.share
+            found[each.limit] = np.maximum(found[each.limit], share) if each.limit in found else share
+        return found
+
+    @cached_property
+    def over_time(self) -> dict[str, FloatArray]:
+        """By limit, the largest over all legs (n,)."""
+        return {name: share if share.ndim == 1 else share.max(axis=1) for name, share in self.of.items()}
+
+    @cached_property
+    def total(self) -> FloatArray:
+        """The largest share over all limits (n,)."""
+        return np.asarray(np.max(list(self.over_time.values()), axis=0))
+
+    @cached_property
+    def active(self) -> NDArray[np.str_]:
+        """The name of the limit with the largest share at each time (n,)."""
+        names = np.array(list(self.over_time))
+        return np.asarray(names[np.argmax(list(self.over_time.values()), axis=0)])
+
+    @property
+    def within(self) -> bool:
+        """Whether all limits are kept."""
+        return all(bool(each.within.all()) for each in self.limited)
+
+    def peak(self, limit: str, leg: int | None = None) -> Peak:
+        """The largest share of a limit, for one leg (from 1) or all, at the first time at which it occurs."""
+        share = self.of[limit]
+        if share.ndim == 1:
+            row = int(share.argmax())
+            return Peak(limit, float(share[row]), float(self.time[row]), None)
+        if leg is None:
+            leg = int(share.argmax() % 6) + 1
+        row = int(share[:, leg - 1].argmax())
+        return Peak(limit, float(share[row, leg - 1]), float(self.time[row]), leg)
+
+    @property
+    def largest(self) -> Peak:
+        """The largest share over all limits."""
+        return max((self.peak(name) for name in self.of), key=lambda peak: peak.share)
+
+
+def shares_along(
+    platform: Platform,
+    time: FloatArray,
+    motion: Motion,
+    largest_condition_number: float = WORST_CONDITION_NUMBER,
+) -> Shares:
+    """The shares that a motion uses of the platform's limits, and of the geometric limits.
+
+    - `pitch`: |β| relative to ±90°; `side`: of the singular poses, 0 on home's side, infinite on the other;
+      `condition_number`: of the leg Jacobian with angles scaled to lengths, relative to the largest allowed;
+    - `stroke`: |L − middle| relative to half the stroke, or relative to the one limit that is stated;
+    - `joint_angle_max`: the larger angle of a leg's two joints from home;
+    - `leg_velocity_max`, `leg_acceleration_max`: |L̇| and |L̈|;
+    - `actuator_force_max`, `actuator_power_max`: |F| and |F L̇|, F by inverse dynamics without load.
+
+    Parameters
+    ----------
+    time
+        Times of the motion's rows (n,) [s].
+    """
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction; its condition number is not finite
+        return Shares(time, tuple(_limited(platform, motion, largest_condition_number)))
+
+
+def _limited(platform: Platform, motion: Motion, largest_condition_number: float) -> list[Limited]:
+    pose = (motion.position, motion.orientation)
+    legs = leg_geometry(platform, *pose)
+    condition_number = condition_number_bound(scaled_jacobian_of_legs(legs)[0])
+    if not (condition_number <= largest_condition_number).all():
+        condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
+    side = side_of_singular_poses(platform, legs)
+    pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # the plant refuses LARGEST_PITCH itself
+    name = "the condition number of the leg Jacobian"
+    found = [
+        Limited("pitch", "the pitch", "rad", motion.orientation[:, 1], -pitch, pitch),
+        Limited("condition_number", name, "", condition_number, 1.0 - 1e-9, largest_condition_number),
+        Limited("side", "the side of the singular poses (sign of det J against home)", "", side, 1.0, 1.0),
+    ]
+    low, high = platform.leg_length_min, platform.leg_length_max
+    if low is not None or high is not None:
+        middle = 0.0 if low is None or high is None else (low + high) / 2
+        ends = (0.0 if low is None else low, np.inf if high is None else high)
+        found.append(Limited("stroke", "the length", "m", np.asarray(legs.length), *ends, middle))
+    if platform.joint_angle_max is not None:
+        angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
+        for where, values in zip(("base", "platform"), angles, strict=True):
+            quantity = f"the angle of the {where} joint"
+            found.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
+    return found + moving_limits(platform, motion, legs, condition_number < LARGEST_CONDITION_NUMBER)
+
+
+def moving_limits(
+    platform: Platform, motion: Motion, legs: LegGeometry, regular: NDArray[np.bool_] | None = None
+) -> list[Limited]:
+    """Leg velocity, leg acceleration, force and power, as far as the platform states their limits.
+
+    Parameters
+    ----------
+    regular
+        Rows (n,) in which the legs can hold the pose; all rows by default.
+    """
+    loads = LegLoads(platform, motion, legs, regular)
+    quantities = {
+        "leg_velocity_max": ("velocity", "m/s"),
+        "leg_acceleration_max": ("acceleration", "m/s²"),
+        "actuator_force_max": ("force", "N"),
+        "actuator_power_max": ("power", "W"),
+    }
+    stated = {limit: getattr(platform, limit) for limit in quantities}
+    return [
+        Limited(limit, f"the {name}", unit, getattr(loads, name), -stated[limit], stated[limit])
+        for limit, (name, unit) in quantities.items()
+        if stated[limit] is not None
+    ]

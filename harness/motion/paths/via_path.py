@@ -1,0 +1,116 @@
+"""A path through poses as `[reference]` of an experiment, as fast as the platform allows or in a chosen time."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, model_validator
+
+from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.limits.shares import shares_along
+from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.paths.path import DEGREES, GeometricPath
+from gough_stewart.harness.motion.paths.polynomials import Polynomials, polynomials_of
+from gough_stewart.harness.motion.paths.time_law import Quintic, Stretched, TimedPath, TimeLaw
+from gough_stewart.harness.motion.recorded.recording import read_poses
+from gough_stewart.harness.motion.references import ReferenceChoice
+from gough_stewart.harness.quantities import Share, Time, positive_or_word, vector
+from gough_stewart.harness.section import FileName
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
+from gough_stewart.model.vectors import FloatArray
+
+
+def _poses(value: Any) -> list[tuple[float, ...]]:
+    """Rows of x, y, z, roll, pitch, yaw."""
+    rows = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(rows, list | tuple):
+        raise ValueError("expected a list of poses, each x, y, z, roll, pitch, yaw")  # noqa: TRY004 - pydantic's
+    found = []
+    for k, row in enumerate(rows):
+        listed = row.tolist() if isinstance(row, np.ndarray) else row
+        if not isinstance(listed, list | tuple) or len(listed) != 6:
+            raise ValueError(f"pose {k + 1} is {row!r}; expected x, y, z, roll, pitch, yaw")
+        try:
+            found.append((*vector(listed[:3], "m", 3), *vector(listed[3:], "rad", 3)))
+        except ValueError as error:
+            raise ValueError(f"pose {k + 1}: {error}") from None
+    return found
+
+
+class ViaPath(ReferenceChoice):
+    """Move along a smooth path through poses, from rest to rest.
+
+    `poses` are rows of x, y, z [m], roll, pitch, yaw [rad], or come from a `file`, a motion log whose times are
+    ignored; `relative_to` "world", or "home" for displacements in the world's axes and rotations applied after home's.
+    `interpolation` "quintic" or "cubic": splines of positions and rotation vectors without curvature at the ends.
+    `timing` is a duration [s] with a quintic time law, or "fastest": the least time within the platform's limits of leg
+    velocity, leg acceleration, force and power, less a `margin`; `ramp` [s] averages the acceleration along the path
+    over that time, so that no force jumps. The motion begins `at` [s].
+
+    Examples
+    --------
+    >>> there_and_back = [[0, 0, 0, 0, 0, 0], [0.1, 0, 0.2, 0, 0.1, 0], [0, 0, 0, 0, 0, 0]]
+    >>> path = gs.ViaPath(poses=there_and_back, relative_to="home", timing="fastest", margin=0.1)
+    >>> path.about(gs.load_preset("motion_base")).end
+    """
+
+    type: Literal["path"] = "path"
+    poses: Annotated[Any, BeforeValidator(_poses)] = ()
+    file: FileName | None = None
+    relative_to: Literal["world", "home"] = "world"
+    interpolation: Literal["quintic", "cubic"] = "quintic"
+    timing: Annotated[float | str, BeforeValidator(lambda value: positive_or_word(value, "s", "fastest"))]
+    margin: Share = 0.0
+    ramp: Time = 0.0
+    at: Time = 0.0
+
+    @model_validator(mode="after")
+    def _poses_or_file(self) -> "ViaPath":
+        if bool(self.poses) == (self.file is not None):
+            raise ValueError("expected poses, or a file of them")
+        if self.timing != "fastest" and (self.margin or self.ramp):
+            raise ValueError("margin and ramp need timing = 'fastest'")
+        return self
+
+    def about(self, platform: Platform, folder: Path = Path()) -> Polynomials:
+        """The motion for a platform, whose limits determine its speed.
+
+        Returns
+        -------
+        Polynomials
+            Called with times (n,) [s], it gives the motion there.
+
+        Raises
+        ------
+        MotionError
+            Poses that do not form a path or are out of reach, or limits that no motion meets.
+        """
+        poses = np.reshape(self.poses, (-1, 6))
+        position, orientation = (poses[:, :3], poses[:, 3:]) if self.file is None else read_poses(folder / self.file)
+        if self.relative_to == "home":
+            position = position + platform.home_position
+            turned = matrix_from_orientation(orientation) @ matrix_from_orientation(platform.home_orientation)
+            orientation = orientation_from_matrix(turned)
+        path = GeometricPath(position, orientation, platform.characteristic_length, DEGREES[self.interpolation])
+        _check_poses(platform, position, orientation)
+        law = Stretched(self._law(platform, path), self.time_scale)
+        return polynomials_of(TimedPath(path, law, self.at * self.time_scale, self.amplitude_scale))
+
+    def _law(self, platform: Platform, path: GeometricPath) -> TimeLaw:
+        if not isinstance(self.timing, str):
+            return Quintic(self.timing)
+        from gough_stewart.harness.motion.paths.fastest import fastest
+
+        return fastest(platform, path, self.margin, self.ramp)
+
+
+def _check_poses(platform: Platform, position: FloatArray, orientation: FloatArray) -> None:
+    """Refuse poses (n, 3) that the platform cannot take, before planning through them."""
+    rest = np.zeros_like(position)
+    at_rest = Motion(position, orientation, rest, rest, rest, rest)
+    shares = shares_along(platform, np.zeros(len(position)), at_rest)
+    beyond = [each.first_beyond for each in shares.limited if not each.within.all()]
+    if beyond:
+        first = min(beyond, key=lambda each: each.row)
+        raise MotionError(f"pose {first.row + 1} of the path cannot be reached: {first.text}")

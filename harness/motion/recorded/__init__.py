@@ -1,0 +1,1 @@
+"""Motions from tables and logs."""

@@ -1,0 +1,188 @@
+"""The covariance of rows and of innovations, against noise sent through the filters, and dense matrices."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gough_stewart.harness.identify.instruments import tilt_directions, tilted
+from gough_stewart.harness.identify.movement import motion_of_lengths
+from gough_stewart.harness.identify.names import expanded, value_of
+from gough_stewart.harness.identify.predictor import Predictor, noise_of_innovations, settled, whitened_innovations
+from gough_stewart.harness.identify.rows.force_derivatives import force_derivatives
+from gough_stewart.harness.identify.rows.noise import (
+    KernelCorrelations,
+    fitted_noise,
+    kernel_correlations,
+    two_noises,
+    whitening_of,
+)
+from gough_stewart.harness.identify.simulation import parameter_columns
+from gough_stewart.harness.identify.smoothing import kernel_of, smoothed
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.kernel import parameter_vector
+from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+from tests.support import machine_logs
+from tests.support.machine_logs import NAMES, Course, Sensing, Swing, machine_log, random_machine
+from tests.support.uneven import STATE, UNEVEN
+
+RNG = np.random.default_rng(24)
+SPACING = 20
+
+
+def correlations() -> KernelCorrelations:
+    kernels = np.stack([kernel_of(1e-3, 40.0, d) for d in range(3)])
+    return kernel_correlations(kernel_of(1e-3, 20.0), kernels * np.array([1e3, 1.0, 1e-2])[:, None], SPACING)
+
+
+def dense(n: int, by_legs: np.ndarray, force: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Both covariances from the correlations, element by element."""
+    found = correlations()
+    V = np.zeros((2, n, 6, n, 6))
+    for k in range(n):
+        for l in range(n):
+            m = abs(k - l)
+            if m >= len(found.force):
+                continue
+            c = found.length[m] if l >= k else found.length[m].T
+            V[0, k, :, l, :] = np.diag(force**2) * found.force[m]
+            V[1, k, :, l, :] = length**2 * sum(
+                c[d, e] * by_legs[k, :, d] @ by_legs[l, :, e].T for d in range(3) for e in range(3)
+            )
+    return V[0].reshape(6 * n, 6 * n), V[1].reshape(6 * n, 6 * n)
+
+
+def test_correlations_are_those_of_white_noise_through_the_filters() -> None:
+    """Expected: sample covariances of 400,000 filtered samples, to 4 of their standard errors."""
+    noise = RNG.standard_normal((400_000, 1))
+    g = smoothed(noise, 1e-3, 20.0)[:, 0]
+    c = np.stack([size * smoothed(noise, 1e-3, 40.0, 1, d)[:, 0] for d, size in enumerate((1e3, 1.0, 1e-2))])
+    found = correlations()
+    for m in range(4):
+        shift = m * SPACING
+        end = len(g) - shift
+        # a correlation time is about a hundredth of a second
+        error = 4 / np.sqrt(len(g) / 20)
+        assert abs(g[:end] @ g[shift:] / end - found.force[m]) < error * found.force[0]
+        size = np.sqrt(np.diag(found.length[0]))
+        sample = c[:, : c.shape[1] - shift] @ c[:, shift:].T / c.shape[1]
+        assert (np.abs(sample - found.length[m]) < error * np.outer(size, size)).all()
+
+
+def test_whitening_by_blocks_is_that_of_the_whole_matrix_with_unused_rows_left_out() -> None:
+    """Expected: r' V⁻¹ r and log|V| of the dense matrix of the rows that are used."""
+    n = 40
+    by_legs, force = RNG.standard_normal((n, 6, 3, 6)), RNG.uniform(1, 3, 6)
+    used = (RNG.uniform(size=(n, 6)) > 0.2).astype(float)
+    noises = two_noises(correlations(), by_legs, force, 0.4, used)
+    V_force, V_length = dense(n, by_legs, force, 0.4)
+    kept = used.ravel() > 0
+    V = 0.7 * V_force + 1.9 * V_length
+    # a little on the diagonal keeps what was cut off from making it indefinite
+    V = V + 3e-5 * np.diag(np.diag(V))
+    whitening = whitening_of(noises.covariance(0.7, 1.9))
+    r = (used * RNG.standard_normal((n, 6))).ravel()
+    white = whitening(r[:, None])[:, 0]
+    assert white @ white == pytest.approx(r[kept] @ np.linalg.solve(V[np.ix_(kept, kept)], r[kept]), rel=1e-8)
+    assert whitening.log_determinant == pytest.approx(np.linalg.slogdet(V[np.ix_(kept, kept)])[1], rel=1e-8)
+    assert (white.reshape(n, 6)[used == 0] == 0).all()
+
+
+def test_shares_of_both_noises_are_found_in_noise_of_known_shares() -> None:
+    """Expected: the shares that made it, within 4 standard errors of about 7 %."""
+    n = 150
+    by_legs, force = np.tile(RNG.standard_normal((6, 3, 6)), (n, 1, 1, 1)), np.ones(6)
+    used = np.ones((n, 6))
+    V_force, V_length = dense(n, by_legs, force, 1.0)
+    # as large as the noise of forces
+    length = float(np.sqrt(np.trace(V_force) / np.trace(V_length)))
+    V_length *= length**2
+    L = np.linalg.cholesky(2.0 * V_force + 0.5 * V_length + 1e-9 * np.eye(6 * n) * V_length.max())
+    residual = (L @ RNG.standard_normal(6 * n)).reshape(n, 6)
+    noises = two_noises(correlations(), by_legs, force, length, used)
+    found = fitted_noise([noises], [n], RNG.standard_normal((n, 6, 5)), residual, used)
+    assert_allclose(found.force, np.sqrt(2.0), rtol=0.2)
+    assert found.length == pytest.approx(length * np.sqrt(0.5), rel=0.2)
+
+
+def test_derivatives_of_forces_by_the_motion_of_legs_and_by_parameters_are_those_of_differences() -> None:
+    """Expected: central differences of poses from lengths and inverse dynamics, one motion of legs."""
+    state = type(STATE)(*(part[None] for part in STATE))
+    acceleration = Acceleration(np.array([[0.7, -0.4, 1.1]]), np.array([[0.5, 0.9, -0.6]]))
+    legs = leg_geometry(UNEVEN, state.position, state.orientation)
+    of_legs = [
+        legs.length,
+        rates_of_legs(legs, state).length_rate,
+        leg_accelerations(legs, state, *acceleration),
+    ]
+    home = replace(UNEVEN, home_position=STATE.position, home_orientation=STATE.orientation)
+
+    def forces(lengths: list[FloatArray], platform: Platform) -> FloatArray:
+        found: FloatArray = np.asarray(inverse_dynamics(platform, *motion_of_lengths(platform, *lengths)), dtype=float)
+        return np.asarray(found[0])
+
+    motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
+    F = np.asarray(inverse_dynamics(UNEVEN, state, acceleration))
+    found = force_derivatives(motion, parameter_vector(UNEVEN), F)
+    h = 1e-6
+    for order in range(3):
+        step = np.zeros(6)
+        step[2] = h
+        ends = [forces([x + sign * step if d == order else x for d, x in enumerate(of_legs)], home) for sign in (1, -1)]
+        assert_allclose(found.by_legs[0, :, order, 2], (ends[0] - ends[1]) / (2 * h), rtol=2e-5, atol=1e-4)
+    for name, where in (("base_points", (3, 1)), ("platform_points", (0, 2)), ("gravity", (1,))):
+        step = np.zeros_like(getattr(UNEVEN, name))
+        step[where] = h
+        ends = [forces(of_legs, replace(home, **{name: getattr(UNEVEN, name) + sign * step})) for sign in (1, -1)]
+        element = f"{name}[{','.join(str(k + 1) for k in where)}]"
+        column = (found.by_parameters @ parameter_columns([element]))[0, :, 0]
+        assert_allclose(column, (ends[0] - ends[1]) / (2 * h), rtol=2e-5, atol=1e-4)
+
+
+def test_gravity_in_a_tilted_base_turns_about_x_then_y() -> None:
+    """Expected: the rotation matrices of the logs' own generator, and its central differences."""
+    gravity, tilt, h = np.array([0.3, -0.2, -9.8]), np.array([0.1, -0.07]), 1e-6
+    assert_allclose(tilted(gravity, tilt), machine_logs.tilted(gravity, *tilt), atol=1e-14)
+    for k, step in enumerate(h * np.eye(2)):
+        ends = [machine_logs.tilted(gravity, *(tilt + sign * step)) for sign in (1, -1)]
+        assert_allclose(tilt_directions(gravity, tilt)[:, k], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_whitened_innovations_of_the_machine_itself_are_white_and_of_unit_variance(seed: int) -> None:
+    """Expected: variance 1 and no correlation of neighbours, to 4 standard errors, where no leg reverses."""
+    machine, believed = random_machine(seed)
+    log = machine_log(machine, Course(Swing(seed=seed)), Sensing(force_noise=1e-3), seed=seed)
+    names = expanded(NAMES, believed)
+    model = Predictor(log, believed, machine, names, None)
+    n = len(model.time)
+    truth = np.array([value_of(machine, name) for name in names])
+    raw = model.simulated(truth, n, derivatives=False)
+    # encoders have noise and quantisation of a micrometre
+    levels = 1e-3 * np.sqrt((np.asarray(log.actuator_force) ** 2).mean(axis=0)), 1e-6 * np.sqrt(1 + 1 / 12)
+    white, _ = whitened_innovations([model], [settled(raw)], noise_of_innovations([(model, n)], levels))
+    used = int((white != 0).sum())
+    assert abs((white**2).sum() / used - 1) < 4 * np.sqrt(2 / used)
+    r = white.reshape(-1, 6)
+    assert abs((r[1:] * r[:-1]).sum() / used) < 4 / np.sqrt(used)
+
+
+@pytest.mark.parametrize("name", ["force_gain[2]", "force_offset[3]", "delay", "base_tilt[1]"])
+def test_innovations_by_parameters_of_instruments_have_the_derivatives_of_differences(name: str) -> None:
+    """Expected: central differences of the innovations themselves."""
+    machine, believed = random_machine(1)
+    log = machine_log(machine, Course(Swing(seed=1), 6.0), seed=1)
+    model = Predictor(log, believed, machine, (name,), None)
+    at = np.array(
+        [{"force_gain": 1.02, "force_offset": 20.0, "delay": 1e-3, "base_tilt": 0.01}[name.partition("[")[0]]]
+    )
+    step = np.array(
+        [{"force_gain": 1e-4, "force_offset": 1.0, "delay": 1e-5, "base_tilt": 1e-4}[name.partition("[")[0]]]
+    )
+    exact = model.simulated(at, 40).sensitivity[:, :, 0]
+    ends = [model.simulated(at + sign * step, 40, derivatives=False).values for sign in (1, -1)]
+    difference = (ends[0] - ends[1]) / (2 * step)
+    assert_allclose(exact, difference, atol=2e-4 * np.abs(difference).max())

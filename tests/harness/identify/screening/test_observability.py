@@ -1,0 +1,150 @@
+"""What a motion does not excite gets no number, however precise it looks; logs come from a Lagrangian."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.parts import Part
+from gough_stewart.harness.identify.screening.observability import motion_rows
+from tests.support.machine_logs import (
+    HEAVE,
+    MACHINE,
+    NAMES,
+    NOMINAL,
+    Course,
+    Sensing,
+    Swing,
+    machine_log,
+    random_machine,
+)
+
+SURE = Sensing(force_noise=0.0)
+INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)))
+
+
+@pytest.mark.parametrize("size", [0.06])
+def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass(size: float) -> None:
+    """Expected: by hand, no rotation, so gravity has no arm that changes and no inertia turns; the rest is right.
+
+    Before, noise of the lengths looked like rotation and gave a centre of mass of 0.45 ± 0.08 m where it is 0.19 m.
+    """
+    log = machine_log(course=Course(replace(HEAVE, size=size)))
+    found = identify(log, NOMINAL, NAMES)
+    assert found.not_excited == ("platform_com[3]", *INERTIA)
+    known = np.array([name not in found.not_excited for name in found.names])
+    truth = np.array([value_of(MACHINE, name) for name in found.names])
+    # four standard errors are one in 15,000 for each of six
+    assert (np.abs(found.values - truth)[known] < 4 * found.standard_errors[known]).all()
+    assert not found.at_bound
+    plain = json.loads(found.to_json())
+    assert plain["parameters"]["platform_com[3]"]["value"] is None
+    assert plain["parameters"]["platform_com[3]"]["interval"] == [None, None]
+    assert plain["not_excited"] == list(found.not_excited)
+    platform = found.platform(NOMINAL)
+    assert platform.platform_com[2] == NOMINAL.platform_com[2]
+    np.testing.assert_array_equal(platform.platform_inertia, NOMINAL.platform_inertia)
+    assert platform.platform_mass == found.values[0]
+
+
+@pytest.mark.parametrize(("axis", "size"), [(3, 0.06), (4, 0.005)])
+def test_numbers_of_motions_along_one_axis_are_right_or_missing(axis: int, size: float) -> None:
+    """Expected: the machine's values within five standard errors, one in a million; some without a number."""
+    swing = Swing(axes=tuple(float(k == axis) for k in range(6)), size=size)
+    found = identify(machine_log(course=Course(swing)), NOMINAL, NAMES)
+    assert found.not_excited
+    known = ~np.isnan(found.values)
+    truth = np.array([value_of(MACHINE, name) for name in found.names])
+    assert (np.abs(found.values - truth)[known] < 5 * found.standard_errors[known]).all()
+
+
+def test_a_rich_motion_of_any_machine_excites_everything() -> None:
+    machine, believed = random_machine(9)
+    found = identify(machine_log(machine, Course(Swing(seed=4), duration=8.0)), believed, NAMES)
+    assert not found.not_excited
+    assert np.isfinite(found.values).all()
+
+
+def test_what_depends_on_something_unknown_is_unknown_too() -> None:
+    """Expected: pitching about Op, the log knows the sum of an inertia and m c_z² only if c_z is known.
+
+    With c_z known both have numbers; with hardly any pitch neither does, and the rest is right.
+    """
+    swing = Swing(axes=(0.0, 0.0, 0.0, 0.0, 1.0, 0.0), size=2e-4)
+    found = identify(machine_log(course=Course(swing)), NOMINAL, NAMES)
+    assert {"platform_com[3]", "platform_inertia[2,2]", "leg_armature"} & set(found.not_excited)
+    assert abs(found["platform_mass"][0] - MACHINE.platform_mass) < 4 * found.standard_errors[0]
+
+
+def test_without_noise_heave_has_no_number_either() -> None:
+    """Expected: the same as with noise, since it is the motion that lacks."""
+    quiet = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
+    found = identify(machine_log(course=Course(HEAVE), sensing=quiet), NOMINAL, NAMES)
+    assert found.not_excited == ("platform_com[3]", *INERTIA)
+
+
+def test_a_machine_at_rest_is_refused() -> None:
+    with pytest.raises(LogError, match=r"the legs move by .* expected a motion"):
+        identify(machine_log(course=Course(Swing(size=0.0))), NOMINAL, NAMES)
+
+
+def test_if_nothing_is_excited_the_log_is_refused() -> None:
+    with pytest.raises(IdentificationError, match=r"none of platform_com\[3\], platform_inertia"):
+        identify(machine_log(course=Course(HEAVE)), NOMINAL, ("platform_com[3]", "platform_inertia"))
+
+
+def test_the_other_method_has_no_number_either() -> None:
+    """Expected: as by the linear method: simulated lengths do not depend on what never turns."""
+    log = machine_log(course=Course(HEAVE, duration=5.0))
+    found = identify(log, NOMINAL, ("platform_mass", "platform_com"), "output_error", starts=1)
+    assert found.not_excited == ("platform_com[3]",)
+    assert np.isnan(found.values).tolist() == [False, False, False, True]
+
+
+def test_a_value_at_its_bound_has_no_interval() -> None:
+    """Expected: of a machine without Coulomb friction, half of the logs would give less than none."""
+    slick = replace(MACHINE, leg_coulomb_friction=0.0)
+    for seed in range(6):
+        found = identify(machine_log(slick, Course(duration=4.0), seed=seed), NOMINAL, NAMES)
+        k = found.names.index("leg_coulomb_friction")
+        assert (found.values[k] < 1e-2) == ("leg_coulomb_friction" in found.at_bound)
+        if found.at_bound:
+            break
+    assert np.isnan(found.interval[k]).all()
+    assert json.loads(found.to_json())["parameters"]["leg_coulomb_friction"]["standard_error"] is None
+    assert np.isfinite(found.interval[:k]).all()
+
+
+def test_sizes_of_what_a_motion_needs_are_those_of_changes_of_each_leg() -> None:
+    """Expected: deviations of each leg's force about its own mean, and RMS velocities by differences; means of logs."""
+    swings = Swing(seed=3, fade=0.5, frequency=0.5), Swing(seed=5, fade=0.5, frequency=0.8)
+    logs = [machine_log(course=Course(swing, duration=3.0, rate=500.0)) for swing in swings]
+    parts = [Part(log, np.inf, k) for k, log in enumerate(logs)]
+    rows = motion_rows(parts, NOMINAL)
+    assert rows is not None
+    forces = [np.asarray(log.actuator_force) for log in logs]
+    assert rows.force == pytest.approx(np.mean([each.std(axis=0).mean() for each in forces]))
+    velocities = [np.diff(log.leg_length, axis=0) * 500.0 for log in logs]
+    # the filter takes the first and the last of a log, which are slow
+    assert rows.velocity == pytest.approx(np.mean([np.sqrt((each**2).mean()) for each in velocities]), rel=0.15)
+    aside = np.array([0.0, 9e3, -4e3, 2e4, 1e3, -7e3])
+    exact = [
+        np.asarray(machine_log(course=Course(swing, duration=3.0, rate=500.0), sensing=SURE).actuator_force)
+        for swing in swings
+    ]
+    # forces without noise are known to a thousandth of their changes, whatever they are about
+    with_forces = [
+        motion_rows(
+            [Part(replace(log, actuator_force=force + by), np.inf, 0) for log, force in zip(logs, exact, strict=True)],
+            NOMINAL,
+        )
+        for by in (0.0, aside)
+    ]
+    assert with_forces[0] is not None
+    assert with_forces[1] is not None
+    assert with_forces[1].force == pytest.approx(with_forces[0].force, rel=1e-9)
+    np.testing.assert_allclose(with_forces[1].regressor, with_forces[0].regressor, rtol=1e-6)
