@@ -13,7 +13,7 @@ from gough_stewart.harness.control.notch import Notch as Notch
 from gough_stewart.harness.control.pid import Gains as Gains
 from gough_stewart.harness.control.pid import pid as pid
 from gough_stewart.harness.control.pid import sampled as sampled
-from gough_stewart.harness.control.sample import Sample as Sample
+from gough_stewart.harness.control.python.sample import Sample as Sample
 from gough_stewart.harness.ensemble.assembly import read_ensemble as read_ensemble
 from gough_stewart.harness.ensemble.ensemble import ensemble as ensemble
 from gough_stewart.harness.ensemble.result import Ensemble as Ensemble

@@ -16,9 +16,9 @@ from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.feedforward import Feedforward
 from gough_stewart.harness.control.gains import DAMPING_RATIO, gains_from_bandwidth
 from gough_stewart.harness.control.laws import Controller, LinearController, Space
-from gough_stewart.harness.control.makers import Design
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.pid import DerivativeOn, Gains, pid_matrices
+from gough_stewart.harness.control.python.makers import Design
 from gough_stewart.harness.control.python_file import controller_of_file
 from gough_stewart.harness.control.state_space import Method, discretised
 from gough_stewart.harness.control.unit_controller import UnitController

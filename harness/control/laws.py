@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.casadi_function import CasadiFunction, is_casadi_function
-from gough_stewart.harness.control.makers import Copied, Design, Made, Maker, is_maker, name_of
-from gough_stewart.harness.control.sample import NO_FORCE, Sample
+from gough_stewart.harness.control.python.casadi_function import CasadiFunction, is_casadi_function
+from gough_stewart.harness.control.python.makers import Copied, Design, Made, Maker, is_maker, name_of
+from gough_stewart.harness.control.python.sample import NO_FORCE, Sample
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError

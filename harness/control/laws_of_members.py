@@ -19,8 +19,8 @@ from gough_stewart.harness.control.laws import (
     made_from,
 )
 from gough_stewart.harness.control.linear_law import LinearLaw
-from gough_stewart.harness.control.makers import Copied, Maker, name_of
-from gough_stewart.harness.control.shared_memory import Watch, functions_in
+from gough_stewart.harness.control.python.makers import Copied, Maker, name_of
+from gough_stewart.harness.control.python.shared_memory import Watch, functions_in
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, SharedMemoryError
 from gough_stewart.harness.plants import signals

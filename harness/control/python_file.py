@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
-from gough_stewart.harness.control.makers import Design, Maker, called, check_call, is_maker, name_of
-from gough_stewart.harness.control.own_modules import OwnModules, inside
-from gough_stewart.harness.control.sample import Sample
+from gough_stewart.harness.control.python.makers import Design, Maker, called, check_call, is_maker, name_of
+from gough_stewart.harness.control.python.own_modules import OwnModules, inside
+from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.control.state_space import is_control_system
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.makers import name_of
-from gough_stewart.harness.control.shared_memory import values_of
+from gough_stewart.harness.control.python.makers import name_of
+from gough_stewart.harness.control.python.shared_memory import values_of
 from gough_stewart.harness.control.state_space import is_control_system
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from gough_stewart.harness.control.makers import name_of
-from gough_stewart.harness.control.shared_memory import Watch
+from gough_stewart.harness.control.python.makers import name_of
+from gough_stewart.harness.control.python.shared_memory import Watch
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.named_files import digests

@@ -10,7 +10,6 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.control.component import Link, Parameter, with_links
 from gough_stewart.harness.control.laws import LinearController, Space
 from gough_stewart.harness.control.linear_law import integrating_modes, rest
@@ -23,6 +22,7 @@ from gough_stewart.harness.control.pid import (
     channel_matrices,
     channels_of,
 )
+from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols

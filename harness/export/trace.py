@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
-from gough_stewart.harness.control.casadi_function import FORCE, MEMORY, MEMORY_NEXT
 from gough_stewart.harness.control.linear_law import displacements, inputs_of
+from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, MEMORY_NEXT
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed

@@ -10,7 +10,7 @@ from numpy.random import SeedSequence
 from gough_stewart.harness.control.laws import controller_of
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.pid import Gains
-from gough_stewart.harness.control.sample import Sample
+from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, Loop
 from gough_stewart.harness.loop.run import Run, simulate

@@ -11,8 +11,8 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.control.controllers import PythonController
 from gough_stewart.harness.control.laws import LinearController, linear_of, made_from
-from gough_stewart.harness.control.makers import Maker
-from gough_stewart.harness.control.own_modules import files_beside
+from gough_stewart.harness.control.python.makers import Maker
+from gough_stewart.harness.control.python.own_modules import files_beside
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from
 

@@ -14,7 +14,7 @@ import pytest
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.control.controllers import PythonController
 from gough_stewart.harness.control.laws import LinearController, made_from
-from gough_stewart.harness.control.sample import Sample
+from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
 from gough_stewart.harness.experiment.run import run

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.sample import Sample
+from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError, ExperimentError, PlantError
 from gough_stewart.harness.experiment.analysis import margins
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from gough_stewart.harness.control.sample import Sample
+from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.run import run

@@ -10,7 +10,7 @@ from gough_stewart.model.vectors import FloatArray
 if TYPE_CHECKING:
     import casadi
 
-    from gough_stewart.harness.control.sample import Sample
+    from gough_stewart.harness.control.python.sample import Sample
 
 # Names of its inputs and outputs, besides signals and `time`.
 MEMORY, MEMORY_NEXT, FORCE, OF_REFERENCE = "memory", "memory_next", "actuator_force", "reference_"

@@ -8,7 +8,7 @@ from hashlib import sha256
 from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
-from gough_stewart.harness.control.makers import name_of
+from gough_stewart.harness.control.python.makers import name_of
 from gough_stewart.harness.errors import SharedMemoryError
 
 _PACKAGE = __name__.partition(".")[0]
