@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 
 _NUMBER = re.compile(r"[-+±×<(\s]*\d")
+# Least widths of names and of long texts, which wrap; a word longer than the second is broken.
+_NAME, _LONGEST_WORD = 18, 26
 
 
 @dataclass(frozen=True)
@@ -128,10 +130,6 @@ def _hypertext(cell: str | Named) -> str:
     if isinstance(cell, Named):
         return f'{escape(cell.what)} <span class="unit">{escape(cell.unit)}</span>'
     return escape(cell)
-
-
-# Least widths of names and of long texts, which wrap; a word longer than the second is broken.
-_NAME, _LONGEST_WORD = 18, 26
 
 
 class Column(NamedTuple):
