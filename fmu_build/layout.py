@@ -106,7 +106,10 @@ def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str], appen
     """
     variables = tuple(variables)
     described: list[tuple[Variable, Role, str | None]] = [(v, _role(v), None) for v in variables]
-    described += [(_derivative(v, rate_units[v.name]), Role.DERIVATIVE, v.name) for v in variables if v.is_state]
+    for state in (v for v in variables if v.is_state):
+        description = f"time derivative of {state.name}"
+        rate = Variable(f"der({state.name})", state.shape, rate_units[state.name], "local", "continuous", description)
+        described.append((rate, Role.DERIVATIVE, state.name))
     time = Variable("time", (), "s", "local", "continuous", "simulation time")
     described.append((time, Role.INDEPENDENT, None))
     described += [(v, _role(v), None) for v in appended]
@@ -126,8 +129,3 @@ def _role(variable: Variable) -> Role:
     if variable.causality == "parameter":
         return Role.TUNABLE_PARAMETER if variable.variability == "tunable" else Role.FIXED_PARAMETER
     return Role.RESULT
-
-
-def _derivative(state: Variable, unit: str) -> Variable:
-    description = f"time derivative of {state.name}"
-    return Variable(f"der({state.name})", state.shape, unit, "local", "continuous", description)

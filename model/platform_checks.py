@@ -31,18 +31,13 @@ GEOMETRY = ("base_points", "platform_points", "home_position", "home_orientation
 
 def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> None:
     """Raise `PlatformError` for the first invalid parameter, or combination with one of those that have changed."""
-    check_bounds(platform, changed)
-    for each, names in _CHECKS:
-        if not names.isdisjoint(changed):
-            each(platform)
-
-
-def check_bounds(platform: PlatformFields, changed: Collection[str] = TABLE) -> None:
-    """All numbers, or those that have changed, satisfy the bounds of the table."""
     for name in _BOUNDED:
         value = getattr(platform, name) if name in changed else None
         if value is not None:
             check_bound(name, value)
+    for each, names in _CHECKS:
+        if not names.isdisjoint(changed):
+            each(platform)
 
 
 def check_bound(name: str, value: float | FloatArray) -> None:

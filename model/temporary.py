@@ -40,7 +40,12 @@ def remove_leftovers(folder: Path) -> None:
     """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
     if fcntl is None:
         return
-    removed = [path.name for path in sorted(folder.glob(".*.part")) if _is_leftover(path.name) and _remove(path)]
+    removed = []
+    for path in sorted(folder.glob(".*.part")):
+        matched = _NAME.fullmatch(path.name)
+        # names of release 0.2 have the process, which may live
+        if matched and not (matched["process"] and _lives(int(matched["process"]))) and _remove(path):
+            removed.append(path.name)
     if removed:
         _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
 
@@ -84,12 +89,6 @@ def _is_there(path: Path, descriptor: int) -> bool:
     with suppress(OSError):
         return os.path.samestat(path.stat(), os.fstat(descriptor))
     return False
-
-
-def _is_leftover(name: str) -> bool:
-    """Whether a name is that of a temporary place, in release 0.2 of a process that has ended."""
-    matched = _NAME.fullmatch(name)
-    return matched is not None and (matched["process"] is None or not _lives(int(matched["process"])))
 
 
 def _remove(path: Path) -> bool:

@@ -14,7 +14,7 @@ from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.plant.documentation import documentation_page
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
-from gough_stewart.fmu_build.plant.reference_results import reference_files, reference_runs
+from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files, reference_results
 from gough_stewart.fmu_build.plant.tables import plant_header
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface, kernel
@@ -64,7 +64,7 @@ def plant_component(
     if actuator_force is not None:
         own["actuator_force"] = actuator_force
     starts |= {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in own.items()}
-    runs = cache(lambda: reference_runs(platform))
+    runs = cache(lambda: tuple((case, reference_results(case)) for case in reference_cases(platform)))
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         page = {"documentation/index.html": documentation_page(platform, fmi_version, starts)}

@@ -83,11 +83,6 @@ def reference_results(case: ReferenceCase) -> FloatArray:
     return np.array(rows)
 
 
-def reference_runs(platform: Platform) -> ReferenceRuns:
-    """All cases with their results, which are the same for both FMI versions."""
-    return tuple((case, reference_results(case)) for case in reference_cases(platform))
-
-
 def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> dict[str, bytes]:
     """All reference files by their path in the archive, named after the unit."""
     files = {f"{FOLDER}/README.txt": _README.format(identifier=identifier, tolerance=TOLERANCE).encode()}

@@ -10,7 +10,6 @@ from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
 
 DAMPING_RATIO = 0.7
 
@@ -69,13 +68,10 @@ def gains_from_bandwidth(
             f"integral_time is {integral_time:g} s; expected more than {shortest:.3g} s = 1/(2 ζ ωn), below which the "
             f"loop is unstable, say {10 * shortest:.2g} s"
         )
-    m = _mass_of_channels(platform, space)
+    if space == "task":
+        m = np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation))
+    else:
+        m = np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())
     kp = m * omega**2
     ki = 0.0 * kp if integral_time is None else kp / integral_time
     return Gains(kp, 2 * damping_ratio * m * omega, ki, derivative_filter, anti_windup_time)
-
-
-def _mass_of_channels(platform: Platform, space: Space) -> FloatArray:
-    if space == "task":
-        return np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation)).copy()
-    return np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())

@@ -111,13 +111,11 @@ def _one(values: Any) -> dict[str, float]:
 
 def _rest_begins(loop: Loop, reference: int, every: int) -> int:
     """The kept row after the last at which something that acts on the loop changes, the reference at this one."""
-    rows = [_row_of(change.time, loop) for change in loop.changes]
+    # the first row at or after each, up to rounding
+    rows = [
+        int(np.searchsorted(loop.timing.times, change.time - loop.timing.plant_step / 2)) for change in loop.changes
+    ]
     if loop.injection is not None:
         rows.append(last_change(loop.injection) * loop.timing.steps_a_sample)
     known = [ceil(row / every) for row in rows if row <= loop.timing.steps]
     return max([reference, *known])
-
-
-def _row_of(time: float, loop: Loop) -> int:
-    """The first row at or after a time, up to rounding."""
-    return int(np.searchsorted(loop.timing.times, time - loop.timing.plant_step / 2))

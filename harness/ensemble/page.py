@@ -124,7 +124,7 @@ def _linked(table: str, worst: Mapping[int, str]) -> str:
 def _data(ensemble: Ensemble, by: str, sensitivities: Sequence[Sensitivity]) -> dict[str, Any]:
     first = ensemble.members.head(_MOST_POINTS)
     some = Ensemble(first, ensemble.bands, ensemble.metadata)
-    names = [name for name in ensemble.metrics if _is_known(ensemble, name)]
+    names = [name for name in ensemble.metrics if len(finite(ensemble.values(name)))]
     signals = list(dict.fromkeys(ensemble.bands["signal"].to_list()))
     time = ensemble.bands["time"].unique().sort().to_numpy()
     return {
@@ -190,10 +190,6 @@ def _sensitivity(found: Sensitivity) -> dict[str, Any]:
 def _plain(values: FloatArray) -> list[float | None]:
     """The values with None for NaN, which JSON lacks."""
     return [float(value) if np.isfinite(value) else None for value in values]
-
-
-def _is_known(ensemble: Ensemble, name: str) -> bool:
-    return len(finite(ensemble.values(name))) > 0
 
 
 def _in_box(table: str) -> str:

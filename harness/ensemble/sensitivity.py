@@ -83,7 +83,7 @@ def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
         Unknown metric, nothing varies, or too few members have a value.
     """
     metric_name(ensemble.members, metric)
-    merit = np.where(_completed(ensemble), ensemble.values(metric), np.nan)
+    merit = np.where((ensemble.members[OUTCOME] == "completed").to_numpy(), ensemble.values(metric), np.nan)
     if ensemble.metadata.get("sampling") == "saltelli":
         return _sobol(metric, merit, ensemble.metadata["groups"])
     return _regression(ensemble, metric, merit)
@@ -110,10 +110,6 @@ def group_name(columns: Sequence[str]) -> str:
         return columns[0]
     names = dict.fromkeys(column.partition("[")[0] for column in columns)
     return " & ".join(names)
-
-
-def _completed(ensemble: Ensemble) -> FloatArray:
-    return np.asarray((ensemble.members[OUTCOME] == "completed").to_numpy())
 
 
 def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity:
@@ -167,7 +163,9 @@ def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivi
     beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
     r2 = float(1 - np.mean((w - z @ beta) ** 2))
     again = _resampled(z, w)
-    low, high = _quantiles_of_known(again, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2))
+    levels = ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2)
+    known = again[np.isfinite(again).all(axis=1)]
+    low, high = np.quantile(known, levels, axis=0) if len(known) else np.full((len(levels), again.shape[1]), np.nan)
     names = tuple(list(columns)[k] for k in kept)
     left_out = len(merit) - n
     return Sensitivity(metric, "regression", names, beta, (high - low) / 2, None, None, r2, n, left_out, without)
@@ -206,9 +204,3 @@ def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:
         except np.linalg.LinAlgError:
             continue
     return found
-
-
-def _quantiles_of_known(values: FloatArray, levels: Sequence[float]) -> FloatArray:
-    """Quantiles (levels, p) of rows without NaN; NaN if there are none."""
-    known = values[np.isfinite(values).all(axis=1)]
-    return np.quantile(known, levels, axis=0) if len(known) else np.full((len(levels), values.shape[1]), np.nan)

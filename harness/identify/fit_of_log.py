@@ -95,7 +95,8 @@ def estimate_of(
         notes=(*notes, *(() if found is None else found.sentences)),
         alarms=(*alarms, *(() if found is None else found.alarms)),
         diagnosis=found,
-        at_bound=_held_by_bounds(names, fit.at_bound),
+        # of the inertia all elements, if as a whole it is at the limit of what a body has
+        at_bound=tuple(name for name in names if name in fit.at_bound or name.partition("[")[0] in fit.at_bound),
         details={
             "time": channels.time,
             "measured": channels.measured,
@@ -153,11 +154,6 @@ def with_all(
         not_excited=tuple(not_excited),
         at_bound=tuple(name for name in estimate.at_bound if name not in not_excited),
     )
-
-
-def _held_by_bounds(names: Sequence[str], at_bound: Sequence[str]) -> tuple[str, ...]:
-    """The elements at a bound; all of the inertia's, if as a whole it is at the limit of what a body has."""
-    return tuple(name for name in names if name in at_bound or name.partition("[")[0] in at_bound)
 
 
 def scales(platform: Platform, names: Sequence[str], force: float, velocity: float) -> FloatArray:

@@ -154,15 +154,11 @@ def _fit_at(
     """What diagnosis needs of a fit, at these values; derivatives of a fit nearby do."""
     phi, force = model.phi(values), model.force(values)
     if derivatives is None:
-        derivatives = _derivatives_at(model, values, force)
+        p, directions = kernel_parameters(model.platform, [model.names[k] for k in model.own])
+        nominal = np.array([value_of(model.platform, model.names[k]) for k in model.own])
+        p = p + directions @ (values[model.own] - nominal)
+        derivatives = force_derivatives(model.regression.motion, p, force)
     return Fit(model.names, values, model.columns(values)[is_fitted], phi, force, derivatives, is_fitted, used)
-
-
-def _derivatives_at(model: RowModel, values: FloatArray, force: FloatArray) -> ForceDerivatives:
-    p, directions = kernel_parameters(model.platform, [model.names[k] for k in model.own])
-    nominal = np.array([value_of(model.platform, model.names[k]) for k in model.own])
-    p = p + directions @ (values[model.own] - nominal)
-    return force_derivatives(model.regression.motion, p, force)
 
 
 def _with_instruments(

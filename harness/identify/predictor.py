@@ -17,7 +17,6 @@ from gough_stewart.harness.identify.names import PER_LEG, place_of
 from gough_stewart.harness.identify.rows.noise import (
     KernelCorrelations,
     RowNoise,
-    TwoNoises,
     kernel_correlations,
     two_noises,
     whitening_of,
@@ -184,7 +183,11 @@ def whitened_innovations(
         both = np.concatenate([each.values[:, :, None], each.sensitivity], axis=2)
         inner = slice(SETTLING + 1, SETTLING + len(both) - 1)
         filters = model.filters
-        forces = unexplained_forces(both, filters.alpha, filters.beta, filters.apparent[inner])
+        # A⁻¹ d/h² (n − 2, 6, k), with A⁻¹/h² at the inner steps (n − 2, 6, 6)
+        forces = np.asarray(
+            filters.apparent[inner]
+            @ (both[2:] - (2 - filters.alpha - filters.beta) * both[1:-1] + (1 - filters.alpha) * both[:-2])
+        )
         columns.append((model.sliding[inner, :, None] * forces).reshape(-1, both.shape[2]))
     white = noise.whitened(np.concatenate(columns))
     return white[:, 0], white[:, 1:]
@@ -207,16 +210,10 @@ def noise_of_innovations(chosen: Sequence[tuple[Predictor, int]], levels: tuple[
     for model, n in chosen:
         inner = slice(SETTLING + 1, n - 1)
         filters, used = model.filters, model.sliding[inner]
-        parts = difference_noise(filters.correlations, filters.apparent[inner], *levels, used)
+        parts = two_noises(filters.correlations, filters.apparent[inner][:, :, None, :], *levels, used)
         whitenings.append(whitening_of(parts.covariance(1.0, 1.0)))
         sizes.append(len(used))
     return RowNoise(tuple(whitenings), tuple(sizes), *levels)
-
-
-def unexplained_forces(innovations: FloatArray, alpha: float, beta: float, apparent: FloatArray) -> FloatArray:
-    """A⁻¹ d/h² (n − 2, 6, k) of innovations (n, 6, k), with A⁻¹/h² at the inner steps (n − 2, 6, 6)."""
-    e = innovations
-    return np.asarray(apparent @ (e[2:] - (2 - alpha - beta) * e[1:-1] + (1 - alpha) * e[:-2]))
 
 
 def difference_correlations(sample_time: float, cutoff: float, every: int) -> KernelCorrelations:
@@ -238,20 +235,3 @@ def difference_correlations(sample_time: float, cutoff: float, every: int) -> Ke
     for shift, weight in ((0, 1.0), (every, -2.0), (2 * every, 1.0)):
         length[shift : shift + len(kernel)] += weight * kernel
     return kernel_correlations(force, length[None], every)
-
-
-def difference_noise(
-    correlations: KernelCorrelations, apparent: FloatArray, force: FloatArray, length: float, used: FloatArray
-) -> TwoNoises:
-    """The covariance of the unexplained forces at n steps, by noise of forces and of lengths.
-
-    Parameters
-    ----------
-    apparent
-        A⁻¹/h² (n, 6, 6) [N/m].
-    force, length
-        Standard deviations of the raw forces (6,) [N] and lengths [m].
-    used
-        1 for steps of a leg that are used, else 0 (n, 6).
-    """
-    return two_noises(correlations, apparent[:, :, None, :], force, length, used)

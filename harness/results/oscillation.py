@@ -206,7 +206,10 @@ def last_change(values: FloatArray) -> int:
 
 def _rest_begins(record: RecordData) -> int:
     """The row after the last at which something that acts on the loop changes."""
-    acting = record.table.select([name for name in record.table.columns if _acts(name, record)])
+    parameters = record.metadata.get("machine", {})
+    inputs = ("reference.leg_length[", "controller.injection[", "external_force[", "external_torque[")
+    names = record.table.columns
+    acting = record.table.select([n for n in names if n.startswith(inputs) or n.partition("[")[0] in parameters])
     return last_change(np.asarray(acting.to_numpy(), dtype=float))
 
 
@@ -216,12 +219,6 @@ def _step(legs: FloatArray, row: int) -> float:
     if len(before) < 2 or np.ptp(before, axis=0).max() > 1e-9:
         return 0.0
     return float(np.abs(legs[row] - before[-1]).max())
-
-
-def _acts(name: str, record: RecordData) -> bool:
-    parameters = record.metadata.get("machine", {})
-    inputs = ("reference.leg_length[", "controller.injection[", "external_force[", "external_torque[")
-    return name.startswith(inputs) or name.partition("[")[0] in parameters
 
 
 def _at_rest(rows: LegRows) -> Oscillation | None:

@@ -82,7 +82,7 @@ class Design:
             return np.zeros((last - first, 0))
         found = {
             "random": self._random,
-            "latin_hypercube": self._latin_hypercube,
+            "latin_hypercube": lambda a, b: np.asarray(_hypercube(self.size, self.members, self.seed)[a:b]),
             "sobol": lambda a, b: _sobol(self.size, self.seed, a, b),
             "saltelli": self._saltelli,
         }[self.sampling](first, last)
@@ -93,9 +93,6 @@ class Design:
             [_stream(self.seed, name, size, first, last) for name, size in zip(self.names, self.sizes, strict=True)],
             axis=1,
         )
-
-    def _latin_hypercube(self, first: int, last: int) -> FloatArray:
-        return np.asarray(_hypercube(self.size, self.members, self.seed)[first:last])
 
     def _saltelli(self, first: int, last: int) -> FloatArray:
         block, d = self.block, self.size

@@ -37,18 +37,13 @@ def tuning_files(found: Tuning, name: Path | str | None, folder: Path, settings:
         Other changed settings.
     """
     numbers = {**summary(found), "versions": versions()}
+    values = {".".join(axis.place.path): _written(found.values[axis.key], axis.unit) for axis in found.search.axes}
     return {
-        TUNED: tuned_toml(found, name, folder, settings).encode(),
+        TUNED: text_with_settings(found.experiment if name is None else name, settings, values, folder=folder).encode(),
         "tuning.json": (json.dumps(numbers, indent=2, ensure_ascii=False) + "\n").encode(),
         "candidates.csv": found.candidates.write_csv().encode(),
         **pictures("search", partial(_draw, found.search), 8.0, 3.4),
     }
-
-
-def tuned_toml(found: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> str:
-    """An experiment file with the values found."""
-    values = {".".join(axis.place.path): _written(found.values[axis.key], axis.unit) for axis in found.search.axes}
-    return text_with_settings(found.experiment if name is None else name, settings, values, folder=folder)
 
 
 def _written(value: float | int, unit: str) -> float | int | str:

@@ -39,10 +39,11 @@ class Tuning:
     """The largest error estimate of a plant step."""
 
     def __repr__(self) -> str:
-        return tuning_text(self)
+        tables = (text_of(to_terminal(sheet)) for sheet in tuning_sheets(self))
+        return "\n".join([f"Tuning: {self.experiment.title}", *tables, statement(self)])
 
     def _repr_html_(self) -> str:
-        return tuning_html(self)
+        return f"<div>{''.join(map(to_html, tuning_sheets(self)))}<p>{escape(statement(self))}</p></div>"
 
     @property
     def is_interrupted(self) -> bool:
@@ -88,17 +89,6 @@ def tuning_sheets(found: Tuning) -> list[Sheet]:
     failed = "members that failed" if found.search_is_over_members else "runs that failed"
     worth.add(failed, *("–" if each is None else str(each.failed) for each in evaluations))
     return [values, worth]
-
-
-def tuning_text(found: Tuning) -> str:
-    """The tables as in the terminal, and the statement."""
-    tables = (text_of(to_terminal(sheet)) for sheet in tuning_sheets(found))
-    return "\n".join([f"Tuning: {found.experiment.title}", *tables, statement(found)])
-
-
-def tuning_html(found: Tuning) -> str:
-    """The same for a notebook."""
-    return f"<div>{''.join(map(to_html, tuning_sheets(found)))}<p>{escape(statement(found))}</p></div>"
 
 
 def statement(found: Tuning) -> str:

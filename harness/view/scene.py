@@ -45,6 +45,7 @@ def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES
     rows = frame_rows(record.table.height, frames)
     few = Record(record.table[rows], record.metadata)
     lower, upper = leg_parts(record["leg_length"], platform)
+    each = nearness_to_limits(few, platform)
     return {
         "name": name,
         "base": platform.base_points.tolist(),
@@ -61,7 +62,7 @@ def scene_of(record: Record, platform: Platform, name: str, frames: int = FRAMES
         "orientation": packed(few["orientation"]),
         "length": packed(few["leg_length"]),
         "force": packed(few["actuator_force"]),
-        "nearness": _nearness(few, platform),
+        "nearness": {"of": list(each), "values": packed(np.max(list(each.values()), axis=0))} if each else None,
         "external_force": packed(few["external_force"]) if few["external_force"].any() else None,
         "flags": {name: _any_until_next(record, rows, name) for name in FLAGS if f"flag.{name}" in record},
     }
@@ -101,11 +102,6 @@ def nearness_to_limits(record: Record, platform: Platform) -> dict[str, FloatArr
         angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
         found["joint angle"] = np.maximum(*angles) / platform.joint_angle_max
     return found
-
-
-def _nearness(record: Record, platform: Platform) -> dict[str, Any] | None:
-    each = nearness_to_limits(record, platform)
-    return {"of": list(each), "values": packed(np.max(list(each.values()), axis=0))} if each else None
 
 
 def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:

@@ -63,16 +63,12 @@ def diagnosis_of(rows: Whitened, covariance: FloatArray) -> Diagnosis:
             else "too few rows; record longer"
         )
         return Diagnosis(None, (), (), 1.0, common, *noise, why)
-    test = lack_of_fit(projection, _of_all(white))
+    ordered = np.sort(white)
+    test = lack_of_fit(projection, float((ordered * len(ordered) / np.arange(1, len(ordered) + 1)).min()))
     if not test.alarm:
         return Diagnosis(test, (), (), 1.0, common, *noise)
     findings, others, remains = _ranked(rows, projection)
     return Diagnosis(test, findings, others, remains, common, *noise)
-
-
-def _of_all(p_values: FloatArray) -> float:
-    ordered = np.sort(p_values)
-    return float((ordered * len(ordered) / np.arange(1, len(ordered) + 1)).min())
 
 
 def _tested(family: Family) -> FloatArray:

@@ -81,7 +81,10 @@ def largest_share(platform: Platform, motion: Polynomials, limits: DynamicLimits
         bound = max(bound, float(upper[~unsure].max(initial=0.0)))
         if not unsure.any():
             return bound
-        smooth = _Smooth(*(_halved(part[unsure]) for part in smooth))
+        # both halves of every unsure piece (2 m, 6, 6)
+        smooth = _Smooth(
+            *(np.asarray(np.einsum("hij,mlj->mhli", _HALVES, part[unsure]).reshape(-1, 6, 6)) for part in smooth)
+        )
         left_out = _Smooth(*(np.repeat(part[unsure], 2, axis=0) for part in left_out))
     return max(bound, float(_upper(platform, smooth, left_out, limits).max()))
 
@@ -136,8 +139,3 @@ def _at_ends(platform: Platform, smooth: _Smooth, limits: DynamicLimits, end: in
     friction = dry_friction(platform, velocity)
     used = (velocity, acceleration, force + friction, power + friction * velocity)
     return float(max(np.abs(part / limit).max() for part, limit in zip(used, limits, strict=True)))
-
-
-def _halved(part: FloatArray) -> FloatArray:
-    """Both halves of every piece (2 m, 6, 6)."""
-    return np.asarray(np.einsum("hij,mlj->mhli", _HALVES, part).reshape(-1, 6, 6))
