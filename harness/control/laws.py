@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.python.casadi_function import CasadiFunction, is_casadi_function
-from gough_stewart.harness.control.python.makers import Copied, Design, Made, Maker, is_maker, name_of
+from gough_stewart.harness.control.python.makers import Constructed, Copied, Design, Maker, is_maker, name_of
 from gough_stewart.harness.control.python.sample import NO_FORCE, Sample
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
 from gough_stewart.harness.control.unit_controller import UnitController
@@ -120,7 +120,7 @@ class LinearController:
 Controller = LinearController | UnitController | ControlFunction | Maker
 
 
-class OwnLaw(Protocol):
+class MemberLaw(Protocol):
     """The controller of one member, with its memory, during a run."""
 
     @property
@@ -163,11 +163,11 @@ def controller_of(controller: Any, design: Design | None = None) -> Controller:
     if is_maker(controller):
         if design is None:
             raise ControllerError(f"{name_of(controller)} is a class or factory; expected a controller here")
-        return Made(controller, design)
+        return Constructed(controller, design)
     return controller if isinstance(controller, FunctionType | BuiltinFunctionType) else Copied(controller)
 
 
-def made_from(controller: Controller) -> LinearController | UnitController | ControlFunction:
+def fresh_controller(controller: Controller) -> LinearController | UnitController | ControlFunction:
     """A controller for one run of one member: a fresh one of a maker, any other as it is.
 
     Raises
@@ -189,7 +189,7 @@ def made_from(controller: Controller) -> LinearController | UnitController | Con
 
 def linear_of(controller: Controller | None) -> LinearController | None:
     """The linear controller that it is or makes; None if it is none."""
-    found = None if controller is None else made_from(controller)
+    found = None if controller is None else fresh_controller(controller)
     return found if isinstance(found, LinearController) else None
 
 
@@ -205,7 +205,7 @@ class FunctionLaw:
         self._command = NO_FORCE
 
     def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """As `OwnLaw`."""
+        """As `MemberLaw`."""
         by_name = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), reference.copy())
         sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
         if self._known is not None:

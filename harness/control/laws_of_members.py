@@ -15,8 +15,8 @@ from gough_stewart.harness.control.laws import (
     FunctionLaw,
     Known,
     LinearController,
-    OwnLaw,
-    made_from,
+    MemberLaw,
+    fresh_controller,
 )
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.control.python.makers import Copied, Maker, name_of
@@ -152,7 +152,7 @@ def laws_of(
                 for each, of_member in zip(made, told, strict=True)
             ]
             samples = min((len(each.planned) for each in known), default=0)
-            return OwnLaws(own, failures, copies, watches, samples)
+            return SeparateLaws(own, failures, copies, watches, samples)
         # a member without a controller ends at once; until then it counts with that of another
         linear = [each if isinstance(each, LinearController) else some for each in made]
         linear += [linear[-1]] * copies
@@ -174,7 +174,7 @@ def _check(controller: Controller, sample_time: float) -> None:
 
 
 def _fresh(controller: Controller, sample_time: float) -> LinearController | ControlFunction:
-    made = made_from(controller)
+    made = fresh_controller(controller)
     if isinstance(made, UnitController):
         raise ControllerError("a class or factory made an FMU; expected type = 'fmu', or the path of the FMU")
     _check(made, sample_time)
@@ -232,14 +232,14 @@ def _structure(controller: Controller) -> str:
     )
 
 
-class OwnLaws:
+class SeparateLaws:
     """Members' own laws, called one by one; `watches` see whether functions that members share keep memory."""
 
     may_overrun = False
 
     def __init__(
         self,
-        laws: Sequence[OwnLaw | None],
+        laws: Sequence[MemberLaw | None],
         failures: Mapping[int, ControllerError] = MappingProxyType({}),
         copies: int = 0,
         watches: Sequence[Watch] = (),

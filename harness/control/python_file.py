@@ -7,7 +7,7 @@ from typing import Any
 
 from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
 from gough_stewart.harness.control.python.makers import Design, Maker, called, check_call, is_maker, name_of
-from gough_stewart.harness.control.python.own_modules import OwnModules, inside
+from gough_stewart.harness.control.python.private_modules import PrivateModules, inside
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.control.state_space import is_control_system
 from gough_stewart.harness.control.unit_controller import UnitController
@@ -65,7 +65,7 @@ class FromFile(Maker):
                 found = called(found, self._design)
         if not callable(found) or is_control_system(found) or inspect.isclass(found):
             return found  # a linear one, or refused where it is used
-        return _OwnFunction(found, opened.modules, (_remade, (self,)))
+        return _FileFunction(found, opened.modules, (_remade, (self,)))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_opened": []}
@@ -106,7 +106,7 @@ class _Opened:
         if file.suffix != ".py":
             raise ControllerError(f"{file}: is not a Python file; expected a name that ends in .py")
         try:
-            self.modules = OwnModules(file)
+            self.modules = PrivateModules(file)
         except (Exception, SystemExit) as error:  # user code may raise anything
             raise ControllerError(f"{file}: fails with {type(error).__name__}: {error}") from error
         if not hasattr(self.modules.module, name):
@@ -114,10 +114,10 @@ class _Opened:
         self.found = getattr(self.modules.module, name)
 
 
-class _OwnFunction:
+class _FileFunction:
     """A control function of a file, called in its folder; it keeps its modules, and pickles as its origin."""
 
-    def __init__(self, function: Callable[..., Any], modules: OwnModules, origin: tuple[Any, ...]) -> None:
+    def __init__(self, function: Callable[..., Any], modules: PrivateModules, origin: tuple[Any, ...]) -> None:
         self._function, self._modules, self._origin = function, modules, origin
         self._folder = modules.folder
 

@@ -77,7 +77,7 @@ class UnitController:
 
 
 class UnitLaw:
-    """The FMU as control law; see `gough_stewart.harness.control.laws.OwnLaw`."""
+    """The FMU as control law; see `gough_stewart.harness.control.laws.MemberLaw`."""
 
     used = signals.NAMES
 

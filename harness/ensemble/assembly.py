@@ -11,14 +11,14 @@ import polars
 
 from gough_stewart.harness.ensemble.chunk_files import ChunkFiles
 from gough_stewart.harness.ensemble.columns import CAUSE, INTEGRATION_ERROR, OSCILLATION, OUTCOME
+from gough_stewart.harness.ensemble.exact_versions import exact_versions
 from gough_stewart.harness.ensemble.local import Range
-from gough_stewart.harness.ensemble.made_with import made_with
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.polars_paths import read_parquet, scan_parquet, write_to
-from gough_stewart.harness.results.bands import bands_frame, together
+from gough_stewart.harness.results.bands import bands_frame, joined_samples
 from gough_stewart.model.files import write_whole
 
 MEMBERS, BANDS, METADATA = "members.parquet", "bands.parquet", "ensemble.json"
@@ -34,7 +34,7 @@ def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: S
         rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
 
     write_whole(folder / MEMBERS, lambda path: write_to(path, write))
-    bands = bands_frame(together(files.bands(first) for first, _ in ranges))
+    bands = bands_frame(joined_samples(files.bands(first) for first, _ in ranges))
     write_whole(folder / BANDS, lambda path: write_to(path, partial(bands.write_parquet, statistics=False)))
     members = scan_parquet(folder / MEMBERS)
     write_whole(folder / METADATA, json.dumps(_metadata(plan, members, features), indent=1).encode())
@@ -91,6 +91,6 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
         "features": list(features),
         "hash": plan.hash,
         "plan": plan.text,
-        "made_with": made_with(),
+        "made_with": exact_versions(),
         "versions": versions(),
     }

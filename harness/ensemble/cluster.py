@@ -5,8 +5,8 @@ from typing import Any
 
 from gough_stewart.harness.ensemble.chunk import chunk
 from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
+from gough_stewart.harness.ensemble.exact_versions import difference, exact_versions
 from gough_stewart.harness.ensemble.local import Range
-from gough_stewart.harness.ensemble.made_with import difference, made_with
 from gough_stewart.harness.ensemble.passing import packed, unpacked
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import Plan
@@ -46,7 +46,7 @@ def chunks_there(plan: Plan, ranges: Sequence[Range], address: str) -> Iterator[
 
 
 def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
-    text, ours, waiting, controller = plan.text, made_with(), list(reversed(ranges)), packed(plan)
+    text, ours, waiting, controller = plan.text, exact_versions(), list(reversed(ranges)), packed(plan)
 
     def submit() -> Any:
         each = waiting.pop()
@@ -73,19 +73,19 @@ def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) 
 
 def chunk_there(text: str, ours: dict[str, str], first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
     """On a worker: compute a chunk of a plan's text; workers that join later are checked here."""
-    _check(made_with(), "a worker", ours)
+    _check(exact_versions(), "a worker", ours)
     return ChunkBytes.of(chunk(unpacked(text, controller), first, last))
 
 
 def _versions_there() -> dict[str, str] | None:
     try:
-        return made_with()
+        return exact_versions()
     except ImportError:
         return None
 
 
 def _check(theirs: dict[str, str] | None, worker: str, ours: dict[str, str] | None = None) -> None:
-    differs = "gough-stewart is not installed there" if theirs is None else difference(ours or made_with(), theirs)
+    differs = "gough-stewart is not installed there" if theirs is None else difference(ours or exact_versions(), theirs)
     if differs:
         raise EnsembleError(f"{worker} differs from this machine: {differs}; install the same versions there")
 

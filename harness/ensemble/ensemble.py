@@ -14,8 +14,8 @@ from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, as
 from gough_stewart.harness.ensemble.chunk import SIZE, check_names
 from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.cluster import chunks_there
+from gough_stewart.harness.ensemble.exact_versions import difference, exact_versions
 from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, cores
-from gough_stewart.harness.ensemble.made_with import difference, made_with
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
@@ -157,7 +157,7 @@ def _computed(
     say("running")
     with _kept(folder, files):
         folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / PLAN, json.dumps({"plan": plan.text, "made_with": made_with()}, indent=1).encode())
+        write_whole(folder / PLAN, json.dumps({"plan": plan.text, "made_with": exact_versions()}, indent=1).encode())
         with closing(_source(plan, left, workers, scheduler)) as source:
             for (first, last), content in source:
                 files.write(first, content)
@@ -212,7 +212,7 @@ def _planned(experiment: Experiment, controller: Any, folder: Path, files: Chunk
             f"{folder} has results of another experiment: {_differences(requested.decisive, plan.decisive)}; choose "
             "another --out, or omit --resume"
         )
-    if differs := difference(made_with(), versions):
+    if differs := difference(exact_versions(), versions):
         raise EnsembleError(f"{folder} has results of other versions: {differs}; omit --resume")
     return None if is_finished else replace(plan, given=requested.given)
 

@@ -19,7 +19,7 @@ from gough_stewart.harness.results.oscillation import (
     last_change,
     least_amplitude,
     may_move,
-    own_motion,
+    self_excited,
 )
 from gough_stewart.model.vectors import FloatArray
 
@@ -61,7 +61,7 @@ def oscillations(
     completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
     found: list[Oscillation | None] = [None] * len(prepared)
     for k in _candidates(prepared, completed, kept):
-        found[k] = _own_motion(prepared[k], kept.time, kept.errors[:, :, k].copy(), kept.every)
+        found[k] = _self_excited(prepared[k], kept.time, kept.errors[:, :, k].copy(), kept.every)
     return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
 
 
@@ -78,14 +78,14 @@ def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars
     }
 
 
-def _own_motion(prepared: Prepared, time: FloatArray, error: FloatArray, every: int) -> Oscillation | None:
+def _self_excited(prepared: Prepared, time: FloatArray, error: FloatArray, every: int) -> Oscillation | None:
     loop = prepared.loop
     assert loop.reference is not None  # a candidate has one
     reference = loop.reference[::every, LENGTHS]
     length = float(np.mean(reference - error))
     sensors = loop.sensors
     least = least_amplitude(length, prepared.platform.platform_points, _one(sensors.noise), _one(sensors.quantisation))
-    return own_motion(LegRows(time, error, reference, _rest_begins(loop, last_change(reference), every), least))
+    return self_excited(LegRows(time, error, reference, _rest_begins(loop, last_change(reference), every), least))
 
 
 def _candidates(prepared: Sequence[Prepared], members: Sequence[int], kept: LegErrors) -> Iterator[int]:

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from gough_stewart.harness.control.controllers import PythonController
-from gough_stewart.harness.control.python.own_modules import files_beside
+from gough_stewart.harness.control.python.private_modules import files_beside
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.motion.recorded.recording import recording_path

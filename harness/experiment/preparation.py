@@ -10,7 +10,7 @@ import numpy as np
 
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.control.laws import Controller, Known, controller_of
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom, OwnLaws, law_of
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, SeparateLaws, law_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError
 from gough_stewart.harness.experiment.hints import hints_of
@@ -78,7 +78,7 @@ class Prepared:
             yield None
         elif isinstance(self.controller, UnitController):
             with self.controller.open(self.loop.timing.sample_time) as law:
-                yield lambda _reference, _measured: OwnLaws([law])
+                yield lambda _reference, _measured: SeparateLaws([law])
         else:
             yield self.law
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
 from gough_stewart.harness.control.feedforward import Feedforward
-from gough_stewart.harness.control.laws import LinearController, made_from
+from gough_stewart.harness.control.laws import LinearController, fresh_controller
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
@@ -222,7 +222,7 @@ def _none_or_a_limit(name: str) -> tuple[str, ...]:
 def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
     if prepared.controller is None:
         return None
-    controller = made_from(prepared.controller)
+    controller = fresh_controller(prepared.controller)
     if isinstance(chosen, PD | PID):
         gains = chosen.gains(prepared.platform)
         T = prepared.loop.timing.sample_time

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController, made_from
+from gough_stewart.harness.control.laws import LinearController, fresh_controller
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import (
     Margins,
@@ -168,7 +168,7 @@ def stability_of(
     """
     hosts = tuple(hosts)
     # a file or a factory makes it
-    controller = None if prepared.controller is None else made_from(prepared.controller)
+    controller = None if prepared.controller is None else fresh_controller(prepared.controller)
     if not isinstance(controller, LinearController):
         kind = "an FMU" if isinstance(controller, UnitController) else "a function"
         reason = NO_FEEDBACK if controller is None else f"{kind} has no linear form"

@@ -77,7 +77,7 @@ class Isolated:
                     stdout=subprocess.PIPE,
                     stderr=printed,
                     env={**os.environ, "TMPDIR": self._folder.name, "TEMP": self._folder.name, **(environment or {})},
-                    **_own_group(),
+                    **_process_group(),
                 )
             self.call("start", kind, arguments)
         except BaseException:
@@ -234,7 +234,7 @@ def _send(stream: IO[bytes], message: Any) -> None:
     stream.flush()
 
 
-def _own_group() -> dict[str, Any]:
+def _process_group() -> dict[str, Any]:
     """A separate process group: Ctrl-C reaches only the run, which ends the FMU after it has kept its rows."""
     if sys.platform == "win32":
         return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}

@@ -62,7 +62,9 @@ def open_plant(
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant
 
-        with FmuPlant(_own_unit(cached_build(version, progress)), platform, start, tolerance, fixed_step_size) as own:
+        with FmuPlant(
+            _cached_unit(cached_build(version, progress)), platform, start, tolerance, fixed_step_size
+        ) as own:
             yield own
         return
     with IsolatedFmu(fmu, platform, start, tolerance, fixed_step_size) as unit:
@@ -72,7 +74,7 @@ def open_plant(
 
 
 @cache
-def _own_unit(path: Path) -> "UnitFile":
+def _cached_unit(path: Path) -> "UnitFile":
     """The FMU of the cache, unpacked once for all runs of this process."""
     from gough_stewart.harness.plants.unit import UnitFile
 

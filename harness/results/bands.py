@@ -99,7 +99,7 @@ class Bands(Fold):
         return BandSamples(self._time, self.columns, self._values, self._lowest, self._highest, self._running)
 
 
-def together(parts: Iterable[BandSamples]) -> BandSamples:
+def joined_samples(parts: Iterable[BandSamples]) -> BandSamples:
     """Join the samples of chunks, in order, to those of all members."""
     parts = list(parts)
     first = parts[0]

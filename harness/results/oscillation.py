@@ -84,10 +84,10 @@ def oscillation(record: RecordData) -> Oscillation | None:
         float(record["leg_length"].mean()), points, sensors.get("noise") or {}, sensors.get("quantisation") or {}
     )
     error, reference = record["error.leg_length"], record["reference.leg_length"]
-    return own_motion(LegRows(record["time"], error, reference, _rest_begins(record), least))
+    return self_excited(LegRows(record["time"], error, reference, _rest_begins(record), least))
 
 
-def own_motion(rows: LegRows) -> Oscillation | None:
+def self_excited(rows: LegRows) -> Oscillation | None:
     """The oscillation or growth of a closed loop, by the rows of a whole run; None for a sound one.
 
     The error is growing if, after the last change of what acts on the loop, it comes to twice the step of the reference
@@ -104,7 +104,7 @@ def own_motion(rows: LegRows) -> Oscillation | None:
 
 
 def may_move(errors: FloatArray, time: FloatArray, reference: FloatArray, rest_begins: int) -> NDArray[np.bool_]:
-    """Members (N,) of which `own_motion` may say something: a quick look at all that have the same reference.
+    """Members (N,) of which `self_excited` may say something: a quick look at all that have the same reference.
 
     Parameters
     ----------

@@ -122,13 +122,13 @@ def _energy(goal: Goal, found: Evaluation) -> float:
 def _first(axes: tuple[Axis, ...], population: int, seed: int) -> FloatArray:
     """The first generation: evenly spread candidates, and the original values."""
     points: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(population)
-    own = own_point(axes)
+    own = point_of_experiment(axes)
     if own is not None and all(axis.is_within for axis in axes):
         points[0] = [axis.share(value) for axis, value in zip(axes, own, strict=True)]
     return points
 
 
-def own_point(axes: tuple[Axis, ...]) -> Point | None:
+def point_of_experiment(axes: tuple[Axis, ...]) -> Point | None:
     """The values of the experiment as it is, also outside the bounds; None if it leaves one out."""
     values = tuple(axis.now for axis in axes if axis.now is not None)
     return values if len(values) == len(axes) else None

@@ -11,7 +11,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.conditions import check_metric, condition_of
 from gough_stewart.harness.tuning.result import Tuning
-from gough_stewart.harness.tuning.search import Search, own_point, search
+from gough_stewart.harness.tuning.search import Search, point_of_experiment, search
 from gough_stewart.harness.tuning.space import Axis, axes_of
 
 # Members that evaluate a candidate, if the experiment has more, and fresh members that the search does not use.
@@ -105,7 +105,7 @@ def tune(
     conditions = tuple(condition_of(text, known) for text in subject_to)
     goal = Goal(check_metric(minimise, known, "--minimise"), conditions, quantile)
     left_out, _ = here.leave_out_impossible()
-    own = own_point(axes)
+    own = point_of_experiment(axes)
     found = search(
         here, axes, goal, population=size, generations=generations, seed=seed, progress=progress, status=status
     )

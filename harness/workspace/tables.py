@@ -120,14 +120,14 @@ def _extremes(workspace: Workspace) -> Sheet:
         lowest, highest = int(np.nanargmin(values)), int(np.nanargmax(values))
         best, worst = (lowest, highest) if result.is_best_low else (highest, lowest)
         named = Named(result.title, result.shown.unit)
-        sheet.add(named, "best", *_found(workspace, result, best), ends_group=result.ends_at_border)
+        sheet.add(named, "best", *_value_and_place(workspace, result, best), ends_group=result.ends_at_border)
         # margins are 0 at the border
         if not result.ends_at_border:
-            sheet.add("", "worst", *_found(workspace, result, worst), ends_group=True)
+            sheet.add("", "worst", *_value_and_place(workspace, result, worst), ends_group=True)
     return sheet
 
 
-def _found(workspace: Workspace, result: Result, k: int) -> tuple[str, ...]:
+def _value_and_place(workspace: Workspace, result: Result, k: int) -> tuple[str, ...]:
     """A value and its swept coordinates, all in display units, without the units."""
     at = np.unravel_index(k, workspace.shape)
     places = []

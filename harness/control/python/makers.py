@@ -41,7 +41,7 @@ class Design:
     parameters: Mapping[str, Any] = field(default_factory=dict)  # from `[controller.parameters]`
 
 
-class Made(Maker):
+class Constructed(Maker):
     """Controllers made by a class or a factory.
 
     Raises
@@ -117,7 +117,7 @@ def is_maker(controller: Callable[..., Any]) -> bool:
     signature = _signature(controller)
     if signature is None or _binds(signature, None):
         return False
-    required = [p for p in _own(signature) if p.default is p.empty]
+    required = [p for p in _named_parameters(signature) if p.default is p.empty]
     if _binds(signature, None, None, **{p.name: None for p in required}):
         return True
     raise ControllerError(
@@ -137,7 +137,7 @@ def check_call(make: Callable[..., Any], design: Design) -> None:
     signature = _signature(make)
     if signature is None or _binds(signature, None, None, **design.parameters):
         return
-    own = _own(signature)
+    own = _named_parameters(signature)
     accepted = [p.name for p in own]
     what = name_of(make)
     takes = f"{what} accepts {', '.join(accepted)}" if accepted else f"{what} accepts no parameters"
@@ -160,7 +160,7 @@ def name_of(thing: Any) -> str:
     return f"{name}()" if name else f"object of class {type(thing).__qualname__}"
 
 
-def _own(signature: inspect.Signature) -> list[inspect.Parameter]:
+def _named_parameters(signature: inspect.Signature) -> list[inspect.Parameter]:
     """The parameters after platform and sample time that may be given by name."""
     parameters = list(signature.parameters.values())
     positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]

@@ -78,7 +78,7 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
     for name in chosen:
         if name not in _QUANTITIES:
             raise MotionError(f"columns: no quantity '{name}'{nearest(name, _QUANTITIES)}")
-    found = {name: _found(name, headings, chosen) for name in _QUANTITIES}
+    found = {name: _heading_of(name, headings, chosen) for name in _QUANTITIES}
     turning = _TURNING[_kind_of_turning(found, chosen)]
     required = (*(_PLACE if timed else _PLACE[1:]), *turning)
     missing = [name for name in required if found[name] is None]
@@ -91,7 +91,7 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
     return _in_units({name: heading for name in required if (heading := found[name]) is not None})
 
 
-def _found(quantity: str, headings: Sequence[Heading], chosen: Mapping[str, str]) -> Heading | None:
+def _heading_of(quantity: str, headings: Sequence[Heading], chosen: Mapping[str, str]) -> Heading | None:
     """The column of a quantity: as chosen, by this project's name, or by a usual one."""
     if quantity in chosen:
         return _chosen(quantity, headings, chosen[quantity])

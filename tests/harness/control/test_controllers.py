@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice, OpenLoop, PythonController
-from gough_stewart.harness.control.laws import LinearController, made_from
+from gough_stewart.harness.control.laws import LinearController, fresh_controller
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.platform import Platform
@@ -186,4 +186,4 @@ def test_a_file_that_holds_no_controller_is_refused(
 def test_a_file_gives_the_object_of_the_wanted_name(platform: Platform, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("def first(sample):\n    return 1\n\n\ndef second(sample):\n    return 2\n")
     found = PythonController(file="mine.py", name="second").controller(platform, T, tmp_path)
-    assert made_from(found)(None) == 2  # type: ignore[arg-type, operator]
+    assert fresh_controller(found)(None) == 2  # type: ignore[arg-type, operator]

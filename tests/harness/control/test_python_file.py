@@ -10,9 +10,9 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.control.controllers import PythonController
-from gough_stewart.harness.control.laws import LinearController, linear_of, made_from
+from gough_stewart.harness.control.laws import LinearController, fresh_controller, linear_of
 from gough_stewart.harness.control.python.makers import Maker
-from gough_stewart.harness.control.python.own_modules import files_beside
+from gough_stewart.harness.control.python.private_modules import files_beside
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from
 
@@ -31,7 +31,7 @@ def write(folder: Path, **files: str) -> Path:
 
 def made(file: Path, **keys: Any) -> Any:
     """A fresh controller of a file."""
-    return made_from(PythonController(file=file.name, **keys).controller(PLATFORM, T, file.parent))
+    return fresh_controller(PythonController(file=file.name, **keys).controller(PLATFORM, T, file.parent))
 
 
 def value(file: Path, **keys: Any) -> Any:
@@ -135,7 +135,7 @@ def test_each_controller_has_globals_of_its_own_and_modules_beside_it_too(tmp_pa
     file = write(tmp_path, mine=COUNTS, aside="n = 0")
     maker = PythonController(file="mine.py").controller(PLATFORM, T, tmp_path)
     assert isinstance(maker, Maker)
-    one, two = (made_from(maker) for _ in range(2))
+    one, two = (fresh_controller(maker) for _ in range(2))
     assert [one(None), one(None), two(None), one(None)] == [(1, 1), (2, 2), (1, 1), (3, 3)]  # type: ignore[operator, arg-type]
     assert value(file) == (1, 1)
 

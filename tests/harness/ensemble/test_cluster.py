@@ -16,7 +16,7 @@ import gough_stewart as gs
 from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble.chunk_files import FOLDER
 from gough_stewart.harness.ensemble.cluster import chunk_there
-from gough_stewart.harness.ensemble.made_with import made_with
+from gough_stewart.harness.ensemble.exact_versions import exact_versions
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import plan_of
 from tests.support.memory import EXPERIMENT, SHORT, Pid
@@ -133,10 +133,10 @@ def test_a_worker_with_other_versions_is_refused(
     cluster: Cluster, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Expected: before anything runs, and by the worker itself where it joins later."""
-    ours = {**made_with(), "numpy": "1.0"}
+    ours = {**exact_versions(), "numpy": "1.0"}
     with pytest.raises(EnsembleError, match=r"a worker differs from this machine: numpy 1\.0 here and"):
         chunk_there(plan_of(small()).text, ours, 0, 1)
-    monkeypatch.setattr("gough_stewart.harness.ensemble.cluster.made_with", lambda: ours)
+    monkeypatch.setattr("gough_stewart.harness.ensemble.cluster.exact_versions", lambda: ours)
     with pytest.raises(
         EnsembleError, match=r"tcp://.* differs from this machine: numpy 1\.0 here and .* there; install the same"
     ):

@@ -13,7 +13,7 @@ import pytest
 
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.control.controllers import PythonController
-from gough_stewart.harness.control.laws import LinearController, made_from
+from gough_stewart.harness.control.laws import LinearController, fresh_controller
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
@@ -176,7 +176,7 @@ def test_a_controller_file_may_hold_dataclasses_and_its_controller_goes_to_anoth
     lines = ["from __future__ import annotations", "from dataclasses import dataclass", "@dataclass", "class Ramp:"]
     lines += ["    slope: float", "    def __call__(self, sample):", "        return [self.slope * sample.time] * 6"]
     (tmp_path / "json.py").write_text("\n".join([*lines, "controller = Ramp(3.0)"]))
-    ramp = made_from(PythonController(file="json.py").controller(load_preset("liu2000"), 1e-3, tmp_path))
+    ramp = fresh_controller(PythonController(file="json.py").controller(load_preset("liu2000"), 1e-3, tmp_path))
     assert "dumps" in dir(importlib.import_module("json"))
     code = "import pickle, sys; print(pickle.load(sys.stdin.buffer)(type('Sample', (), {'time': 2.0})))"
     done = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(ramp), capture_output=True, check=False)

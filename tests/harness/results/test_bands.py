@@ -8,7 +8,7 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.results.bands import Bands, bands_frame, together
+from gough_stewart.harness.results.bands import Bands, bands_frame, joined_samples
 from gough_stewart.model.vectors import FloatArray
 from tests.support.rows import pass_rows
 
@@ -120,7 +120,7 @@ def test_chunks_of_members_make_the_same_bands_as_all_at_once() -> None:
     whole = bands_frame(run(Bands(names, TIMING, N)).samples())
     parts = [slice(0, 20), slice(20, N)]
     chunks = [run(Bands(names, TIMING, part.stop - part.start, part.start), part).samples() for part in parts]
-    assert bands_frame(together(chunks)).equals(whole)
+    assert bands_frame(joined_samples(chunks)).equals(whole)
 
 
 def test_beyond_ten_thousand_members_quantiles_are_of_the_first_and_extremes_of_all() -> None:

@@ -12,7 +12,7 @@ import pytest
 from scipy import signal
 
 import gough_stewart as gs
-from gough_stewart.harness.results.oscillation import LegRows, Oscillation, may_move, oscillation, own_motion
+from gough_stewart.harness.results.oscillation import LegRows, Oscillation, may_move, oscillation, self_excited
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.model.vectors import FloatArray
 from tests.harness.cli.test_terminal import invoke
@@ -349,7 +349,7 @@ def test_the_quick_look_at_many_members_passes_over_none_that_moves(moving: bool
     wanted: FloatArray = np.asarray(reference, dtype=float)
     rows: FloatArray = np.asarray(errors, dtype=float)
     found = [
-        own_motion(LegRows(time, rows[:, k], wanted, begins, lambda _frequency: 1e-6)) is not None
+        self_excited(LegRows(time, rows[:, k], wanted, begins, lambda _frequency: 1e-6)) is not None
         for k in range(members)
     ]
     may = may_move(rows, time, wanted, begins)
@@ -361,7 +361,7 @@ def test_the_quick_look_at_many_members_passes_over_none_that_moves(moving: bool
 def judged(error: FloatArray, reference: FloatArray | float = 2.0) -> Oscillation | None:
     """Of legs (n, 6), with nothing that acts."""
     n = len(error)
-    return own_motion(LegRows(TIME[:n], error, np.broadcast_to(reference, (n, 6)) * 1.0, 0, lambda _frequency: 1e-6))
+    return self_excited(LegRows(TIME[:n], error, np.broadcast_to(reference, (n, 6)) * 1.0, 0, lambda _frequency: 1e-6))
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -487,7 +487,7 @@ def test_each_reason_alone_is_seen_by_both_looks_at_a_loop() -> None:
     begins = 800
     may = may_move(errors, TIME, reference, begins)
     for k, (what, (_, grows)) in enumerate(AFTER_A_STEP.items()):
-        found = own_motion(LegRows(TIME, errors[:, k], reference, begins, lambda _frequency: 1e-6))
+        found = self_excited(LegRows(TIME, errors[:, k], reference, begins, lambda _frequency: 1e-6))
         assert (None if found is None else found.is_growing) == grows, what
         assert may[k] == (grows is not None or what == "a slow cycle that grows"), what
     assert not may_move(errors[:31], TIME[:31], reference[:31], 0).any()
@@ -522,8 +522,8 @@ def test_each_leg_is_explained_by_its_own_motion() -> None:
     reference: FloatArray = np.asarray(2 + 0.05 * np.sin(angle), dtype=float)
     error: FloatArray = np.asarray(0.3 * np.cos(angle) + 0.1 * np.sin(angle), dtype=float)
     cycling = error + 3e-4 * np.sin(2 * np.pi * 47 * TIME)[:, None] * np.eye(6)[3]
-    assert own_motion(LegRows(TIME, error, reference, N - 1, lambda _frequency: 1e-6)) is None
-    found = own_motion(LegRows(TIME, cycling, reference, N - 1, lambda _frequency: 1e-6))
+    assert self_excited(LegRows(TIME, error, reference, N - 1, lambda _frequency: 1e-6)) is None
+    found = self_excited(LegRows(TIME, cycling, reference, N - 1, lambda _frequency: 1e-6))
     assert found is not None
     assert found.leg == 4
     assert found.amplitude == pytest.approx(3e-4, rel=0.03)

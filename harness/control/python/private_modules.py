@@ -27,7 +27,7 @@ _PACKAGE = __name__.partition(".")[0]
 _FOLDER_LOCK = threading.RLock()
 
 
-class OwnModules:
+class PrivateModules:
     """A Python file, executed, with the modules beside it that it imports.
 
     Raises
@@ -78,7 +78,7 @@ def _forget(prefix: str) -> None:
 def _builtins_of(prefix: str, folder: Path) -> dict[str, Any]:
     """The built-in functions for code of these modules; they differ in what an import statement calls.
 
-    It holds no reference to the `OwnModules`, which the modules would keep alive.
+    It holds no reference to the `PrivateModules`, which the modules would keep alive.
     """
     known = dict[str, bool]()
 

@@ -15,7 +15,7 @@ _ROOMS = ("model", "fmu_build", "harness")
 
 
 @cache
-def made_with() -> dict[str, str]:
+def exact_versions() -> dict[str, str]:
     """Versions of this project, its sources, Python and NumPy in this process."""
     return {
         "gough-stewart": version("gough-stewart"),
