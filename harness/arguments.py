@@ -76,6 +76,41 @@ def _is_path(value: Any) -> bool:
     return isinstance(value, str | os.PathLike)
 
 
+def _has(*attributes: str) -> Callable[[Any], bool]:
+    return lambda value: all(hasattr(value, each) for each in attributes)
+
+
+def _unchanged(is_one: Callable[[Any], bool], expected: str) -> Take:
+    """What the function takes as it is, if it is of this kind."""
+
+    def take(name: str, value: Any) -> Any:
+        if not is_one(value):
+            raise _wrong(name, value, expected)
+        return value
+
+    return take
+
+
+_text = _unchanged(lambda value: isinstance(value, str), "a text")
+_path = _unchanged(_is_path, "a path")
+_record_or_path = _unchanged(
+    lambda value: _is_path(value) or hasattr(value, "metadata"), "a Record, or the folder or file of one"
+)
+_experiment = _unchanged(
+    lambda value: _is_path(value) or hasattr(value, "model_dump") or callable(value),
+    "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
+)
+_logs = _unchanged(
+    lambda value: (
+        _is_path(value)
+        or hasattr(value, "leg_length")
+        or hasattr(value, "table")
+        or (isinstance(value, Iterable) and not isinstance(value, Mapping))
+    ),
+    "a Log, a Record, a file or folder of one, or a list of them",
+)
+
+
 def _platform(name: str, value: Any) -> Any:
     """A platform or many of them, the name of a preset, or a file."""
     if _is_path(value):
@@ -101,23 +136,11 @@ def _case(name: str, value: Any) -> Any:
     return value if hasattr(value, "platform") else _platform(name, value)
 
 
-def _experiment(name: str, value: Any) -> Any:
-    if not _is_path(value) and not hasattr(value, "model_dump") and not callable(value):
-        raise _wrong(name, value, "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file")
-    return value
-
-
 def _settings(name: str, value: Any) -> Any:
     if isinstance(value, str):
         return [value]
     if not isinstance(value, Mapping | Iterable):
         raise _wrong(name, value, "a dict of keys and values, or texts such as 'loop.duration=1'")
-    return value
-
-
-def _path(name: str, value: Any) -> Any:
-    if not _is_path(value):
-        raise _wrong(name, value, "a path")
     return value
 
 
@@ -130,25 +153,12 @@ def _record(name: str, value: Any) -> Any:
     return _record_or_path(name, value)
 
 
-def _record_or_path(name: str, value: Any) -> Any:
-    if not _is_path(value) and not hasattr(value, "metadata"):
-        raise _wrong(name, value, "a Record, or the folder or file of one")
-    return value
-
-
 def _records(name: str, value: Any) -> Any:
     if _is_path(value) or hasattr(value, "table"):
         return value
     if not isinstance(value, Iterable):
         raise _wrong(name, value, "a Record, the folder or file of one, or a list of them")
     return [_record_or_path(f"{name}[{k}]", each) for k, each in enumerate(value)]
-
-
-def _logs(name: str, value: Any) -> Any:
-    is_log = _is_path(value) or hasattr(value, "leg_length") or hasattr(value, "table")
-    if not is_log and not (isinstance(value, Iterable) and not isinstance(value, Mapping)):
-        raise _wrong(name, value, "a Log, a Record, a file or folder of one, or a list of them")
-    return value
 
 
 def _whole(name: str, value: Any) -> Any:
@@ -198,34 +208,11 @@ def _vectors(size: int, unit: str, what: str) -> Take:
     return take
 
 
-def _instance(of: str, what: str) -> Take:
-    """An object with these attributes."""
-
-    def take(name: str, value: Any) -> Any:
-        if not all(hasattr(value, each) for each in of.split()):
-            raise _wrong(name, value, what)
-        return value
-
-    return take
-
-
-def _text(name: str, value: Any) -> Any:
-    if not isinstance(value, str):
-        raise _wrong(name, value, "a text")
-    return value
-
-
 def _texts(name: str, value: Any) -> Any:
     found = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
     if not all(isinstance(each, str) for each in found):
         raise _wrong(name, value, "a text, or a list of texts")
     return found
-
-
-def _function(name: str, value: Any) -> Any:
-    if not callable(value):
-        raise _wrong(name, value, "a function")
-    return value
 
 
 def _coordinates(name: str, value: Any) -> Any:
@@ -244,7 +231,6 @@ def _coordinates(name: str, value: Any) -> Any:
     return found
 
 
-_STATE = _instance("position orientation velocity angular_velocity", "a State(position, orientation, …)")
 _TAKES: dict[str, Take] = {
     **dict.fromkeys(("platform", "parameters", "nominal", "found"), _platform),
     **dict.fromkeys(("out", "path", "folder", "fmu"), _path),
@@ -254,7 +240,7 @@ _TAKES: dict[str, Take] = {
     **dict.fromkeys(("duration", "fade", "sample_time"), _quantity("s", positive=True)),
     **dict.fromkeys(("integral_time", "derivative_filter", "anti_windup_time"), _quantity("s", positive=True)),
     **dict.fromkeys(("quantile", "damping_ratio"), _quantity("")),
-    **dict.fromkeys(("progress", "status", "warn", "injection"), _function),
+    **dict.fromkeys(("progress", "status", "warn", "injection"), _unchanged(callable, "a function")),
     **dict.fromkeys(("vary", "subject_to", "estimate"), _texts),
     **dict.fromkeys(("over", "at"), _coordinates),
     "minimise": _text,
@@ -264,10 +250,12 @@ _TAKES: dict[str, Take] = {
     "record": _record,
     "records": _records,
     "log": _logs,
-    "state": _STATE,
-    "acceleration": _instance("linear angular", "an Acceleration(linear, angular)"),
-    "gains": _instance("proportional derivative", "Gains, or the result of gains_from_bandwidth"),
-    "system": _instance("poles", "a python-control system"),
+    "state": _unchanged(
+        _has("position", "orientation", "velocity", "angular_velocity"), "a State(position, orientation, …)"
+    ),
+    "acceleration": _unchanged(_has("linear", "angular"), "an Acceleration(linear, angular)"),
+    "gains": _unchanged(_has("proportional", "derivative"), "Gains, or the result of gains_from_bandwidth"),
+    "system": _unchanged(_has("poles"), "a python-control system"),
     "position": _vectors(3, "m", "x, y, z"),
     "orientation": _vectors(3, "rad", "roll, pitch, yaw"),
     "leg_length": _vectors(6, "m", "one for each leg"),
