@@ -107,7 +107,8 @@ def clear_errors() -> Iterator[Command]:
         yield command
     except GoughStewartError as error:
         _say_error(str(error), error)
-        raise typer.Exit(_code_of(error)) from error
+        missed = ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED
+        raise typer.Exit(ExitCode.USAGE if isinstance(error, UsageError) else missed) from error
     except OSError as error:
         _say_error(f"{error.filename or 'output'}: {error.strerror or error}", error)
         raise typer.Exit(ExitCode.FAILED) from error
@@ -117,12 +118,6 @@ def clear_errors() -> Iterator[Command]:
     except KeyboardInterrupt as error:
         errors.say((f"interrupted; {_notes(error) or command.whereabouts()}", "bold red"))
         raise typer.Exit(ExitCode.INTERRUPTED) from None
-
-
-def _code_of(error: GoughStewartError) -> ExitCode:
-    if isinstance(error, UsageError):
-        return ExitCode.USAGE
-    return ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED
 
 
 @contextmanager

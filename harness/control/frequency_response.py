@@ -66,7 +66,8 @@ def response_of_periods(
         raise ControllerError(
             f"{len(force) / samples:.3g} periods, of which {settle} settle; expected at least two more: a longer run"
         )
-    D, U = (_transforms(values, samples, settle, periods)[:, lines] for values in (injected, force))
+    used = slice(settle * samples, (settle + periods) * samples)
+    D, U = (np.fft.rfft(values[used].reshape(periods, samples), axis=1)[:, lines] for values in (injected, force))
     power_of_d, power_of_u = (np.abs(D) ** 2).sum(axis=0), (np.abs(U) ** 2).sum(axis=0)
     if not (power_of_d > 0).all():
         raise ControllerError("the injection has no power at some of its lines; expected the injection of this run")
@@ -77,8 +78,3 @@ def response_of_periods(
     return Response(
         S, np.sqrt(quantile * variance / power_of_d), np.abs(cross) ** 2 / (power_of_u * power_of_d), periods
     )
-
-
-def _transforms(values: FloatArray, samples: int, settle: int, periods: int) -> ComplexArray:
-    used = values[settle * samples : (settle + periods) * samples].reshape(periods, samples)
-    return np.asarray(np.fft.rfft(used, axis=1))

@@ -65,7 +65,7 @@ class FromFile(Maker):
                 found = called(found, self._design)
         if not callable(found) or is_control_system(found) or inspect.isclass(found):
             return found  # a linear one, or refused where it is used
-        return _FileFunction(found, opened.modules, (_remade, (self,)))
+        return _FileFunction(found, opened.modules, (FromFile.make, (self,)))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_opened": []}
@@ -127,7 +127,3 @@ class _FileFunction:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return self._origin
-
-
-def _remade(maker: FromFile) -> Any:
-    return maker.make()

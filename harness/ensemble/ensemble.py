@@ -208,12 +208,15 @@ def _planned(experiment: Experiment, controller: Any, folder: Path, files: Chunk
         return plan
     plan, versions, is_finished = begun
     if requested.hash != plan.hash:
+        found = list(_different(requested.decisive, plan.decisive, ""))
+        # without values that also appear in the experiment
+        differs = [each for each in found if not any(other.endswith(f".{each}") for other in found)]
         raise EnsembleError(
-            f"{folder} has results of another experiment: {_differences(requested.decisive, plan.decisive)}; choose "
-            "another --out, or omit --resume"
+            f"{folder} has results of another experiment: {'; '.join(differs[:3])}; choose another --out, or omit "
+            "--resume"
         )
-    if differs := difference(exact_versions(), versions):
-        raise EnsembleError(f"{folder} has results of other versions: {differs}; omit --resume")
+    if others := difference(exact_versions(), versions):
+        raise EnsembleError(f"{folder} has results of other versions: {others}; omit --resume")
     return None if is_finished else replace(plan, given=requested.given)
 
 
@@ -230,14 +233,8 @@ def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:
     return None
 
 
-def _differences(here: Any, there: Any, at: str = "") -> str:
-    """The first differences between two trees of plain values."""
-    found = list(_different(here, there, at))
-    # skip values that also appear in the experiment
-    return "; ".join([each for each in found if not any(other.endswith(f".{each}") for other in found)][:3])
-
-
 def _different(here: Any, there: Any, at: str) -> Iterator[str]:
+    """The differences between two trees of plain values."""
     if isinstance(here, dict) and isinstance(there, dict):
         for key in sorted({*here, *there}):
             yield from _different(

@@ -67,11 +67,6 @@ class Regression:
     filtered: Callable[[Callable[[FloatArray], FloatArray]], FloatArray]
 
 
-def rows_of(log: Log, platform: Platform, cutoff: float | None = None) -> Rows:
-    """The rows of `regression_of` alone."""
-    return regression_of(log, platform, cutoff).rows
-
-
 def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> Regression:
     """The rows of the regression.
 

@@ -94,11 +94,6 @@ def dry_friction(platform: Platform, velocity: FloatArray) -> FloatArray:
     return friction_force(replace(platform, leg_viscous_friction=0.0), velocity)
 
 
-def viscous_coefficients(platform: Platform) -> FloatArray:
-    """Viscous friction of each leg (6,) [N s/m]."""
-    return friction_force(without_dry_friction(platform), np.ones(6))
-
-
 def without_dry_friction(platform: Platform) -> Platform:
     """The platform without Coulomb friction."""
     return replace(platform, leg_coulomb_friction=0.0)

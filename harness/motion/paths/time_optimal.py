@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.motion.paths.legs_along import DynamicLimits, LegsAlong, viscous_coefficients
+from gough_stewart.harness.motion.paths.legs_along import DynamicLimits, LegsAlong, without_dry_friction
 from gough_stewart.model.leg_dynamics import friction_force
 from gough_stewart.model.vectors import FloatArray
 
@@ -83,7 +83,8 @@ class TimeOptimal:
         x, u = self.x[:, None], self.u[:, None]
         v = at.l * np.sqrt(x)  # L̇
         dv = at.l / (2 * np.sqrt(np.maximum(x, _SMALLEST_SQUARED_RATE * x.max())))  # dL̇/dx
-        slope = viscous_coefficients(platform) * dv
+        # viscous friction of each leg (6,) [N s/m]
+        slope = friction_force(without_dry_friction(platform), np.ones(6)) * dv
         a, b, c = at.a, at.b + slope, at.c + friction_force(platform, v) - slope * x
         both: list[tuple[Any, Any, Any, Any]] = []
         if np.isfinite(limits.acceleration):
