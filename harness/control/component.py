@@ -1,13 +1,21 @@
-"""Links of a controller of six channels that have a table of their own, such as `[controller.notch]`.
+"""Components: what stands between the reference and the plant, each described once for every host.
 
-A link is one class in one file: its keys with units and bounds, and its matrices, of numbers or of CasADi symbols. From
-these follow the keys of experiment files, of `--set`, `--vary` and `tune`, the loop's law, margins, and the parameters
-and equations of an exported controller.
+A component is one class in one file: the keys of its table with units and bounds, what comes in and goes out, its
+states, and its equations. From these follow the keys of experiment files, of `--set`, `--vary` and `tune`, the run of
+N members in NumPy, small signals for margins, the parameters and the traced equations of exported code, and the
+documentation's tables. A host only moves time and values: it calls a component at its clock, with the inputs of then.
+
+Rules of the equations of a `Stepped` component:
+
+1. Arrays have the members last: signals (size, N), parameters (N,) or numbers; or one member of CasADi symbols.
+2. Nothing branches on a value. What compares is in `model/operations.py`. A part that is absent has the coefficient
+   None, which is structure, not a value.
+3. All that a step remembers is in its state; it keeps and changes no array that it was given.
 """
 
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -16,9 +24,13 @@ from gough_stewart.harness.quantities import quantity_in
 from gough_stewart.harness.section import Section
 from gough_stewart.model.parameters import Bound
 
+# When a component runs: at the controller's samples, at every step of the plant, or at the sensors' readings.
+Clock = Literal["sample", "plant step", "reading"]
+Signals = tuple[Any, ...]
+
 
 class Parameter(NamedTuple):
-    """A parameter of a link, as an exported controller has it."""
+    """A parameter of a component, as exported code has it."""
 
     name: str  # `notch_frequency`
     key: str  # `frequency`, in the table
@@ -26,17 +38,86 @@ class Parameter(NamedTuple):
     bound: Bound
     description: str
     condition: str  # besides the bound, on `value` and `sample_time`: "value * sample_time < 0.5"
+    none: float | None = None  # the value of a part that is absent; 0 where it is written
+    expected: str = ""  # the condition in the user's words
 
 
-class Link(Section):
-    """A link between the controller of six channels and its force or wrench, each channel alike."""
+class Component:
+    """What all components declare."""
 
-    name: ClassVar[str]  # of its table and of its parameters
+    name: ClassVar[str]  # beginning of its parameters' names
+    table: ClassVar[type[Section]]  # of an experiment, with its keys
+    keys: ClassVar[tuple[str, ...]]  # those that are parameters of exported code
     conditions: ClassVar[Mapping[str, str]] = {}  # of keys, see `Parameter.condition`
+    absent: ClassVar[Mapping[str, float]] = {}  # of keys that need not be given, see `Parameter.none`
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """Its parameters, in order."""
+        found = []
+        for key in cls.keys:
+            field = cls.table.model_fields[key]
+            quantity: Any = quantity_in(field.annotation, *field.metadata)
+            none = cls.absent.get(key)
+            bound: Bound = (getattr(quantity, "bound", None) if none is None else None) or ">= 0"
+            name = key if key.startswith(cls.name) else f"{cls.name}_{key}"
+            text = field.description or ""
+            found.append(Parameter(name, key, quantity.unit, bound, text, cls.conditions.get(key, ""), none))
+        return tuple(found)
+
+    @staticmethod
+    def linear(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
+        """Small signals of one channel, from the values of its keys; by default what comes in goes out.
+
+        Limits are open, and a quantiser is a wire. In discrete time at the sample time [s], or in continuous time.
+        """
+        del values, sample_time, solve
+        return StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
+
+
+class Stepped(Component):
+    """A component that a host steps; see the rules above."""
+
+    clock: ClassVar[Clock]
+    inputs: ClassVar[tuple[str, ...]]
+    outputs: ClassVar[tuple[str, ...]]
+    states: ClassVar[tuple[str, ...]]
 
     @staticmethod
     @abstractmethod
-    def channel(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
+    def prepare(values: Mapping[str, Any], period: Any) -> Any:
+        """The coefficients, a named tuple, from the values of its keys and the time [s] between its steps."""
+
+    @staticmethod
+    @abstractmethod
+    def without_idle(coefficients: Any) -> Any:
+        """The same for numbers, with None for parts that no member has, which costs no time in a step."""
+
+    @staticmethod
+    @abstractmethod
+    def start(coefficients: Any, inputs: Signals) -> Signals:
+        """The states at rest in these inputs, in the order of `states`."""
+
+    @staticmethod
+    @abstractmethod
+    def step(coefficients: Any, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
+        """The next states, and the outputs until the next step; an output of None is one that nothing affects."""
+
+
+class Link(Section, Component):
+    """A linear component between the controller of six channels and its force or wrench, each channel alike.
+
+    Hosts join it to the controller, whose step x⁺ = A x + B u they have; so it has matrices in place of a step.
+    """
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_options: Any) -> None:
+        """It is a table, and all its keys are parameters."""
+        cls.table, cls.keys = cls, tuple(cls.model_fields)
+
+    @staticmethod
+    @abstractmethod
+    def linear(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
         """One channel in discrete time, from the values of its keys, numbers or symbols in arrays (1,)."""
 
     def check(self, sample_time: float) -> None:
@@ -47,17 +128,6 @@ class Link(Section):
         ControllerError
             Names the key, its value, and what was expected.
         """
-
-    @classmethod
-    def parameters(cls) -> tuple[Parameter, ...]:
-        """Its keys as parameters, in order."""
-        found = []
-        for key, field in cls.model_fields.items():
-            quantity: Any = quantity_in(field.annotation, *field.metadata)
-            bound: Bound = getattr(quantity, "bound", None) or ">= 0"
-            condition = cls.conditions.get(key, "")
-            found.append(Parameter(f"{cls.name}_{key}", key, quantity.unit, bound, field.description or "", condition))
-        return tuple(found)
 
     def values(self) -> dict[str, Any]:
         """The values of its keys."""
@@ -78,7 +148,7 @@ def with_links(
     n = controller.noutputs
     gain = np.diagonal(controller.D[:, :n])
     for link, values in links:
-        one = link.channel(values, sample_time, solve)
+        one = link.linear(values, sample_time, solve)
         A, B, C, D = (np.asarray(np.kron(np.eye(n), each)) for each in (one.A, one.B, one.C, one.D))
         controller = series(controller, StateSpace(A, B / gain, gain[:, None] * C, D, one.dt))
     return controller

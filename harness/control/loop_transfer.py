@@ -3,6 +3,7 @@
 import control
 import numpy as np
 
+from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import linearise
 from gough_stewart.harness.control.linear_law import MapsOfPose, displacements, inputs_of
@@ -52,7 +53,8 @@ def loop_transfer(
         The controller has another sample time, or the delay needs more states than `MOST_STATES`.
     """
     controller.check_sample_time(sample_time)
-    states = 12 + 6 * (lag > 0) + 6 * delay + controller.system.nstates
+    drive = Drive.linear({"lag": lag}, sample_time)
+    states = 12 + 6 * drive.nstates + 6 * delay + controller.system.nstates
     if states > MOST_STATES:
         raise ControllerError(
             f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "
@@ -60,8 +62,8 @@ def loop_transfer(
         )
     linear = linearise(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
     plant = control.ss(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
-    if lag > 0:
-        plant = plant * control.append(*[control.ss([[-1 / lag]], [[1 / lag]], [[1]], [[0]])] * 6)
+    if drive.nstates:
+        plant = plant * control.append(*[control.ss(drive.A, drive.B, drive.C, drive.D)] * 6)
     plant = control.sample_system(plant, sample_time)
     for _ in range(delay):
         plant = plant * control.ss(np.zeros((6, 6)), np.eye(6), np.eye(6), np.zeros((6, 6)), sample_time)

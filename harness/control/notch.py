@@ -51,7 +51,7 @@ class Notch(Link):
             )
 
     @staticmethod
-    def channel(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
+    def linear(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
         """ẋ₁ = ω x₂, ẋ₂ = ω (u − x₁ − 2 ζ x₂), y = u − 2 ζ (1 − d) x₂, by Tustin's rule with T' = 2/ω tan(ω T/2)."""
         omega, zeta, depth = 2 * np.pi * values["frequency"], values["damping"], values["depth"]
         none = 0 * omega

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gough_stewart.harness.control.drive import ActuatorChoice
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.schema import Experiment
@@ -68,7 +69,7 @@ def injected(injection: Injection, times: FloatArray) -> FloatArray:
     return forces
 
 
-def force_limit_of(choice: schema.ActuatorChoice, platform: Platform) -> float | None:
+def force_limit_of(choice: ActuatorChoice, platform: Platform) -> float | None:
     if choice.force_limit == "platform":
         return platform.actuator_force_max
     return None if choice.force_limit == "none" else float(choice.force_limit)

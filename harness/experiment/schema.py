@@ -7,14 +7,15 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.control.drive import ActuatorChoice
 from gough_stewart.harness.control.injections import InjectionChoice
+from gough_stewart.harness.control.sensor import SensorChoice
 from gough_stewart.harness.motion import excitation  # noqa: F401 - by being there its motion is known
 from gough_stewart.harness.motion.limits.reach import WhenBeyond
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.plant import PlantKind
-from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import (
     ZEROS,
     Angle,
@@ -23,15 +24,12 @@ from gough_stewart.harness.quantities import (
     Number,
     Orientation,
     Position,
-    PositiveForceRate,
     PositiveLength,
     PositiveTime,
     Time,
     Torque,
-    Unit,
     Velocity,
     number,
-    positive_or_word,
 )
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, FileName, Section
@@ -40,10 +38,6 @@ from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.joint_circles import Pairing
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES
-
-# Smaller noise and steps are rounding, and their inverse overflows.
-_FINEST = 1e-15
-_SIGNAL_UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
 def _by_parameter(value: Any) -> Any:
@@ -134,48 +128,6 @@ class LoopChoice(Section):
     plant_step: PositiveTime | None = None
     delay: Annotated[int, Field(ge=0, le=1000)] = 0
     jitter: Time = 0.0
-
-
-def _by_signal(value: Any) -> dict[str, float]:
-    if not isinstance(value, dict):
-        raise ValueError(f"expected a table of signals ({', '.join(NAMES)})")  # noqa: TRY004 - pydantic wants this one
-    found = {}
-    for name, size in value.items():
-        if name not in NAMES:
-            raise ValueError(f"no signal '{name}'; expected {', '.join(NAMES)}")
-        try:
-            found[name] = number(size, _SIGNAL_UNITS[name])
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from None
-        if found[name] and not found[name] >= _FINEST:
-            raise ValueError(f"{name} is {size!r}; expected 0, or at least {_FINEST:g} {_SIGNAL_UNITS[name]}")
-    return found
-
-
-PerSignal = Annotated[dict[str, float], BeforeValidator(_by_signal)]
-
-
-class SensorChoice(Section):
-    """`[sensors]`: standard deviation of noise and quantisation step by signal, and their sample time."""
-
-    noise: PerSignal = Field(default_factory=dict)
-    quantisation: PerSignal = Field(default_factory=dict)
-    # of the readings; the controller's by default
-    sample_time: PositiveTime | None = None
-    # of noise and jitter
-    seed: Annotated[int, Field(ge=0)] = 0
-
-
-def _force_limit(value: Any) -> float | str:
-    return positive_or_word(value, "N", "platform", "none")
-
-
-class ActuatorChoice(Section):
-    """`[actuators]`: limits, and the time constant of a lag; the platform's force limit by default."""
-
-    force_limit: Annotated[float | str, BeforeValidator(_force_limit), Unit("N")] = "platform"
-    rate_limit: PositiveForceRate | None = None
-    lag: Time = 0.0
 
 
 class LimitChoice(Section):

@@ -9,16 +9,20 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
+from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.feedforward import Feedforward
+from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.laws import LinearController, fresh_controller
+from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.carried import NOTHING, Carried, Part, carried
 from gough_stewart.harness.export.faults import Faults, check_faults
 from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
 from gough_stewart.harness.export.ranges import Ranges, ranges_of
-from gough_stewart.harness.export.settings import Setting, setting
+from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
@@ -53,6 +57,7 @@ class Designed:
     ranges: Ranges  # of measurements and references
     faults: Faults  # what is done about inputs that cannot be
     notes: tuple[str, ...] = ()  # paragraphs about its loop, for the header
+    carried: Carried = NOTHING  # of the machine around it
 
     @property
     def measured(self) -> tuple[Variable, ...]:
@@ -90,6 +95,8 @@ class Designed:
         if isinstance(self.law, MatrixLaw) and self.law.controller.sample_time is not None:
             # the matrices are valid for one sample time
             sampled = ("fabs(parameters->sample_time / DEFAULT_SAMPLE_TIME - 1) <= 1e-9",)
+        force_limit, rate_limit = ForceLimits.parameters()
+        _, lag = Drive.parameters()
         found = [
             setting(
                 *("sample_time", "s", "> 0", "time from sample to sample", self.sample_time),
@@ -105,21 +112,8 @@ class Designed:
                 largest=MOST_DELAY,
                 expected=f"a whole number of samples, at most {MOST_DELAY}",
             ),
-            setting(
-                *("force_limit", "N", ">= 0", "largest force of an actuator", self.force_limit),
-                is_real=True,
-                may_be_infinite=True,
-                conditions=_none_or_a_limit("force_limit"),
-                expected="0, which is none, or at least 0.001 N",
-            ),
-            setting(
-                *("force_rate_limit", "N/s", ">= 0", "rate limit of the drives, for the anti-windup"),
-                self.rate_limit,
-                is_real=True,
-                may_be_infinite=True,
-                conditions=_none_or_a_limit("force_rate_limit"),
-                expected="0, which is none, or at least 0.001 N/s",
-            ),
+            setting_of(force_limit, self.force_limit),
+            setting_of(rate_limit, self.rate_limit, "" if self.carried.drives else ", for the anti-windup"),
             setting(
                 *("start_force", "N", None, "forces before the first sample, and while all inputs are zero"),
                 self.start_force,
@@ -127,6 +121,14 @@ class Designed:
                 expected=f"at most {LARGEST_FORCE:g} N",
             ),
         ]
+        if self.carried.drives:
+            found.append(setting_of(lag, self.carried.lag, "; 0: none", is_real=False))
+        if self.carried.sensors:
+            values = self.carried.quantisation
+            found += [
+                setting_of(each, values.get(v.name, 0.0), "; 0: none", is_real=False)
+                for v, each in zip(self.measured, Sensor.parameters_of(self.measured), strict=True)
+            ]
         if self.law is not None:
             found += self.law.settings
         if self.law is None and self.constant_force.any():
@@ -154,6 +156,7 @@ def designed(
     reference: ReferenceFrom = "inside",
     faults: Faults = Faults(),  # noqa: B008 - a tuple
     prepared: Prepared | None = None,
+    parts: tuple[Part, ...] = (),
 ) -> Designed:
     """The controller of an experiment.
 
@@ -168,6 +171,8 @@ def designed(
         What is done about inputs that cannot be.
     prepared
         The experiment with this controller, if already prepared.
+    parts
+        Of the machine, which it carries.
 
     Raises
     ------
@@ -209,14 +214,10 @@ def designed(
         first_reference=np.delete(reference_rows[0], np.s_[12:24]),
         ranges=ranges_of(prepared.platform, loop.timing.sample_time, prepared.legs),
         faults=faults,
+        carried=carried(parts, prepared),
     )
     check_faults(faults, made.measured)
     return made
-
-
-def _none_or_a_limit(name: str) -> tuple[str, ...]:
-    """0, or at least a thousandth; written so that it holds for float and for double."""
-    return (f"!(parameters->{name} > 0) || parameters->{name} * 1000 >= 1",)
 
 
 def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:

@@ -1,6 +1,5 @@
 """Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +9,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.component import Link, Parameter, with_links
+from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.laws import LinearController, Space
 from gough_stewart.harness.control.linear_law import integrating_modes, rest
 from gough_stewart.harness.control.pid import (
@@ -26,7 +25,7 @@ from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, 
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.settings import Setting, setting
+from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import Array
@@ -109,7 +108,7 @@ class PidLaw:
                 ),
             ]
         for link in self.links:
-            found += [_setting_of(each, getattr(link, each.key)) for each in link.parameters()]
+            found += [setting_of(each, getattr(link, each.key)) for each in link.parameters()]
         return tuple(found)
 
     @cached_property
@@ -336,17 +335,6 @@ def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]
     ends = np.cumsum([b.size for b in blocks])
     A, B, C, D = (part.reshape(b.shape) for part, b in zip(np.split(flat, ends[:-1]), blocks, strict=True))
     return casadi.vertcat(*values), c, StateSpace(A, B, C, D, 1.0)
-
-
-def _setting_of(parameter: Parameter, value: float) -> Setting:
-    """A parameter of a link in C."""
-    named = {"value": f"parameters->{parameter.name}", "sample_time": "parameters->sample_time"}
-    condition = re.sub(r"\b(value|sample_time)\b", lambda found: named[found[0]], parameter.condition)
-    return setting(
-        *(parameter.name, parameter.unit, parameter.bound, parameter.description, value),
-        is_real=True,
-        conditions=(condition,) if condition else (),
-    )
 
 
 def _zero_but_where(name: str, there: NDArray[np.bool_]) -> list[str]:

@@ -1,11 +1,14 @@
 """Parameters of an exported controller: fields of a struct in C, parameters of an FMU."""
 
+import math
+import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gough_stewart.harness.control.component import Parameter
 from gough_stewart.model.interface import Variability, Variable
 from gough_stewart.model.parameters import Bound
 from gough_stewart.model.platform import LARGEST_NUMBER
@@ -43,3 +46,20 @@ def setting(
     value = np.asarray(value, dtype=float)
     variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
     return Setting(variable, value, is_real, tuple(conditions), may_be_infinite, largest, expected)
+
+
+def setting_of(parameter: Parameter, value: ArrayLike, more: str = "", *, is_real: bool = True) -> Setting:
+    """The setting of a component's parameter, with more words in its description."""
+    name, unit = parameter.name, parameter.unit
+    is_limit = parameter.none is not None and math.isinf(parameter.none)
+    # at least a thousandth, written so that it holds for float and for double
+    condition = "!(value > 0) || value * 1000 >= 1" if is_limit else parameter.condition
+    named = {"value": f"parameters->{name}", "sample_time": "parameters->sample_time"}
+    condition = re.sub(r"\b(value|sample_time)\b", lambda found: named[found[0]], condition)
+    return setting(
+        *(name, unit, parameter.bound, parameter.description + more, value),
+        is_real=is_real,
+        conditions=(condition,) if condition else (),
+        may_be_infinite=is_limit,
+        expected=f"0, which is none, or at least 0.001 {unit}" if is_limit else parameter.expected,
+    )

@@ -10,14 +10,19 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
+from gough_stewart.harness.control.component import Stepped
+from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.linear_law import displacements, inputs_of
 from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, MEMORY_NEXT
+from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
 from gough_stewart.harness.export.laws import FunctionLaw, Law, Linear, MatrixLaw, PidLaw
 from gough_stewart.harness.export.path_source import path_function, path_of
 from gough_stewart.harness.export.relative import Home, change_of_lengths
+from gough_stewart.harness.export.stepped import TracedComponent, none_as, traced_component
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -42,6 +47,14 @@ class Traced(NamedTuple):
     start: casadi.Function | None  # states -> states at rest in the measurements, at the start and after bad inputs
     expected: casadi.Function | None  # motion, platform -> references of the measurements that are watched
     law: casadi.Function | None  # -> force, next
+    limits: TracedComponent  # of the command
+    drives: TracedComponent | None
+    sensors: TracedComponent | None
+
+    @property
+    def components(self) -> tuple[TracedComponent, ...]:
+        """Those of them that there are."""
+        return tuple(each for each in (self.sensors, self.limits, self.drives) if each is not None)
 
 
 @interrupts_held_back()
@@ -64,7 +77,34 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
         start,
         _expected(designed, home),
         step,
+        *_components(designed, hears_excess=step is not None and "excess" in step.name_in()),
     )
+
+
+def _components(
+    designed: Designed, *, hears_excess: bool
+) -> tuple[TracedComponent, TracedComponent | None, TracedComponent | None]:
+    """The limits on the command, with the excess if the law hears of it; and what is carried of the machine."""
+    given = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in designed.settings}
+    T, parts, n = symbols.elements(given["sample_time"]), designed.carried, interface.size_of(designed.measured)
+
+    def of(component: type[Stepped]) -> dict[str, Array]:
+        named = {each.key: each for each in component.parameters()}
+        return {key: none_as(each.none or 0.0, given[each.name]) for key, each in named.items()}
+
+    limits = traced_component(
+        *(ForceLimits, "force_limits", of(ForceLimits), T, given, {"command": N_LEGS}),
+        left_out=() if hears_excess else ("change",),
+        wanted=ForceLimits.outputs if hears_excess else ("allowed", "force_limited"),
+    )
+    drives = sensors = None
+    if parts.drives:
+        drives = traced_component(Drive, "drives", of(Drive), T / parts.steps_a_sample, given, {"target": N_LEGS})
+    if parts.sensors and n:
+        steps = casadi.vertcat(*(casadi.repmat(given[f"{v.name}_quantisation"], v.size, 1) for v in designed.measured))
+        values = {"quantisation": symbols.elements(steps)[:, None]}
+        sensors = traced_component(Sensor, "sensors", values, T, given, {"true": n, "noise": 0})
+    return limits, drives, sensors
 
 
 def motion_function(reference: Reference, home: Home | None = None) -> casadi.Function:

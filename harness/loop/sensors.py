@@ -1,10 +1,11 @@
-"""Sensors: measured signals with noise and quantisation, reproducible from the seed."""
+"""The sensors in a run: what is read, with noise that is reproducible from the seed, and when."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from gough_stewart.harness.control.sensor import Sensor, SensorCoefficients
 from gough_stewart.harness.loop.seeds import Seeds, stream
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
@@ -33,24 +34,22 @@ class Readings:
     """The sensors of N members in a run; internal arrays are (24, N)."""
 
     def __init__(self, sensors: Sensors, members: int = 1) -> None:
-        # one random stream per signal: noise on one does not change the noise on the others
-        self._noise = {
-            name: _Noise(sensors, name)
-            for name in signals.NAMES
-            if np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0)
-        }
-        self._steps = {name: step for name in signals.NAMES if np.any(step := sensors.quantisation.get(name, 0.0))}
+        made = {name: _sensor(sensors, name) for name in signals.NAMES}
+        self._sensors = {name: sensor for name, sensor in made.items() if sensor is not None}
         self._measured = np.zeros((signals.SIZE, members))
+        self._of_members = self._measured.T
         self.only(signals.NAMES)
 
     def only(self, names: Iterable[str]) -> None:
         """Read only these signals from now on, to save time."""
         read = list(names)
+        plain = [name for name in read if name not in self._sensors]
         # views are made in advance: making one takes Python as long as the arithmetic
-        self._exact = [(part, self._measured[part]) for part in _joined([_PARTS[name] for name in read])]
-        self._noisy = [(self._measured[_PARTS[name]], noise) for name, noise in self._noise.items() if name in read]
-        self._stepped = [
-            (self._measured[_PARTS[name]], _Steps(step)) for name, step in self._steps.items() if name in read
+        self._exact = [(part, self._measured[part]) for part in _joined([_PARTS[name] for name in plain])]
+        self._sensed = [
+            (_PARTS[name], self._measured[_PARTS[name]], *sensor)
+            for name, sensor in self._sensors.items()
+            if name in read
         ]
 
     def __call__(self, k: int, true: FloatArray) -> FloatArray:
@@ -58,29 +57,10 @@ class Readings:
         columns = true.T
         for part, exact in self._exact:
             exact[...] = columns[part]
-        for noisy, noise in self._noisy:
-            np.add(noisy, noise(k), out=noisy)
-        for stepped, steps in self._stepped:
-            steps.round(stepped)
-        return self._measured.T
-
-
-class _Steps:
-    """q · round(x / q), or x where q is 0."""
-
-    def __init__(self, step: PerMember) -> None:
-        self._none = np.asarray(step) == 0
-        self._some_have_none = bool(self._none.any())
-        self._step = np.where(self._none, 1.0, step)
-
-    def round(self, values: FloatArray) -> None:
-        """In place."""
-        kept = values.copy() if self._some_have_none else None
-        np.divide(values, self._step, values)
-        np.rint(values, values)
-        np.multiply(values, self._step, values)
-        if kept is not None:
-            np.copyto(values, kept, where=self._none)
+        for part, sensed, coefficients, noise in self._sensed:
+            inputs = columns[part], None if noise is None else noise(k)
+            _, (sensed[...],) = Sensor.step(coefficients, (), inputs)
+        return self._of_members
 
 
 class Encoders:
@@ -127,6 +107,15 @@ class _Noise:
             self._drawn = block, self._deviation * self._normal
         noise: FloatArray = self._drawn[1][row]
         return noise
+
+
+def _sensor(sensors: Sensors, name: str) -> tuple[SensorCoefficients, "_Noise | None"] | None:
+    """The coefficients and the noise of a signal's sensor; None for an ideal one."""
+    # one random stream per signal: noise on one does not change the noise on the others
+    noise = _Noise(sensors, name) if np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0) else None
+    step = np.asarray(sensors.quantisation.get(name, 0.0), dtype=float)
+    coefficients = Sensor.without_idle(Sensor.prepare({"quantisation": step}))
+    return None if noise is None and coefficients.step is None else (coefficients, noise)
 
 
 def _parts() -> dict[str, slice]:

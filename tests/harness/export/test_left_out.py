@@ -8,8 +8,9 @@ import pytest
 from pydantic import create_model
 
 import gough_stewart as gs
+from gough_stewart.harness.control.drive import ActuatorChoice
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.schema import ActuatorChoice, ChangeChoice, Experiment
+from gough_stewart.harness.experiment.schema import ChangeChoice, Experiment
 from gough_stewart.harness.export.export import FORMS
 from gough_stewart.harness.export.left_out import _HAS, left_out
 from gough_stewart.harness.section import Section

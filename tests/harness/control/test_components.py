@@ -1,0 +1,157 @@
+"""Drives, limits and sensors as components: many members, one alone, and what CasADi traces of the same equations."""
+
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+
+from gough_stewart.harness.control.component import Parameter, Stepped
+from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.force_limits import ForceLimits
+from gough_stewart.harness.control.notch import Notch
+from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.export.stepped import none_as, traced_component
+from gough_stewart.harness.plants.signals import VARIABLES
+from gough_stewart.model.interface import BY_NAME
+from gough_stewart.model.vectors import FloatArray
+
+INF = np.inf
+PERIOD = 0.0013
+# Members with every combination of limits, each of them with other numbers.
+VALUES: dict[type[Stepped], dict[str, FloatArray]] = {
+    Drive: {
+        "rate_limit": np.array([90.0, 140.0, INF, INF, 25.0]),
+        "lag": np.array([0.004, 0.0, 0.0, 0.009, 0.0007]),
+    },
+    ForceLimits: {
+        "force_limit": np.array([0.6, INF, 0.9, INF, 1.1]),
+        "rate_limit": np.array([200.0, 450.0, INF, INF, 90.0]),
+    },
+    Sensor: {"quantisation": np.array([0.01, 0.0, 0.25, 1e-6, 0.0])},
+}
+N = 5
+
+
+def signals_of(component: type[Stepped], steps: int = 60) -> list[tuple[Any, ...]]:
+    """Six different inputs for each member; some repeat, some lie at a half of the quantiser's step."""
+    rng = np.random.default_rng(11)
+    values = rng.normal(size=(steps, 6, N)).cumsum(axis=0)
+    values[10:14], values[20] = values[10], np.round(values[20], 2) + 0.005
+    if component is Sensor:
+        return list(zip(values, 0.1 * rng.normal(size=values.shape), strict=True))
+    return [(each,) for each in values]
+
+
+def stepped(component: type[Stepped], values: Any, inputs: list[tuple[Any, ...]], *, idle: bool = True) -> list[Any]:
+    """All outputs of every step; with every coefficient, or without idle parts."""
+    c = component.prepare(values, PERIOD)
+    c = c if idle else component.without_idle(c)
+    states, found = component.start(c, inputs[0]), []
+    for each in inputs:
+        states, outputs = component.step(c, states, each)
+        found.append(outputs)
+    return found
+
+
+@pytest.mark.parametrize("component", VALUES)
+def test_a_member_is_the_same_among_others_and_alone_without_its_idle_parts(component: type[Stepped]) -> None:
+    """Expected: bit by bit what it does by itself; a part that is left out is one that would have changed nothing."""
+    inputs = signals_of(component)
+    together = stepped(component, VALUES[component], inputs)
+    for k in range(N):
+        own = {key: each[k : k + 1] for key, each in VALUES[component].items()}
+        alone = stepped(component, own, [tuple(each[:, k : k + 1] for each in row) for row in inputs], idle=False)
+        for row, of_all in zip(alone, together, strict=True):
+            for found, expected in zip(row, of_all, strict=True):
+                neutral = np.zeros_like(expected[:, k : k + 1])
+                np.testing.assert_array_equal(neutral if found is None else found, expected[:, k : k + 1])
+
+
+@pytest.mark.parametrize("component", VALUES)
+def test_casadi_traces_the_same_equations(component: type[Stepped]) -> None:
+    """Expected: the run of members in NumPy, for which 0 in a setting is none; 1e-12 of a few newtons."""
+    inputs, shapes = signals_of(component), dict.fromkeys(component.inputs, 6)
+    expected = stepped(component, VALUES[component], inputs)
+    settings = {key: casadi.SX.sym(key) for key in component.keys}
+    values = {key: none_as(component.absent[key], each) for key, each in settings.items()}
+    period = np.array([casadi.SX(PERIOD)], dtype=object)
+    prepare, step, n_states = traced_component(component, "part", values, period, settings, shapes)
+    for k in range(N):
+        given = {key: VALUES[component][key][k] for key in prepare.name_in()}
+        given = {key: 0.0 if np.isinf(each) else each for key, each in given.items()}
+        vectors: dict[str, Any] = {"part_coefficients": prepare(**given)["part"]}
+        vectors["part_states"] = np.tile(inputs[0][0][:, k], n_states // 6)
+        for j, row in enumerate(inputs):
+            vectors |= {key: each[:, k] for key, each in zip(component.inputs, row, strict=True)}
+            found = step(**{key: vectors[key] for key in step.name_in()})
+            vectors["part_states"] = found.get("part_next")
+            for name, outputs in zip(component.outputs, expected[j], strict=True):
+                assert np.asarray(found[name]).ravel() == pytest.approx(np.asarray(outputs, float)[:, k], abs=1e-12)
+
+
+@pytest.mark.parametrize("component", VALUES)
+def test_a_step_leaves_what_it_was_given(component: type[Stepped]) -> None:
+    """Expected: inputs, states and coefficients as they were, after a step and after its outputs are overwritten."""
+    for idle in (True, False):
+        c = component.prepare(VALUES[component], PERIOD)
+        c = c if idle else component.without_idle(c)
+        inputs = tuple(each.copy() for each in signals_of(component)[3])
+        states = component.start(c, tuple(each.copy() for each in signals_of(component)[2]))
+        before = [np.array(each) for each in (*states, *inputs, *(part for part in c if part is not None))]
+        component.step(c, states, inputs)
+        after = [np.array(each) for each in (*states, *inputs, *(part for part in c if part is not None))]
+        for one, other in zip(before, after, strict=True):
+            assert one.tobytes() == other.tobytes()
+
+
+def test_small_signals_of_a_drive_are_its_lag() -> None:
+    """Expected: the state of the step's equations at each step, for inputs that are held and no rate limit.
+
+    Of the matrices by the closed form of one pole, x⁺ = e^(−h/τ) x + (1 − e^(−h/τ)) u.
+    """
+    lag, h = 0.004, PERIOD
+    system = Drive.linear({"lag": lag}, h)
+    assert system.dt == 0
+    decay = float(np.exp(system.A[0, 0] * h))
+    gain = float(system.B[0, 0] * (decay - 1) / system.A[0, 0])
+    c = Drive.prepare({"rate_limit": np.array([INF]), "lag": np.array([lag])}, h)
+    x, states = np.zeros((6, 1)), Drive.start(c, (np.zeros((6, 1)),))
+    for (u,) in signals_of(Drive):
+        x = decay * x + gain * u[:, :1]
+        states, _ = Drive.step(c, states, (u[:, :1],))
+        assert system.C[0, 0] * states[1] + system.D[0, 0] * u[:, :1] == pytest.approx(x, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("component", "values"),
+    [(Drive, {"rate_limit": 3.0, "lag": 0.0}), (ForceLimits, {"force_limit": 2.0, "rate_limit": 5.0}), (Sensor, {})],
+)
+def test_small_signals_of_limits_and_steps_pass(component: type[Stepped], values: dict[str, float]) -> None:
+    """Expected: y = u, without states."""
+    system = component.linear({"quantisation": 1.0, **values}, PERIOD)
+    assert (system.nstates, system.D.tolist()) == (0, [[1.0]])
+
+
+def test_parameters_have_the_units_and_bounds_of_their_tables() -> None:
+    """Expected: as the documentation has them; a limit that need not be there is 0 where it is written."""
+    rate = Parameter("force_rate_limit", "rate_limit", "N/s", ">= 0", "rate limit of the drives", "", INF)
+    assert Drive.parameters() == (
+        rate,
+        Parameter("force_lag", "lag", "s", ">= 0", "time constant of the drives", "", 0.0),
+    )
+    assert ForceLimits.parameters() == (
+        Parameter("force_limit", "force_limit", "N", ">= 0", "largest force of an actuator", "", INF),
+        rate,
+    )
+    (found,) = Sensor.parameters_of((BY_NAME["orientation"],))
+    assert found[:5] == (
+        *("orientation_quantisation", "quantisation.orientation", "rad", ">= 0"),
+        "quantisation step of orientation",
+    )
+    assert [each.unit for each in Sensor.parameters()] == [v.unit for v in VARIABLES]
+    assert [(each.name, each.unit, each.bound) for each in Notch.parameters()] == [
+        ("notch_frequency", "Hz", "> 0"),
+        ("notch_damping", "", "> 0"),
+        ("notch_depth", "1", ">= 0"),
+    ]
