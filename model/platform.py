@@ -129,7 +129,7 @@ class Platform(PlatformFields):
         Raises
         ------
         PlatformError
-            A number out of its range, legs that are too short to reach, or an invalid parameter.
+            A number out of its range, legs that are too short to reach, or an invalid, unknown or missing parameter.
 
         Examples
         --------
@@ -145,6 +145,12 @@ class Platform(PlatformFields):
         joints: dict[str, Any] = dict(
             joints_on_circles(base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing)
         )
+        for name in parameters:
+            if name not in TABLE and name not in TEXTS:
+                raise PlatformError(name, f"no such parameter{nearest(name, (*TABLE, *TEXTS))}")
+        missing = [name for name, row in TABLE.items() if name not in {*joints, *parameters} and not row.has_default]
+        if missing:
+            raise PlatformError(missing[0], f"missing; expected {', '.join(missing)} beside the radii and angles")
         return cls(**joints, **parameters)
 
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:

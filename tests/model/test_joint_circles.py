@@ -108,6 +108,19 @@ def test_impossible_circles_are_refused_by_name(key: str, value: Any, says: str)
     assert refused.value.field == key
 
 
+def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> None:
+    """Expected: all that have no default, in the order of the file; for an unknown name the nearest one."""
+    others = _others(gs.load_preset("liu2000"))
+    del others["platform_inertia"], others["leg_upper_com"]
+    with pytest.raises(PlatformError) as caught:
+        gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, **others)
+    assert str(caught.value) == (
+        "platform_inertia: missing; expected platform_inertia, leg_upper_com beside the radii and angles"
+    )
+    with pytest.raises(PlatformError, match="platform_mas: no such parameter; did you mean 'platform_mass'"):
+        gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, platform_mas=10.0)
+
+
 def test_a_platform_file_may_state_circles_instead_of_joints() -> None:
     """The same platform as from Python; written out it has its joints."""
     preset = gs.load_preset("liu2000")
