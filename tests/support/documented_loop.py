@@ -4,7 +4,7 @@ Plant, legs and inverse dynamics are those of `tests.support.lagrangian`, integr
 small steps; motions, controllers and drives are stated here as formulas of one channel. Nothing of the harness is used.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -51,6 +51,7 @@ def simulate(
     machine: Callable[[float], Platform],
     start: FloatArray | None,
     readings: FloatArray | None = None,
+    samples: Sequence[int] | None = None,
 ) -> Documented:
     """Run the loop of some options.
 
@@ -64,18 +65,20 @@ def simulate(
         The pose (6,) at which the machine starts at rest; None for the reference's.
     readings
         What noisy sensors measured of the leg lengths at each row (n, 6); None for sensors without noise.
+    samples
+        The rows of the controller's samples, which jitter delays; None for even ones.
     """
     options = with_gains(options, believed)
     T, h, duration = options["sample_time"], options["plant_step"], options["duration"]
     every, steps = round(T / h), round(duration / h)
+    sample_of = {row: j for j, row in enumerate(range(0, steps, every) if samples is None else samples)}
     home = np.concatenate([believed.home_position, believed.home_orientation])
     motion = motion_of(options, home if options["about"] is None else options["about"])
     q, rate = (each[0] for each in motion(np.zeros(1))[:2])
     J_first = jacobian(believed, q)
     if start is not None:
         q, rate = start.copy(), np.zeros(6)
-    machine_now = machine(0.0)
-    held = static_forces(machine_now, q)
+    held = static_forces(machine(0.0), q)
     limit = options["force_limit"]
     drive = _Drive(np.clip(held, -limit, limit), h, options["rate_limit"], options["lag"])
     line = [drive.force.copy()] * options["delay"]
@@ -90,20 +93,21 @@ def simulate(
         length, velocity = (each[0] for each in legs_along(machine_now, Pose(q[None], rate[None], rate[None])))
         wanted = motion(np.array([time]))
         wanted_length, wanted_velocity = (each[0] for each in legs_along(believed, wanted))
-        sensor_step = round((options["sensor_time"] or T) / h)
-        if k % sensor_step == 0:
+        if k in sample_of if options["sensor_time"] is None else k % round(options["sensor_time"] / h) == 0:
             step = options["quantisation"]
             reading = np.round(length / step) * step if step else length
         if readings is not None:
             reading = readings[k]
-        if k % every == 0 and k < steps:
+        if k in sample_of:
             used = reading
-            J = jacobian(believed, wanted.q[0])
+            # a late sample takes itself to be in time
+            nominal = sample_of[k] * T
+            at, ahead = (motion(np.array([nominal + later])) for later in (0.0, (options["delay"] + 0.5) * T))
+            J, aim = jacobian(believed, at.q[0]), legs_along(believed, at)[0][0]
             if law is None:
-                law = (TaskLaw if options["space"] == "task" else LegLaw)(options, J, wanted_length, reading)
-            ahead = motion(np.array([time + (options["delay"] + 0.5) * T]))
-            planned_force, injected = feedforward(options, believed, ahead), options["injection"](time, J_first)
-            command = law.force(J, wanted_length, reading, excess) + planned_force + injected
+                law = (TaskLaw if options["space"] == "task" else LegLaw)(options, J, aim, reading)
+            planned_force, injected = feedforward(options, believed, ahead), options["injection"](nominal, J_first)
+            command = law.force(J, aim, reading, excess) + planned_force + injected
             clipped = np.clip(command, -limit, limit)
             # the anti-windup hears what force and rate limits leave of this command after one sample
             planned = planned + np.clip(clipped - planned, -options["rate_limit"] * T, options["rate_limit"] * T)
@@ -206,6 +210,7 @@ class Channels:
         # steady state: the filter has settled on the first input, the integrator is empty
         self.settle(first)
         self.x, self.w = np.zeros(6), np.zeros(6)
+        self.notch = _Notch(*options["notch"], self.T) if options.get("notch") else None
 
     def settle(self, v: FloatArray) -> None:
         """Let the filter settle on an input; the integral stays."""
@@ -225,7 +230,36 @@ class Channels:
             self.z = np.exp(-T / Tf) * self.z + Tf * (1 - np.exp(-T / Tf)) * v
             self.x = self.x + T * self.w
         self.v, self.w = v.copy(), w
-        return np.asarray(self.kp * e + self.d + self.x)
+        force = np.asarray(self.kp * e + self.d + self.x)
+        return force if self.notch is None else self.notch(force, T * w)
+
+
+class _Notch:
+    """(s² + 2 d ζ ω s + ω²) / (s² + 2 ζ ω s + ω²) by s = K (1 − z⁻¹)/(1 + z⁻¹), K = ω/tan(ω T/2).
+
+    It begins as after a long time in which the integrals went on as at the first sample.
+    """
+
+    def __init__(self, frequency: float, damping: float, depth: float, T: float) -> None:
+        w = 2 * np.pi * frequency
+        K = w / np.tan(w * T / 2)
+        self.b, self.a = (
+            np.array([K**2 + 2 * g * w * K + w**2, 2 * w**2 - 2 * K**2, K**2 - 2 * g * w * K + w**2])
+            for g in (depth * damping, damping)
+        )
+        self.past: FloatArray | None = None  # inputs and outputs of the last two samples (2, 2, 6)
+
+    def __call__(self, u: FloatArray, slope: FloatArray) -> FloatArray:
+        b, a = self.b, self.a
+        if self.past is None:
+            # of a ramp with this slope a sample: later by so many samples, since the gain at rest is 1
+            late = (b @ np.arange(3)) / b.sum() - (a @ np.arange(3)) / a.sum()
+            before = np.array([u - slope, u - 2 * slope])
+            self.past = np.array([before, before - late * slope])
+        (u1, u2), (y1, y2) = self.past
+        y = (b[0] * u + b[1] * u1 + b[2] * u2 - a[1] * y1 - a[2] * y2) / a[0]
+        self.past = np.array([[u, u1], [y, y1]])
+        return np.asarray(y)
 
 
 class LegLaw:

@@ -1,6 +1,6 @@
 """Every pair of options of an experiment, against a loop written from the documentation."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations, product
@@ -21,6 +21,7 @@ from tests.support.documented_loop import Documented, simulate
 from tests.support.uneven import UNEVEN
 
 DURATION, SAMPLE_TIME = 0.15, 0.005
+_STEPS = 5  # of the plant in a sample time, where it has several
 # Six different gains, of legs and of axes.
 LEG_GAINS = {
     "kp": [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0],
@@ -42,7 +43,7 @@ OPTIONS: dict[str, list[Any]] = {
     "feedforward": ["none", "gravity", "computed_torque"],
     "anti_windup_time": [None, 0.06],
     "delay": [0, 1, 3],
-    "plant_step": [SAMPLE_TIME, SAMPLE_TIME / 5],
+    "plant_step": [SAMPLE_TIME, SAMPLE_TIME / _STEPS],
     "sensor_time": [None, 2 * SAMPLE_TIME],
     "quantisation": [0.0, 4e-4],
     "force_limit": [np.inf, 76.0],
@@ -61,9 +62,38 @@ OPTIONS: dict[str, list[Any]] = {
     # steps of signals that the controller does not use
     "others": [False, True],
     "host": ["model", "fmu3", "member"],
+    # frequency, damping and depth
+    "notch": [None, (31.0, 0.4, 0.15)],
+    "jitter": [0.0, 3.5 * SAMPLE_TIME / _STEPS],
 }
+
+
+def _can_be(row: dict[str, Any]) -> bool:
+    """Samples are late by whole plant steps."""
+    return not (row.get("jitter") and row.get("plant_step") == SAMPLE_TIME)
+
+
 # No two of its rows share all of their options; every pair of two options' values is in one of them.
-ROWS = [dict(zip(OPTIONS, row, strict=True)) for row in AllPairs(list(OPTIONS.values()))]
+
+
+def _rows_of(options: dict[str, list[Any]]) -> Iterator[dict[str, Any]]:
+    rows = AllPairs(list(options.values()), filter_func=lambda row: _can_be(dict(zip(options, row, strict=False))))
+    return (dict(zip(options, row, strict=True)) for row in rows)
+
+
+def _rows() -> list[dict[str, Any]]:
+    """Every pair of two options' values that can be; where the library leaves a pair out, one more row for it."""
+    rows = list(_rows_of(OPTIONS))
+    for a, b in combinations(OPTIONS, 2):
+        for x, y in product(OPTIONS[a], OPTIONS[b]):
+            if _can_be({a: x, b: y}) and not any((row[a], row[b]) == (x, y) for row in rows):
+                turn = len(rows)
+                rest = {name: [*v[turn % len(v) :], *v[: turn % len(v)]] for name, v in OPTIONS.items()}
+                rows.append(next(_rows_of(rest | {a: [x], b: [y]})))
+    return rows
+
+
+ROWS = _rows()
 _MACHINE: dict[str, Any] = {
     "platform_mass": 13.9,
     "platform_com": [0.02, -0.07, 0.11],
@@ -104,7 +134,7 @@ def _pose_about(row: dict[str, Any]) -> FloatArray:
     return home if row["about"] == "home" else _ABOUT
 
 
-def _expected(row: dict[str, Any], readings: FloatArray | None) -> Documented:
+def _expected(row: dict[str, Any], readings: FloatArray | None, samples: Sequence[int] | None = None) -> Documented:
     options = {
         **row,
         **(TASK_GAINS if row["space"] == "task" else LEG_GAINS),
@@ -125,7 +155,7 @@ def _expected(row: dict[str, Any], readings: FloatArray | None) -> Documented:
     if row["type"] == "pd":
         options["ki"] = [0.0] * 6
     start = _pose_about(row) + 0.3 * ALONG[::-1] if row["start"] else None
-    return simulate(options, UNEVEN, lambda time: _machine(row["machine"], time), start, readings)
+    return simulate(options, UNEVEN, lambda time: _machine(row["machine"], time), start, readings, samples)
 
 
 def _recorded(
@@ -155,6 +185,8 @@ def _recorded(
         controller |= {"integral_gain": gains["ki"]} if stated else {"integral_time": "310 ms"}
         if row["anti_windup_time"]:
             controller["anti_windup_time"] = row["anti_windup_time"]
+    notch = row["notch"] and dict(zip(("frequency", "damping", "depth"), row["notch"], strict=True))
+    controller |= {"notch": notch} if notch else {}
     change = {"position_change": ALONG[:3].tolist(), "orientation_change": ALONG[3:].tolist()}
     swing = {"position_amplitude": ALONG[:3].tolist(), "orientation_amplitude": ALONG[3:].tolist()}
     reference = {
@@ -176,6 +208,7 @@ def _recorded(
             "sample_time": SAMPLE_TIME,
             "plant_step": row["plant_step"],
             "delay": row["delay"],
+            "jitter": row["jitter"],
         },
         "sensors": {
             "quantisation": {
@@ -225,6 +258,21 @@ def _recorded(
     return gs.run(experiment_from(values, "options").from_file("options", folder), plant=row["host"])
 
 
+def _samples(record: gs.Record) -> list[int]:
+    """The row of each sample, by the first change of the command; what jitter is there is no matter of the loop.
+
+    Of a machine at rest, whose commands stay, that of the sample at which the first one comes to act.
+    """
+    rows = []
+    command, force = (
+        (np.diff(record[name], axis=0) != 0).any(axis=1) for name in ("controller.force", "actuator_force")
+    )
+    for first in range(_STEPS, len(command), _STEPS):
+        since = np.s_[first - 1 : first + _STEPS - 1]
+        rows.append(first + int((command if command[since].any() else force)[since].argmax()))
+    return [0, *rows]
+
+
 def _name(row: dict[str, Any]) -> str:
     return "-".join(str(value) for value in row.values())
 
@@ -248,7 +296,7 @@ def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Iter
             record = _recorded(row, tmp_path_factory.mktemp("options"))
             # what noise was there is no matter of the loop: see the test of its size
             readings = record["measured.leg_length"] if row["noise"] else None
-            return _Both(row, record, _expected(row, readings))
+            return _Both(row, record, _expected(row, readings, _samples(record) if row["jitter"] else None))
 
         yield made
 
@@ -335,8 +383,13 @@ def test_noise_has_its_size_on_every_leg(both: Callable[[int], _Both]) -> None:
     for number, row in enumerate(ROWS):
         if row["noise"]:
             record = both(number).record
-            every = round((row["sensor_time"] or SAMPLE_TIME) / row["plant_step"])  # the first sample of each reading
-            off = (record["measured.leg_length"] - record["leg_length"])[:-1:every]
+            clock = row["sensor_time"] or SAMPLE_TIME
+            read = np.arange(0, DURATION - 1e-9, clock) / row["plant_step"]
+            read = seen = np.rint(read).astype(int)
+            if row["jitter"]:
+                seen = np.array(_samples(record))[:: round(clock / SAMPLE_TIME)]
+                read = read if row["sensor_time"] else seen
+            off = record["measured.leg_length"][seen] - record["leg_length"][read]
             errors.append(off / np.sqrt(row["noise"] ** 2 + row["quantisation"] ** 2 / 12))
     z = np.concatenate(errors)
     assert len(z) > 100
@@ -344,12 +397,30 @@ def test_noise_has_its_size_on_every_leg(both: Callable[[int], _Both]) -> None:
     assert np.abs(np.corrcoef(z.T) - np.eye(6)).max() < 4.2 / np.sqrt(len(z))
 
 
+def test_jitter_delays_samples_by_whole_steps_at_random(both: Callable[[int], _Both]) -> None:
+    """Expected: floor(3.5 u) steps with u uniform: 0, 1 and 2 in 2 of 7 samples, 3 in 1 of 7; the first is in time.
+
+    Two-sided by χ² with three degrees of freedom, false alarm of 1 in 1000.
+    """
+    late = []
+    for number, row in enumerate(ROWS):
+        if row["jitter"]:
+            samples = np.array(_samples(both(number).record)) % _STEPS
+            assert samples[0] == 0
+            late.append(samples[1:])
+    counts = np.bincount(np.concatenate(late), minlength=_STEPS)
+    assert counts[4] == 0
+    expected = counts.sum() * np.array([2, 2, 2, 1]) / 7
+    assert counts.sum() > 100
+    assert 0.0005 < stats.chi2.cdf(((counts[:4] - expected) ** 2 / expected).sum(), 3) < 0.9995
+
+
 def test_every_pair_of_values_is_in_a_row() -> None:
     """Expected: counted; a library that leaves pairs out would make the test above smaller unseen."""
     names = list(OPTIONS)
     for a, b in combinations(names, 2):
         met = {(str(row[a]), str(row[b])) for row in ROWS}
-        assert met == {(str(x), str(y)) for x, y in product(OPTIONS[a], OPTIONS[b])}
+        assert met == {(str(x), str(y)) for x, y in product(OPTIONS[a], OPTIONS[b]) if _can_be({a: x, b: y})}
 
 
 def test_the_limits_of_the_rows_are_reached(both: Callable[[int], _Both]) -> None:
