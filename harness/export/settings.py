@@ -58,7 +58,8 @@ def setting_of(parameter: Parameter, value: ArrayLike, more: str = "", *, is_rea
     condition = re.sub(r"\b(value|sample_time)\b", lambda found: named[found[0]], condition)
     return setting(
         *(name, unit, parameter.bound, parameter.description + more, value),
-        is_real=is_real,
+        # what is compared with the sample time is a double as well
+        is_real=is_real and "sample_time" not in parameter.condition,
         conditions=(condition,) if condition else (),
         may_be_infinite=is_limit,
         expected=f"0, which is none, or at least 0.001 {unit}" if is_limit else parameter.expected,

@@ -206,19 +206,20 @@ class Channels:
         with np.errstate(divide="ignore", invalid="ignore"):
             own = np.sqrt((self.kp / self.ki) * (self.kd / self.kp))
         self.Tt = np.full(6, options["anti_windup_time"]) if options["anti_windup_time"] else own
-        self.method, self.T = options["discretisation"], options["sample_time"]
+        self.method, self.T, self.of_notch = options["discretisation"], options["sample_time"], options.get("notch")
         # steady state: the filter has settled on the first input, the integrator is empty
         self.settle(first)
         self.x, self.w = np.zeros(6), np.zeros(6)
-        self.notch = _Notch(*options["notch"], self.T) if options.get("notch") else None
 
     def settle(self, v: FloatArray) -> None:
-        """Let the filter settle on an input; the integral stays."""
+        """Let filters and notch settle on an input; the integral stays."""
         self.v, self.d, self.z = v.copy(), np.zeros(6), self.Tf * v
+        self.notch = _Notch(*self.of_notch, self.T) if self.of_notch else None
 
     def __call__(self, e: FloatArray, v: FloatArray, excess: FloatArray) -> FloatArray:
         T, Tf, kd = self.T, self.Tf, self.kd
-        w = np.where(self.ki > 0, self.ki * e + excess / np.where(self.ki > 0, self.Tt, 1.0), 0.0)
+        back = np.where(self.ki > 0, excess / np.where(self.ki > 0, self.Tt, 1.0), 0.0)
+        w = self.ki * e + back
         if self.method == "tustin":
             self.d = ((2 * Tf - T) * self.d + 2 * kd * (v - self.v)) / (2 * Tf + T)
             self.x = self.x + T / 2 * (w + self.w)
@@ -231,13 +232,14 @@ class Channels:
             self.x = self.x + T * self.w
         self.v, self.w = v.copy(), w
         force = np.asarray(self.kp * e + self.d + self.x)
-        return force if self.notch is None else self.notch(force, T * w)
+        at_once = {"tustin": T / 2, "backward_diff": T, "zoh": 0.0}[self.method] * back
+        return force if self.notch is None else self.notch(force, force - at_once, T * self.ki * e)
 
 
 class _Notch:
     """(s² + 2 d ζ ω s + ω²) / (s² + 2 ζ ω s + ω²) by s = K (1 − z⁻¹)/(1 + z⁻¹), K = ω/tan(ω T/2).
 
-    It begins as after a long time in which the integrals went on as at the first sample.
+    It begins as after a long time in which the integrals of this error went on, without limits.
     """
 
     def __init__(self, frequency: float, damping: float, depth: float, T: float) -> None:
@@ -249,12 +251,12 @@ class _Notch:
         )
         self.past: FloatArray | None = None  # inputs and outputs of the last two samples (2, 2, 6)
 
-    def __call__(self, u: FloatArray, slope: FloatArray) -> FloatArray:
+    def __call__(self, u: FloatArray, unlimited: FloatArray, slope: FloatArray) -> FloatArray:
         b, a = self.b, self.a
         if self.past is None:
             # of a ramp with this slope a sample: later by so many samples, since the gain at rest is 1
             late = (b @ np.arange(3)) / b.sum() - (a @ np.arange(3)) / a.sum()
-            before = np.array([u - slope, u - 2 * slope])
+            before = np.array([unlimited - slope, unlimited - 2 * slope])
             self.past = np.array([before, before - late * slope])
         (u1, u2), (y1, y2) = self.past
         y = (b[0] * u + b[1] * u1 + b[2] * u2 - a[1] * y1 - a[2] * y2) / a[0]

@@ -1,5 +1,6 @@
 """Every pair of options of an export, in C, FMI and SSP, against a controller written from the documentation."""
 
+import re
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -84,10 +85,12 @@ OPTIONS: dict[str, list[Any]] = {
     "start": [False, True],
     "around": [False, True],
     "fmi": ["2.0", "3.0"],
+    # frequency, damping and depth
+    "notch": [None, (31.0, 0.4, 0.15)],
 }
 OTHERS = ("system", "function", "open_loop")
 # Without a meaning for those, which have the first of their values.
-_OF_PID = ("derivative_on", "derivative_filter", "discretisation")
+_OF_PID = ("derivative_on", "derivative_filter", "discretisation", "notch")
 
 
 def _can_be(row: dict[str, Any]) -> bool:
@@ -143,6 +146,8 @@ def _controller(row: dict[str, Any]) -> tuple[dict[str, Any], Any]:
     table |= {"proportional_gain": gains["kp"], "derivative_gain": gains["kd"]}
     if row["derivative_filter"]:
         table["derivative_filter"] = row["derivative_filter"]
+    if row["notch"]:
+        table["notch"] = dict(zip(("frequency", "damping", "depth"), row["notch"], strict=True))
     if kind == "pid":
         table["integral_gain"] = gains["ki"]
         if row["anti_windup_time"]:
@@ -334,6 +339,7 @@ def test_a_client_in_c_gets_what_the_documentation_says(row: dict[str, Any], tmp
     found = run_source(files[0], measured, reference, real=real, single=row["form"] == "c in single precision")
     _assert_samples(row, found, _expected(row, seen, reference))
     _assert_warnings(row, said)
+    _assert_example(row, files[2].read_text(), motion)
 
 
 @_of("fmu", often=3)
@@ -395,6 +401,24 @@ def _assert_warnings(row: dict[str, Any], said: list[str]) -> None:
     assert len(late) == (name != "C" and row["delay"] == 0)
 
 
+def _assert_example(row: dict[str, Any], program: str, motion: Pose) -> None:
+    """Expected: the example's inputs are those of a platform at rest in the first reference, or its way from home."""
+    first = Pose(motion.q[:1], 0 * motion.rate[:1], 0 * motion.acceleration[:1])
+    home = Pose(HOME[None], 0 * first.rate, 0 * first.rate)
+    is_relative = row["form"] == "c in single precision"
+    measured, at_home = (_measured(row, each.q[0], legs_along(UNEVEN, each)[0][0]) for each in (first, home))
+    # C has no empty arrays
+    nothing = np.zeros(0 if measured else 1)
+    expected = {"measured": np.concatenate([nothing, *(measured[k] - is_relative * at_home[k] for k in measured)])}
+    if row["reference_from"] == "inputs":
+        rates = reference_rows(motion)[0, 6:]
+        expected["reference"] = np.concatenate([first.q[0] - is_relative * HOME, rates])
+    for name, values in expected.items():
+        (text,) = re.findall(rf" {name}\[\] = \{{([^}}]*)\}};", program)
+        given = [float(each.strip().rstrip("f")) for each in text.split(",")]
+        np.testing.assert_allclose(given, values, rtol=1e-6, atol=1e-7 if is_relative else 1e-12, err_msg=name)
+
+
 def _assert_values(row: dict[str, Any], begun: Any) -> None:
     """Expected: the options; no limit is 0; the feedforward is for the loop's delay, the unit's own is one sample."""
     options = _options(row)
@@ -409,6 +433,9 @@ def _assert_values(row: dict[str, Any], begun: Any) -> None:
         values |= {"proportional_gain": options["kp"], "derivative_gain": options["kd"]}
         if row["derivative_filter"]:
             values["derivative_filter"] = row["derivative_filter"]
+        if row["notch"]:
+            names = ("notch_frequency", "notch_damping", "notch_depth")
+            values |= dict(zip(names, row["notch"], strict=True))
     if row["type"] == "pid":
         values["integral_gain"] = options["ki"]
         if row["anti_windup_time"]:
