@@ -214,7 +214,7 @@ class Channels:
     def settle(self, v: FloatArray) -> None:
         """Let filters and notch settle on an input; the integral stays."""
         self.v, self.d, self.z = v.copy(), np.zeros(6), self.Tf * v
-        self.notch = _Notch(*self.of_notch, self.T) if self.of_notch else None
+        self.notch = _Notch(self.of_notch, self.T) if self.of_notch else None
 
     def __call__(self, e: FloatArray, v: FloatArray, excess: FloatArray) -> FloatArray:
         T, Tf, kd = self.T, self.Tf, self.kd
@@ -242,7 +242,8 @@ class _Notch:
     It begins as after a long time in which the integrals of this error went on, without limits.
     """
 
-    def __init__(self, frequency: float, damping: float, depth: float, T: float) -> None:
+    def __init__(self, values: tuple[float, float, float], T: float) -> None:
+        frequency, damping, depth = values
         w = 2 * np.pi * frequency
         K = w / np.tan(w * T / 2)
         self.b, self.a = (

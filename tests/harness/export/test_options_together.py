@@ -434,8 +434,7 @@ def _assert_values(row: dict[str, Any], begun: Any) -> None:
         if row["derivative_filter"]:
             values["derivative_filter"] = row["derivative_filter"]
         if row["notch"]:
-            names = ("notch_frequency", "notch_damping", "notch_depth")
-            values |= dict(zip(names, row["notch"], strict=True))
+            values |= dict(zip(("notch_frequency", "notch_damping", "notch_depth"), row["notch"], strict=True))
     if row["type"] == "pid":
         values["integral_gain"] = options["ki"]
         if row["anti_windup_time"]:
