@@ -8,7 +8,7 @@ from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_i
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.progress import StepProgress
 
 DEFAULT_PRESET = "liu2000"
 

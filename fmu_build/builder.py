@@ -19,8 +19,8 @@ from gough_stewart.fmu_build.package import package_license
 from gough_stewart.fmu_build.sources import Sources, sources, standard_headers, standard_license
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import compile_library, universal_binary
-from gough_stewart.model.files import check_output_folder, write_files
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")
 _DESCRIPTIONS = {"2.0": fmi2_description, "3.0": fmi3_description}

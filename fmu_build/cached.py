@@ -13,8 +13,8 @@ from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.targets import native
-from gough_stewart.model.files import write_whole
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.progress import StepProgress
 
 # Packages on which the bytes of an FMU depend, besides the files of this package.
 _PACKAGES = ("gough-stewart", "casadi", RUNNER, "latex2mathml", "numpy", "scipy", COMPILER)

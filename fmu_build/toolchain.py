@@ -22,7 +22,7 @@ from gough_stewart.fmu_build.compiler_cache import (
 )
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.targets import Target
-from gough_stewart.model.files import write_whole
+from gough_stewart.model.process.files import write_whole
 
 FLAGS = (
     *("-O3", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),

@@ -126,7 +126,7 @@ def __getattr__(name: str) -> object:
         value = version("gough-stewart")
     elif name in _homes():
         if ".harness." in _homes()[name]:
-            import_module(f"{__name__}.model.environment").check_environment()
+            import_module(f"{__name__}.model.process.environment").check_environment()
         value = getattr(import_module(_homes()[name]), name)
         if isinstance(value, FunctionType):
             value = import_module(f"{__name__}.harness.arguments").with_checked_arguments(value)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import dynamics, energy, interface, kinematics
-from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.process.interrupts import interrupts_held_back
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array, cross, dot

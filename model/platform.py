@@ -8,13 +8,13 @@ from typing import Any, Self
 import numpy as np
 
 from gough_stewart.model import platform_checks
-from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
 from gough_stewart.model.joint_order import joint_order_hints
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
+from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_display import platform_html, platform_text
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray

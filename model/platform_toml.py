@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import tomlkit
 
-from gough_stewart.model import joint_circles, toml
-from gough_stewart.model.by_leg import by_leg
+from gough_stewart.model import joint_circles
 from gough_stewart.model.errors import PlatformError, PlatformFileError
-from gough_stewart.model.files import write_whole
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.toml import toml_item, toml_values
+from gough_stewart.model.platform_checks import by_leg
+from gough_stewart.model.process import toml
+from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.toml import toml_item, toml_values
 
 KEYS = (*TEXTS, *TABLE)
 _FILE_KEYS = (*KEYS, *joint_circles.KEYS)

@@ -66,7 +66,7 @@ def check_command(
             bar.add_task("shares of all limits", total=None)
             from gough_stewart.harness.experiment.check_files import FILES, check_files
             from gough_stewart.harness.experiment.checking import check
-            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
             found = check(experiment, settings or [])
@@ -103,7 +103,7 @@ def _write_fitted(experiment: str, settings: list[str], found: "MotionCheck", fi
     A shipped experiment is written to the current folder.
     """
     from gough_stewart.harness.experiment.setting_file import text_with_settings
-    from gough_stewart.model.files import write_whole
+    from gough_stewart.model.process.files import write_whole
 
     fitting = found.settings_that_fit("time" if fit == "time" else "amplitude")
     path = found.experiment.folder / f"{Path(experiment).stem}-fitted.toml"

@@ -17,7 +17,7 @@ from gough_stewart.harness.cli.options import (
 )
 from gough_stewart.harness.cli.terminal import members_bar, show, warn
 from gough_stewart.harness.errors import MissedError, UsageError
-from gough_stewart.model.files import reserved
+from gough_stewart.model.process.files import reserved
 
 if TYPE_CHECKING:
     from gough_stewart.harness.ensemble.result import Ensemble

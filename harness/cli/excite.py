@@ -73,8 +73,8 @@ def excite_command(
         chosen = chosen_platform(preset, platform)
         with preparing():
             from gough_stewart.harness.identify.excite import excite, experiment_text
-            from gough_stewart.model.files import Content, check_output_folder, write_files
             from gough_stewart.model.platform_toml import platform_to_toml
+            from gough_stewart.model.process.files import Content, check_output_folder, write_files
 
         check_output_folder(out, ("excitation.toml", "platform.toml"))
         with progress_bar() as progress:

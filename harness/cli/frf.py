@@ -43,7 +43,7 @@ def frf_command(
         with progress_bar() as bar:
             bar.add_task("transforms, linear model, figure", total=None)
             from gough_stewart.harness.experiment.frf import FILES, frf, frf_files, frf_sheet
-            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
             found = frf(record, experiment=chosen)

@@ -142,7 +142,7 @@ def identify_command(
             from gough_stewart.harness.identify.log import read_log
             from gough_stewart.harness.identify.retuned import before_and_after
             from gough_stewart.harness.identify.tables import sheets_of
-            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.process.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
         chosen = None

@@ -38,7 +38,7 @@ def margins_command(
         with progress_bar() as bar:
             bar.add_task("linear model, margins, figures", total=None)
             from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets
-            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
             found = margins(chosen)

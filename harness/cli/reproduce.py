@@ -74,7 +74,7 @@ def reproduce_command(
             from gough_stewart.harness.paper.report import report_sheets, weight_sentence
             from gough_stewart.harness.paper.reproduce import FILES, reproduce
             from gough_stewart.harness.view.page import PAGE
-            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.process.files import check_output_folder, write_files
 
         check_output_folder(out, [*FILES, PAGE])
         case = _chosen_case(order, preset, platform)

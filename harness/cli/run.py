@@ -110,7 +110,7 @@ def run_command(
             from gough_stewart.harness.experiment.run import run
             from gough_stewart.harness.results.oscillation import oscillation
             from gough_stewart.harness.results.tables import metrics_sheets
-            from gough_stewart.model.files import check_output_folder
+            from gough_stewart.model.process.files import check_output_folder
 
             check_output_folder(folder, names_of_files())
 

@@ -91,7 +91,7 @@ def tune_command(
             from gough_stewart.harness.results.metric_folds import shown_metric
             from gough_stewart.harness.tuning.files import FILES, tuning_files
             from gough_stewart.harness.tuning.tune import tune
-            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
             # before a long search: whether its result can be written as a file

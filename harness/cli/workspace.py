@@ -73,7 +73,7 @@ def workspace_command(
             from gough_stewart.harness.workspace.figures import workspace_figures
             from gough_stewart.harness.workspace.page import workspace_page
             from gough_stewart.harness.workspace.tables import sheets_of, size_text, workspace_csv
-            from gough_stewart.model.files import check_output_folder, write_files
+            from gough_stewart.model.process.files import check_output_folder, write_files
             from gough_stewart.model.workspace_grid import POINTS, sweep
 
         check_output_folder(out, FILES)

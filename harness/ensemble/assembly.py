@@ -19,7 +19,7 @@ from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.polars_paths import read_parquet, scan_parquet, write_to
 from gough_stewart.harness.results.bands import bands_frame, joined_samples
-from gough_stewart.model.files import write_whole
+from gough_stewart.model.process.files import write_whole
 
 MEMBERS, BANDS, METADATA = "members.parquet", "bands.parquet", "ensemble.json"
 _ROWS_A_GROUP = 65_536

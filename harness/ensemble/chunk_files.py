@@ -11,7 +11,7 @@ import numpy as np
 
 from gough_stewart.harness.ensemble.chunk import Chunk
 from gough_stewart.harness.results.bands import BandSamples
-from gough_stewart.model.files import write_whole
+from gough_stewart.model.process.files import write_whole
 
 FOLDER = "chunks"
 

@@ -23,7 +23,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.tables import Named, Sheet, number_text
 from gough_stewart.harness.polars_paths import write_to
 from gough_stewart.harness.results.metric_folds import shown_metric
-from gough_stewart.model.files import write_files
+from gough_stewart.model.process.files import write_files
 from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95

@@ -15,7 +15,7 @@ from gough_stewart.harness.experiment.member_records import records_of
 from gough_stewart.harness.experiment.plan import plan_from
 from gough_stewart.harness.output.tables import Sheet
 from gough_stewart.harness.view.page import view_page
-from gough_stewart.model.files import write_files
+from gough_stewart.model.process.files import write_files
 
 WORST = "worst"
 # The default metric that ranks the worst members: the first of these that exists.

@@ -14,8 +14,8 @@ from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import counted, failures, finite, left_out
 from gough_stewart.harness.ensemble.tables import failure_sheet, quantile_sheet, shown_input, shown_signal
 from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.display_resolution import least_span
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
-from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.output.tables import Sheet, number_text, to_html
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric import Shown

@@ -16,8 +16,7 @@ from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.fitting import factor_near, shrinking_that_fits, slowing_that_fits
 from gough_stewart.harness.motion.limits.needs import Needs, needs_along
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Shares, shares_along
-from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.scaling import Scaled, centre_of
+from gough_stewart.harness.motion.motion import Motion, Scaled, centre_of
 from gough_stewart.model.platform import Platform
 
 Fit = Literal["time", "amplitude"]

@@ -11,9 +11,9 @@ from pydantic import ValidationError
 from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.section import complaints
-from gough_stewart.model import toml
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.toml import toml_values
+from gough_stewart.model.process import toml
+from gough_stewart.model.process.toml import toml_values
 
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
 

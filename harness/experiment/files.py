@@ -10,7 +10,7 @@ from gough_stewart.harness.experiment.hints import static_error
 from gough_stewart.harness.results.metrics import Metrics, metrics, metrics_json
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import PAGE, view_page
-from gough_stewart.model.files import Content, FileSet, check_output_folder, file_set
+from gough_stewart.model.process.files import Content, FileSet, check_output_folder, file_set
 
 # Those of `run_figures`, whose module takes long to import.
 _FIGURE_FILES = [f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")]

@@ -10,7 +10,7 @@ from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.results.record import Record
-from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.process.progress import TimeProgress
 
 PLANT = "lanes"
 

@@ -16,12 +16,12 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.loop import Change, Limits, stroke_of
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.model.by_leg import by_leg
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import TUNABLE, nearest
 from gough_stewart.model.joint_circles import joints_of_keys
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_toml import load_platform, load_preset
 from gough_stewart.model.real import real_array
 from gough_stewart.model.state import State

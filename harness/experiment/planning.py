@@ -11,8 +11,7 @@ from gough_stewart.harness.experiment.parts import check_frequency, platform_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import check_reach
-from gough_stewart.harness.motion.motion import Motion, Reference
-from gough_stewart.harness.motion.scaling import centre_of
+from gough_stewart.harness.motion.motion import Motion, Reference, centre_of
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 

@@ -19,7 +19,7 @@ from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant, PlantKind
 from gough_stewart.harness.results.record import Record
-from gough_stewart.model.progress import StepProgress, TimeProgress
+from gough_stewart.model.process.progress import StepProgress, TimeProgress
 
 
 def run(

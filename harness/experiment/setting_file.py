@@ -18,7 +18,7 @@ from gough_stewart.harness.experiment.file import (
 )
 from gough_stewart.harness.experiment.named_files import names_from
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.model.toml import toml_values
+from gough_stewart.model.process.toml import toml_values
 
 
 def text_with_settings(source: Experiment | Path | str, *settings: Settings, folder: Path | None = None) -> str:

@@ -23,9 +23,9 @@ from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import MemberProgress, output_delay_of, stability_of
-from gough_stewart.model.files import check_output_folder, write_files
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.progress import StepProgress
 
 Form = Literal["fmu", "c", "ssp"]
 FORMS: tuple[Form, ...] = get_args(Form)

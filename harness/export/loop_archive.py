@@ -20,7 +20,7 @@ from gough_stewart.harness.export.system_structure import (
     parameter_values,
     system_structure,
 )
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.progress import StepProgress
 
 PLANT, CONTROLLER = "plant", "controller"
 # The FMI version that all importers of SSP 1.0 support.

@@ -13,7 +13,7 @@ from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import stability_of
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.progress import StepProgress
 
 
 @contextmanager

@@ -15,10 +15,9 @@ from gough_stewart.harness.export.relative import Home
 from gough_stewart.harness.export.single import halves
 from gough_stewart.harness.export.table_source import first_step, parted
 from gough_stewart.harness.export.texts import filled, number, numbers, read
-from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of
+from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of, smaller
 from gough_stewart.harness.motion.paths.polynomials import PIECES, SHORT, SHORTEST, Polynomials
 from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stepwise, Stretched, TimedPath, TimeLaw
-from gough_stewart.harness.motion.scaling import smaller
 
 _TEXT, _SINGLE = read("path.c"), read("path_single.c")
 

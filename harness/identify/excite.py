@@ -23,9 +23,9 @@ from gough_stewart.harness.motion.motion import Motion, Reference
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.progress import StepProgress
+from gough_stewart.model.process.toml import toml_item
 from gough_stewart.model.state import State
-from gough_stewart.model.toml import toml_item
 from gough_stewart.model.vectors import FloatArray
 
 Criterion = Literal["condition", "determinant"]

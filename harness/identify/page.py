@@ -10,8 +10,8 @@ import numpy as np
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.tables import sheets_of
 from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.display_resolution import least_span
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
-from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.model.platform import Platform
 

@@ -19,7 +19,6 @@ import numpy as np
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.names import PER_LEG, place_of
 from gough_stewart.model import interface
-from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.kernel import (
     N_INPUTS,
     N_PARAMETERS,
@@ -29,6 +28,7 @@ from gough_stewart.model.kernel import (
     parameter_vector,
 )
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.process.interrupts import interrupts_held_back
 from gough_stewart.model.vectors import FloatArray
 
 

@@ -18,7 +18,7 @@ from gough_stewart.harness.plants.alone import Alone, signals_of
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
-from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
 _ROWS_A_REPORT = 64

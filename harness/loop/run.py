@@ -13,7 +13,7 @@ from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.loop.rows import AllRows, Observer, Rows
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.plant import BoolArray, Plant
-from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
 

@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import Motion, Reference, motion_of
+from gough_stewart.harness.motion.motion import Motion, Reference, motion_of, slower
 from gough_stewart.harness.motion.profiles import Profile, motion_about, quintic, sine, step
 from gough_stewart.harness.motion.recorded.low_pass import resampled, smoothed
 from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
 from gough_stewart.harness.motion.recorded.recording import AtHome, moved_home, read_recording, recording_path
 from gough_stewart.harness.motion.recorded.table import FromTable
-from gough_stewart.harness.motion.scaling import slower
 from gough_stewart.harness.quantities import (
     ZEROS,
     Angle,

@@ -10,7 +10,7 @@ import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.model.interrupts import interrupts_held_back
+from gough_stewart.model.process.interrupts import interrupts_held_back
 
 DASHES = ("-", "--", "-.", "-", "--", "-.")
 STYLE: dict[str, Any] = {

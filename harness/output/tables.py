@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from gough_stewart.harness.output.quantities_shown import LEAST_SPANS
+from gough_stewart.harness.output.display_resolution import LEAST_SPANS
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult

@@ -10,7 +10,7 @@ from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations import kane_simulation
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.stepping import SteppingModel

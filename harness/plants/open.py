@@ -16,7 +16,7 @@ from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.plant import FMI_VERSIONS, Plant, PlantKind
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 

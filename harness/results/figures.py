@@ -16,9 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from gough_stewart.harness.output.colours import COLOURS
-from gough_stewart.harness.output.decimation import decimated
+from gough_stewart.harness.output.display_resolution import decimated, least_span
 from gough_stewart.harness.output.plotting import Draw, entitle, pictures, png
-from gough_stewart.harness.output.quantities_shown import least_span
 from gough_stewart.harness.results.outcome import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray

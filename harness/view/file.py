@@ -8,8 +8,8 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.results.record import Record, read_record
 from gough_stewart.harness.view.page import PAGE, names_of, view_page
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.files import check_output_folder, write_files
-from gough_stewart.model.progress import StepProgress
+from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.progress import StepProgress
 
 Shown = Record | Path | str
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.output.quantities_shown import factor_to
+from gough_stewart.harness.output.display_resolution import factor_to
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations import kane
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.progress import TimeProgress
+from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.rotations import (
     matrix_from_orientation,
     matrix_from_quaternion,

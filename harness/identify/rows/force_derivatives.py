@@ -14,7 +14,6 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
-from gough_stewart.model.interrupts import interrupts_held_back
 from gough_stewart.model.kernel import N_PARAMETERS
 from gough_stewart.model.kinematics import (
     jacobian_of_legs,
@@ -24,6 +23,7 @@ from gough_stewart.model.kinematics import (
     wrench_from_leg_forces,
 )
 from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.process.interrupts import interrupts_held_back
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray
 

@@ -6,8 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gough_stewart.harness.motion.limits.shares import shares_along
-from gough_stewart.harness.motion.motion import Motion, motion_of
-from gough_stewart.harness.motion.scaling import slower, smaller
+from gough_stewart.harness.motion.motion import Motion, motion_of, slower, smaller
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

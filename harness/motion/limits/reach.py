@@ -7,8 +7,7 @@ import numpy as np
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.fitting import remedy
 from gough_stewart.harness.motion.limits.shares import GEOMETRIC, WORST_CONDITION_NUMBER, Beyond, shares_along
-from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.scaling import pose_at_start
+from gough_stewart.harness.motion.motion import Motion, pose_at_start
 from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.motion.limits.leg_loads import LegLoads
+from gough_stewart.harness.motion.limits.needs import LegLoads
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (

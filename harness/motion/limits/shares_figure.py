@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from gough_stewart.harness.motion.limits.shares import LABELS, Shares
 from gough_stewart.harness.output.colours import COLOURS
-from gough_stewart.harness.output.decimation import decimated
+from gough_stewart.harness.output.display_resolution import decimated
 from gough_stewart.harness.output.plotting import entitle, pictures
 from gough_stewart.harness.output.tables import number_text
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from gough_stewart.harness.motion.limits.needs import Needs
 from gough_stewart.harness.motion.limits.shares import LABELS, Peak, Shares
-from gough_stewart.harness.output.quantities_shown import factor_to
+from gough_stewart.harness.output.display_resolution import factor_to
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text
 
 LEGS = tuple(range(1, 7))

@@ -7,10 +7,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.motion import Motion, smaller
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.profiles import quintic
-from gough_stewart.harness.motion.scaling import smaller
 from gough_stewart.model.vectors import FloatArray
 
 

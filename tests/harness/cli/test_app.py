@@ -287,7 +287,7 @@ def test_a_full_disk_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.Monke
 
     ready = Reproduction({"agreement": []}, {"open_loop.csv": b"time\n"})
     monkeypatch.setattr("gough_stewart.harness.paper.reproduce.reproduce", lambda *_, **__: ready)
-    monkeypatch.setattr("gough_stewart.model.files.write_whole", full)
+    monkeypatch.setattr("gough_stewart.model.process.files.write_whole", full)
     done = invoke("reproduce", "--out", str(tmp_path))
     assert done.exit_code == 1
     assert "No space left on device" in done.output

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.files import write_files
 from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.process.files import write_files
 from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu
 from tests.support.records import waving_record

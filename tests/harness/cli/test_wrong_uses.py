@@ -151,7 +151,7 @@ def test_help_names_the_default_folder(command: str, place: str) -> None:
 
 def test_a_second_ensemble_in_a_folder_is_refused_while_the_first_runs(tmp_path: Path) -> None:
     """Expected: told that another one writes there, not to resume it; a process that has ended holds nothing."""
-    lines = ["import time", "from pathlib import Path", "from gough_stewart.model.files import reserved"]
+    lines = ["import time", "from pathlib import Path", "from gough_stewart.model.process.files import reserved"]
     lines += ["with reserved(Path('.')):", "    print('ready', flush=True)", "    time.sleep(60)"]
     command = [sys.executable, "-c", "\n".join(lines)]
     first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gough_stewart.harness.output.quantities_shown import LEAST_SPANS, factor_to, least_span, widened
+from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to, least_span, widened
 
 
 @pytest.mark.parametrize(

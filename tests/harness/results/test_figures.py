@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from gough_stewart.harness.output.decimation import decimated
+from gough_stewart.harness.output.display_resolution import decimated
 from gough_stewart.harness.results.figures import _told_apart, _view, run_figures
 from gough_stewart.harness.results.record import Record, columns
 from tests.support.svg_figures import panels_of

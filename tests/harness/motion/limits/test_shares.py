@@ -13,9 +13,8 @@ from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.fitting import factor_that_fits, shrinking_that_fits, slowing_that_fits
 from gough_stewart.harness.motion.limits.reach import check_reach, legs_of
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER, Shares, shares_along
-from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.motion import Motion, Scaled, slower, smaller
 from gough_stewart.harness.motion.references import Sine
-from gough_stewart.harness.motion.scaling import Scaled, slower, smaller
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset

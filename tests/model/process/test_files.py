@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.files import check_output_folder, file_set, reserved, write_files, write_whole
+from gough_stewart.model.process.files import check_output_folder, file_set, reserved, write_files, write_whole
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.temporary import lock, remove_leftovers, temporary_file, temporary_folder
+from gough_stewart.model.process.temporary import lock, remove_leftovers, temporary_file, temporary_folder
 
 # The content of a file, or a function that writes it to a path.
 Content = bytes | Callable[[Path], None]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gough_stewart.model import kernel
-from gough_stewart.model.interrupts import interrupts_held_back
+from gough_stewart.model.process.interrupts import interrupts_held_back
 
 
 @pytest.fixture(autouse=True)
