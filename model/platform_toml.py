@@ -15,7 +15,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import by_leg
-from gough_stewart.model.process import toml
+from gough_stewart.model.process import shipped
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.toml import toml_item, toml_values
 
@@ -125,7 +125,7 @@ def preset_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return toml.shipped_names(*_PRESETS)
+    return shipped.names(*_PRESETS)
 
 
 def preset_text(name: str) -> str:
@@ -138,7 +138,7 @@ def preset_text(name: str) -> str:
     """
     if name not in preset_names():
         raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
-    return toml.shipped_text(*_PRESETS, name)
+    return shipped.text(*_PRESETS, name)
 
 
 def load_preset(name: str) -> Platform:

@@ -12,7 +12,7 @@ from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.section import complaints
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.process import toml
+from gough_stewart.model.process import shipped
 from gough_stewart.model.process.toml import toml_values
 
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
@@ -114,7 +114,7 @@ def experiment_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return toml.shipped_names(*_SHIPPED)
+    return shipped.names(*_SHIPPED)
 
 
 def shipped_text(name: str) -> str:
@@ -127,7 +127,7 @@ def shipped_text(name: str) -> str:
     """
     if name not in experiment_names():
         raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, experiment_names())}")
-    return toml.shipped_text(*_SHIPPED, name)
+    return shipped.text(*_SHIPPED, name)
 
 
 def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:

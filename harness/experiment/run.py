@@ -16,8 +16,9 @@ from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.run import simulate
+from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.open import open_plant
-from gough_stewart.harness.plants.plant import Plant, PlantKind
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.process.progress import StepProgress, TimeProgress
 

@@ -14,7 +14,8 @@ from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.errors import RUNNER, check_installed
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
-from gough_stewart.harness.plants.plant import FMI_VERSIONS, Plant, PlantKind
+from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.state import State

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Literal, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,6 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray
 
 BoolArray = NDArray[np.bool_]
-PlantKind = Literal["model", "fmu2", "fmu3"]
-FMI_VERSIONS: dict[str, str] = {"fmu2": "2.0", "fmu3": "3.0"}
 
 
 class Plant(Protocol):

@@ -1,8 +1,7 @@
-"""TOML, read with errors that name line and key, values as they are written, and the files that ship."""
+"""TOML, read with errors that name line and key, and values as they are written."""
 
 import re
 import tomllib
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -57,14 +56,3 @@ def _explained(message: str, text: str) -> str:
         return f"the table [{name}] in line {number} is a duplicate; expected every table once"
     line = lines[number - 1].strip()
     return f"{message}: {line[:60]}" if line else message
-
-
-def shipped_names(package: str, folder: str) -> tuple[str, ...]:
-    """Names of the TOML files in a folder of a package, without .toml."""
-    files = resources.files(package).joinpath(folder).iterdir()
-    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
-
-
-def shipped_text(package: str, folder: str, name: str) -> str:
-    """The text of such a file, with its comments."""
-    return resources.files(package).joinpath(folder, f"{name}.toml").read_text(encoding="utf-8")

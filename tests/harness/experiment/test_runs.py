@@ -19,7 +19,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.paper.open_loop import run_kernel
-from gough_stewart.harness.plants.plant import FMI_VERSIONS
+from gough_stewart.harness.plants.kinds import FMI_VERSIONS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.formulations.cases import paper_case
