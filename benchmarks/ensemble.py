@@ -19,7 +19,6 @@ from rich.table import Table
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.ensemble.local import Worker, chunks_here
-from gough_stewart.harness.experiment.batch import batch_of, prepared_members
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import Plan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
@@ -46,19 +45,18 @@ if __name__ == "__main__":
 
 def simulated_seconds(plan: Plan) -> tuple[float, float]:
     """Simulated seconds per second: members on one core, and a single run on the FMU."""
-    part = prepared_members(plan.prepared, 0, SIZE)
-    prepared = [part.prepared[k] for k in range(SIZE)]
-    duration = prepared[0].loop.timing.duration
+    batch = plan.prepared.prepared(0, SIZE).batch
+    duration = batch.timing[0].duration
     # longer, so that its start is negligible
     single = prepare(shipped_experiment("heave_step", ["loop.duration=4"]))
     rounds = []
     for _ in range(ROUNDS):
-        batch = batch_of(prepared, plan.substeps)
-        folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size))
-        rows = FoldsOfRows(batch.loop, folds, batch.size)
+        running = batch.in_parallel(plan.substeps)
+        folds = folds_of_loop(running.loop, limits_of_members(batch, running.size))
+        rows = FoldsOfRows(running.loop, folds, running.size)
         start = time.perf_counter()
-        with batch.plant:
-            observe(batch.plant, batch.law_from, batch.loop, rows)
+        with running.plant:
+            observe(running.plant, running.law_from, running.loop, rows)
         many = time.perf_counter() - start
         with FmuPlant(cached_build("3.0"), single.machine, single.start) as plant:
             start = time.perf_counter()

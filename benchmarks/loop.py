@@ -9,6 +9,7 @@ observer, against the harness of a single run, in alternating rounds.
 
 import sys
 import time
+from dataclasses import replace
 from typing import Any
 
 from rich.console import Console
@@ -22,7 +23,6 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import simulate
-from gough_stewart.harness.loop.together import together
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.lanes import lanes_plant
 
@@ -52,7 +52,7 @@ def seconds_of_many() -> tuple[float, float, float]:
     prepared = prepare(shipped_experiment("heave_step", OF_MANY))
     assert isinstance(prepared.controller, LinearController)
     steps, n = prepared.loop.timing.steps, MEMBERS
-    loop = together([prepared.loop] * n)
+    loop = replace(prepared.loop, shape=(n,))
     rounds = []
     for _ in range(ROUNDS):
         plant = lanes_plant([prepared.machine] * n, [prepared.start] * n, substeps=1)

@@ -171,15 +171,20 @@ class Platform(PlatformFields):
         PlatformError
             An unknown name, or an invalid value.
         """
+        values = by_leg(parameters)
+        new = self.unchecked(values)
+        platform_checks.check(new, values)
+        return new
+
+    def unchecked(self, values: Mapping[str, Any]) -> Self:
+        """`with_parameters` without the checks that concern several numbers or a bound; none by leg."""
         new: Self = object.__new__(type(self))
         new.__dict__.update(self.__dict__)
-        values = by_leg(parameters)
         for name, value in values.items():
             if name not in TABLE:
                 raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
             row = TABLE[name]
             new.__dict__[name] = None if value is None and row.is_optional else _frozen(name, value, row.shape)
-        platform_checks.check(new, values)
         return new
 
     def as_dict(self) -> dict[str, Any]:

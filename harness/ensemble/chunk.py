@@ -1,6 +1,7 @@
 """A chunk of an ensemble: some members, prepared, run in parallel, and reduced."""
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,11 +21,11 @@ from gough_stewart.harness.ensemble.columns import (
 )
 from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillation_columns, oscillations
 from gough_stewart.harness.errors import ControllerError, ExperimentError, RecordError, UnstableLoopError
-from gough_stewart.harness.experiment.batch import batch_of, prepared_members
+from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import pilots
 from gough_stewart.harness.experiment.plan import Plan
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.preparation import PreparedMembers
 from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.outcomes import Outcome
@@ -57,47 +58,40 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
         An error that concerns all members of this experiment.
     """
     members = plan.prepared
-    part = prepared_members(members, first, last)
-    numbers = sorted(part.prepared)
-    prepared = [part.prepared[k] for k in numbers]
-    if not prepared:
-        merits, nothing = _none(members, first)
-        return Chunk(_rows(first, part.draws.columns, part.impossible, [], (), (), merits), nothing, "")
-    batch = batch_of(prepared, plan.substeps)
-    timing = prepared[0].loop.timing
-    bands = Bands(_signals(members), timing, len(prepared), first)
+    draws = members.draws(first, last)
+    found = members.prepared_with(draws.values, range(first, last))
+    batch = found.batch
+    if not len(batch):
+        metrics, nothing = _none(members, first)
+        return Chunk(_rows(first, draws.columns, found, (), (), metrics), nothing, "")
+    running = batch.in_parallel(plan.substeps)
+    timing = batch.timing[0]
+    bands = Bands(_signals(members), timing, len(batch), first)
     errors = LegErrors(timing)
-    folds = [*folds_of_loop(batch.loop, limits_of_members(prepared, batch.size)), bands, errors]
-    rows_in_blocks = FoldsOfRows(batch.loop, folds, batch.size)
-    with batch.plant:
-        outcomes = observe_all(batch.plant, batch.law_from, batch.loop, rows_in_blocks)
-        integration_error = batch.plant.integration_error[: len(prepared)]
-        features = batch.plant.features
-    columns = {name: values[: len(prepared)] for name, values in columns_of(rows_in_blocks.results()).items()}
+    folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
+    rows_in_blocks = FoldsOfRows(running.loop, folds, running.size)
+    with running.plant:
+        outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks)
+        integration_error = running.plant.integration_error[: len(batch)]
+        features = running.plant.features
+    columns = {name: values[: len(batch)] for name, values in columns_of(rows_in_blocks.results()).items()}
     columns[INTEGRATION_ERROR] = integration_error
     if members.choice.margins:
-        columns |= margins_of(prepared)
-    ended = outcomes[: len(prepared)]
-    own = oscillations(prepared, ended, errors)
-    rows = _rows(first, part.draws.columns, part.impossible, numbers, ended, own, columns)
-    return Chunk(rows, bands.samples(), features)
+        columns |= margins_of([batch.member(k) for k in range(len(batch))])
+    ended = outcomes[: len(batch)]
+    own = oscillations(batch, ended, errors)
+    return Chunk(_rows(first, draws.columns, found, ended, own, columns), bands.samples(), features)
 
 
 def _signals(members: Members) -> Sequence[str]:
     return DEFAULT if members.choice.signals is None else members.choice.signals
 
 
-def limits_of_members(prepared: Sequence[Prepared], size: int) -> dict[str, Any]:
-    """Limits of the nominal models, one number if they are all the same."""
-    nominal = [each.platform for each in prepared]
-    found = dict[str, Any]()
-    for row in LIMITS:
-        values = [getattr(platform, row.name) for platform in nominal]
-        if values[0] is None:
-            continue
-        filled = [*values, *[values[-1]] * (size - len(values))]
-        found[row.name] = values[0] if all(value == values[0] for value in values) else np.array(filled)
-    return found
+def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
+    """Limits of the nominal models, one number if they are all the same; of a size, with copies of the last one."""
+    filled = batch.platform.take(np.minimum(np.arange(size), len(batch) - 1))
+    stated = [row.name for row in LIMITS if getattr(filled[0], row.name) is not None]
+    return {name: filled.numbers(attrgetter(name)) for name in stated}
 
 
 def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
@@ -158,11 +152,11 @@ def check_names(plan: Plan) -> None:
 def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamples]:
     """The results if no member can run."""
     try:
-        some = pilots(members)[0]
+        batch = pilots(members)
     except GoughStewartError:
-        some = members.prepared(members.nominal)
-    loop, platform = some.loop, some.platform
-    limits = {row.name: value for row in LIMITS if (value := getattr(platform, row.name)) is not None}
+        batch = members.prepared_with([{}], [None]).batch
+    loop = batch.member(0).loop
+    limits = limits_of_members(batch, 1)
     columns = {**columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits)).results()), INTEGRATION_ERROR: np.zeros(1)}
     if members.choice.margins:
         columns |= {f"{MARGINS}stable": np.zeros(1), f"{MARGINS}disk": np.zeros(1)}
@@ -173,19 +167,17 @@ def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamp
 def _rows(
     first: int,
     varied: dict[str, Any],
-    impossible: dict[int, str],
-    numbers: Sequence[int],
+    found: PreparedMembers,
     outcomes: Sequence[Outcome],
     own: Sequence[Oscillation | None],
     metrics: dict[str, FloatArray],
 ) -> polars.DataFrame:
     """One row per member, in order of their numbers."""
-    n = len(impossible) + len(numbers)
-    at = np.array(numbers, dtype=np.intp) - first
-    status, cause = [IMPOSSIBLE] * n, [impossible.get(first + k) for k in range(n)]
+    n, reasons = len(found.errors) + len(found.numbers), found.reasons
+    status, cause = [IMPOSSIBLE] * n, [reasons.get(k) for k in range(n)]
     ended: list[float | None] = [None] * n
     motions: list[Oscillation | None] = [None] * n
-    for k, outcome, motion in zip(at.tolist(), outcomes, own, strict=True):
+    for k, outcome, motion in zip(found.numbers[: len(outcomes)].tolist(), outcomes, own, strict=True):
         status[k], ended[k], cause[k], motions[k] = outcome.status, outcome.time, outcome.cause, motion
     columns: dict[str, Any] = {MEMBER: polars.Series(range(first, first + n), dtype=polars.Int64)}
     for name, values in varied.items():
@@ -198,6 +190,6 @@ def _rows(
     }
     for name, values in metrics.items():
         whole = np.full(n, np.nan)
-        whole[at] = values
+        whole[found.numbers] = values
         columns[name] = whole
     return polars.DataFrame(columns, nan_to_null=True)

@@ -8,7 +8,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.loop.folds import Block, Fold, State
 from gough_stewart.harness.loop.loop import LENGTHS, Loop
 from gough_stewart.harness.loop.outcomes import Outcome
@@ -51,17 +51,15 @@ class LegErrors(Fold):
             block.of_rows(rows, self.needs[0], self.errors[at : at + len(range(first, block.rows, self.every))])
 
 
-def oscillations(
-    prepared: Sequence[Prepared], outcomes: Sequence[Outcome], kept: LegErrors
-) -> list[Oscillation | None]:
+def oscillations(batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors) -> list[Oscillation | None]:
     """The motion by itself of each member that completed; None for a sound loop.
 
     Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
     """
     completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
-    found: list[Oscillation | None] = [None] * len(prepared)
-    for k in _candidates(prepared, completed, kept):
-        found[k] = _self_excited(prepared[k], kept.time, kept.errors[:, :, k].copy(), kept.every)
+    found: list[Oscillation | None] = [None] * len(batch)
+    for k in _candidates(batch, completed, kept):
+        found[k] = _self_excited(batch.member(k), kept.time, kept.errors[:, :, k].copy(), kept.every)
     return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
 
 
@@ -88,20 +86,20 @@ def _self_excited(prepared: Prepared, time: FloatArray, error: FloatArray, every
     return self_excited(LegRows(time, error, reference, _rest_begins(loop, last_change(reference), every), least))
 
 
-def _candidates(prepared: Sequence[Prepared], members: Sequence[int], kept: LegErrors) -> Iterator[int]:
-    """Members that may oscillate or grow; those that share a reference are looked at together."""
-    ends, alike = dict[int, int](), dict[tuple[int, int], list[int]]()
+def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors) -> Iterator[int]:
+    """Members that may oscillate or grow; those that share what acts on the loop are looked at together."""
+    alike = dict[tuple[int, ...], list[int]]()
     for k in members:
-        loop = prepared[k].loop
-        if loop.reference is not None and prepared[k].controller is not None:
-            same = id(loop.reference)
-            if same not in ends:
-                ends[same] = last_change(loop.reference[:: kept.every, LENGTHS])
-            alike.setdefault((same, _rest_begins(loop, ends[same], kept.every)), []).append(k)
-    for (_, begins), group in alike.items():
-        reference = prepared[group[0]].loop.reference
-        assert reference is not None
-        may = may_move(np.moveaxis(kept.errors[..., group], 1, 2), kept.time, reference[:: kept.every, LENGTHS], begins)
+        if batch.planned[k] is not None and batch.controller[k] is not None:
+            alike.setdefault(
+                tuple(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), []
+            ).append(k)
+    for group in alike.values():
+        loop = batch.member(group[0]).loop
+        assert loop.reference is not None
+        reference = loop.reference[:: kept.every, LENGTHS]
+        begins = _rest_begins(loop, last_change(reference), kept.every)
+        may = may_move(np.moveaxis(kept.errors[..., group], 1, 2), kept.time, reference, begins)
         yield from (k for k, is_one in zip(group, may.tolist(), strict=True) if is_one)
 
 

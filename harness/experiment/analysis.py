@@ -14,9 +14,10 @@ from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.design_figures import design_figures
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.output.versions import versions

@@ -1,41 +1,81 @@
-"""Members that run in parallel: prepared, padded to whole vectors, with one plant and one loop."""
+"""Members that are ready to run, in parallel or one by one."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import LawFrom, laws_of
-from gough_stewart.harness.experiment.members import Draws, Members
-from gough_stewart.harness.experiment.preparation import Prepared, Stages
-from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import Loop
-from gough_stewart.harness.loop.together import together
-from gough_stewart.harness.plants import members as in_memory
+from gough_stewart.harness.control.laws import Controller, Known
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, SeparateLaws, law_of, laws_of
+from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.experiment.distinct import Distinct
+from gough_stewart.harness.experiment.stages import Planned
+from gough_stewart.harness.loop.actuators import Actuators
+from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
+from gough_stewart.harness.loop.seeds import Seed, Seeds, as_numbers
+from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.motion.limits.reach import LegMotion
+from gough_stewart.harness.motion.motion import Motion, Reference
 from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
-from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.errors import GoughStewartError, SingularPoseError
-from gough_stewart.model.parameters import stack
-from gough_stewart.model.platform_checks import GEOMETRY, remember_home_poses
+from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platforms import Platforms
+from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 # Size of the plant's vectors: a member's bits do not depend on the others if all vectors are full.
 LANES = 8
+_NO_JACOBIANS = np.zeros((0, 6, 6))
 
 
 @dataclass(frozen=True)
-class PreparedMembers:
-    """Consecutive members from `first` on: their draws, those that can run, and why others cannot."""
+class Prepared:
+    """An experiment that is ready to run."""
 
-    first: int
-    draws: Draws
-    prepared: dict[int, Prepared]  # by member
-    impossible: dict[int, str]
+    platform: Platform  # the nominal model: for gains, references, Jacobians, feedforward, limits
+    machine: Platform  # the simulated platform
+    start: State
+    loop: Loop
+    motion: Motion | None  # the reference at every row
+    legs: LegMotion | None  # its leg lengths and velocities
+    controller: Controller | None  # the maker of one for each run, if it has memory; None for feedforward alone
+    jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
+    warnings: tuple[str, ...] = ()  # limits exceeded with permission, hints at the platform
+    reference: Reference | None = None  # the motion at any time
+
+    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
+        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
+        if self.controller is None:
+            raise ControllerError("an open loop has no control law")
+        known = known_of(self.platform, self.loop.timing, self.loop.feedforward, self.loop.injection)
+        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, known)(reference, measured)
+
+    @contextmanager
+    def law_in_a_run(self) -> Iterator[LawFrom | None]:
+        """The factory of the control law; resources are closed at the end."""
+        if self.controller is None:
+            yield None
+        elif isinstance(self.controller, UnitController):
+            with self.controller.open(self.loop.timing.sample_time) as law:
+                yield lambda _reference, _measured: SeparateLaws([law])
+        else:
+            yield self.law
 
 
-@dataclass(frozen=True)
-class Batch:
-    """The members that run, followed by copies of the last one up to a whole number of vectors."""
+def known_of(platform: Platform, timing: Timing, feedforward: FloatArray, injection: FloatArray | None) -> Known:
+    """What a loop tells a controller in Python."""
+    planned = feedforward if injection is None else feedforward + injection
+    return Known(platform, timing.sample_time, feedforward, planned)
+
+
+class InParallel(NamedTuple):
+    """One plant and one loop for members, followed by copies of the last one up to a whole number of vectors."""
 
     plant: LanesPlant
     law_from: LawFrom | None
@@ -43,93 +83,137 @@ class Batch:
     size: int  # including the copies
 
 
-def prepared_members(members: Members, first: int, last: int, draws: Draws | None = None) -> PreparedMembers:
-    """Members first to last − 1, or with other draws; for an impossible one, the reason is returned, not raised."""
-    draws = members.draws(first, last) if draws is None else draws
-    preparation = members.preparation
-    _remember_home_poses(members, draws)
-    started = dict[int, tuple[Experiment, Stages]]()
-    impossible = dict[int, str]()
-    prepared = dict[int, Prepared]()
-    for k, values in enumerate(draws.values, first):
-        try:
-            each = members.experiment(values)
-            started[k] = each, preparation.stages(each, members.controller)
-        except GoughStewartError as error:
-            impossible[k] = _reason(error, members.nominal.where)
-    held = _held({k: stages for k, (_, stages) in started.items()})
-    for k, (each, stages) in started.items():
-        try:
-            prepared[k] = members.prepared(each, seed=members.seed_of(k), held=held.get(k), stages=stages)
-        except GoughStewartError as error:
-            impossible[k] = _reason(error, members.nominal.where)
-    return PreparedMembers(first, draws, prepared, impossible)
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """N members of an experiment that are ready to run."""
 
+    timing: Distinct[Timing]  # the same, without jitter
+    platform: Distinct[Platform]  # the nominal models
+    machine: Distinct[Platform]
+    start: Distinct[State]
+    planned: Distinct[Planned | None]
+    warnings: Distinct[tuple[str, ...]]
+    controller: Distinct[Controller | None]
+    feedforward: Distinct[FloatArray]
+    injection: Distinct[FloatArray | None]
+    start_force: FloatArray  # (N, 6)
+    sensors: Distinct[Sensors]
+    actuators: Distinct[Actuators]
+    limits: Distinct[Limits]
+    changes: Distinct[tuple[Change, ...]]
+    jitter: Distinct[float]
+    seeds: Distinct[Seed]  # of noise and jitter
 
-def _remember_home_poses(members: Members, draws: Draws) -> None:
-    """Evaluate the home poses of all machines at once, if their geometry varies, for the checks of each."""
-    paths = [("plant", "parameters", name) for name in GEOMETRY]
-    if not draws.values or not any(path in draws.values[0] for path in paths):
-        return
-    machine = members.machine_of_all
-    if machine is None:
-        return
-    varied = [
-        np.array([values[path] for values in draws.values], dtype=float)
-        if path in draws.values[0]
-        else np.repeat(getattr(machine, path[-1])[None], len(draws.values), axis=0)
-        for path in paths
-    ]
-    remember_home_poses(*varied)
+    def __len__(self) -> int:
+        """N."""
+        return len(self.platform)
 
+    def take(self, members: Sequence[int] | NDArray[np.intp]) -> "Batch":
+        """Some of them, in the order of their indices."""
+        at = np.asarray(members, dtype=np.intp)
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        taken = {name: each.take(at) for name, each in values.items() if isinstance(each, Distinct)}
+        return replace(self, start_force=self.start_force[at], **taken)
 
-def _reason(error: GoughStewartError, where: str) -> str:
-    return str(error).removeprefix(f"{where}: ")
-
-
-def _held(members: dict[int, Stages]) -> dict[int, FloatArray]:
-    """Forces that hold each machine in its start pose; none if one has a singular pose, which reports itself."""
-    if not members:
-        return {}
-    platforms = stack([stages.machine for stages in members.values()])
-    starts = [stages.start for stages in members.values()]
-    position, orientation = (np.stack([getattr(s, name) for s in starts]) for name in ("position", "orientation"))
-    try:
-        forces = static_leg_forces(platforms, position, orientation)
-    except SingularPoseError:
-        return {}
-    return dict(zip(members, np.asarray(forces), strict=True))
-
-
-def batch_of(prepared: Sequence[Prepared], substeps: int, compiler: bool | None = None) -> Batch:
-    """Prepared members as one plant and one loop.
-
-    Raises
-    ------
-    ControllerError
-        Members that cannot run in parallel; names the difference.
-    """
-    filled = [*prepared, *[prepared[-1]] * (-len(prepared) % LANES)]
-    loop = together([each.loop for each in filled])
-    plant = lanes_plant([p.machine for p in filled], [p.start for p in filled], substeps=substeps, compiler=compiler)
-    controllers = [each.controller for each in prepared if each.controller is not None]
-    law_from = None
-    if controllers:
-        law_from = laws_of(
-            controllers,
-            loop.timing.sample_time,
-            _jacobians(filled),
-            [each.known for each in prepared],
-            len(filled) - len(prepared),
+    def member(self, k: int) -> Prepared:
+        """One of them alone."""
+        own = self.take([k])
+        planned = own.planned[0]
+        reference, motion, legs, _, jacobians = planned or (None, None, None, None, _NO_JACOBIANS)
+        return Prepared(
+            own.platform[0],
+            own.machine[0],
+            own.start[0],
+            own.loop,
+            motion,
+            legs,
+            own.controller[0],
+            jacobians,
+            own.warnings[0],
+            reference,
         )
-    return Batch(plant, law_from, loop, len(filled))
+
+    @property
+    def loop(self) -> Loop:
+        """The loop of all; of one member alone without a member axis."""
+        timing, n, sensors, actuators = self.timing[0], len(self), self.sensors, self.actuators
+        has_noise = sensors.map(lambda each: any(each.noise.values()))
+        return Loop(
+            timing=replace(
+                timing, jitter=self.jitter.numbers(float), seed=self._seeds(self.jitter.map(bool), timing.seed)
+            ),
+            reference=self.planned.arrays(lambda each: each and each.signals),
+            feedforward=self.feedforward.arrays(np.asarray),
+            start_force=self.start_force[0] if n == 1 else self.start_force,
+            sensors=Sensors(
+                _by_signal(sensors, lambda each: each.noise),
+                _by_signal(sensors, lambda each: each.quantisation),
+                sensors[0].sample_time,
+                self._seeds(has_noise, sensors[0].seed),
+            ),
+            actuators=Actuators(
+                actuators.numbers(lambda each: each.force_limit, np.inf),
+                actuators.numbers(lambda each: each.rate_limit, np.inf),
+                actuators.numbers(lambda each: each.lag),
+                actuators.numbers(lambda each: each.delay),
+            ),
+            limits=Limits(
+                (
+                    self.limits.numbers(lambda each: each.stroke[0]),
+                    self.limits.numbers(lambda each: each.stroke[1]),
+                ),
+                self.limits[0].on_stroke,
+                self.limits.numbers(lambda each: each.largest_position_error),
+            ),
+            changes=changes_of_members(list(self.changes), timing),
+            injection=self.injection.arrays(lambda each: each),
+            shape=() if n == 1 else (n,),
+        )
+
+    def in_parallel(self, substeps: int, compiler: bool | None = None) -> InParallel:
+        """All of them as one plant and one loop.
+
+        Raises
+        ------
+        ControllerError
+            Members that cannot run in parallel; names the difference.
+        """
+        n, timing = len(self), self.timing[0]
+        copies = -n % LANES
+        filled = self.take([*range(n), *[n - 1] * copies])
+        machines = Platforms.of(filled.machine.values)[filled.machine.of]
+        plant = lanes_plant(machines, list(filled.start), substeps=substeps, compiler=compiler)
+        law_from, controllers = None, [each for each in self.controller if each is not None]
+        if controllers:
+            known = zip(self.platform, self.feedforward, self.injection, strict=True)
+            law_from = laws_of(
+                controllers,
+                timing.sample_time,
+                filled.jacobians,
+                [known_of(platform, timing, forces, injection) for platform, forces, injection in known],
+                copies,
+            )
+        return InParallel(plant, law_from, filled.loop, len(filled))
+
+    @property
+    def jacobians(self) -> FloatArray:
+        """Leg Jacobians of the reference at every sample, (m, 6, 6) if all are the same, else (m, N, 6, 6)."""
+        flat = self.planned.arrays(lambda each: (_NO_JACOBIANS if each is None else each.jacobians).reshape(-1, 36))
+        return np.asarray(flat.reshape(*flat.shape[:-1], 6, 6))
+
+    def _seeds(self, own: Distinct[bool], common: Seeds) -> Seeds:
+        """Of each member, the common one of those without random numbers; one if all are the same."""
+        if not any(own.values):
+            return common
+        found = [seed if is_own else common for seed, is_own in zip(self.seeds, own, strict=True)]
+        first = as_numbers(found[0])
+        return found[0] if all(as_numbers(seed) == first for seed in found) else tuple(found)  # type: ignore[arg-type]
 
 
-def _jacobians(prepared: Sequence[Prepared]) -> FloatArray:
-    """(n, 6, 6) if all are the same, else (n, N, 6, 6)."""
-    first = prepared[0].jacobians
-    if all(each.jacobians is first for each in prepared):
-        return first
-    n = len(first)
-    flat: FloatArray = in_memory.stacked([each.jacobians.reshape(n, 36) for each in prepared])
-    return flat.reshape(n, len(prepared), 6, 6)
+def _by_signal(sensors: Distinct[Sensors], sizes: Callable[[Sensors], Mapping[str, PerMember]]) -> dict[str, PerMember]:
+    names = dict.fromkeys(name for each in sensors.values for name in sizes(each))
+    return {name: sensors.numbers(partial(_size, sizes, name)) for name in names}
+
+
+def _size(sizes: Callable[[Sensors], Mapping[str, PerMember]], name: str, sensors: Sensors) -> Any:
+    return sizes(sensors).get(name) or 0.0

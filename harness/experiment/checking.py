@@ -9,9 +9,8 @@ from typing import Literal
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.parts import force_limit_of
-from gough_stewart.harness.experiment.planning import Planning, ReferenceMotion
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.stages import ReferenceMotion, Stages, force_limit_of
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.fitting import factor_near, shrinking_that_fits, slowing_that_fits
 from gough_stewart.harness.motion.limits.needs import Needs, needs_along
@@ -226,10 +225,10 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
     chosen = experiment_of(experiment, settings)
-    planning = Planning()
-    nominal = planning.nominal(chosen)
-    platform = planning.limited(nominal, force_limit_of(chosen.actuators, nominal))
-    requested = planning.reference_motion(chosen, platform, planning.timing(chosen))
+    stages = Stages(chosen)
+    nominal = stages.platform(chosen.platform)
+    platform = stages.limited(nominal, force_limit_of(chosen.actuators.force_limit, nominal))
+    requested = stages.reference(chosen.reference, platform, stages.timing(chosen.loop.jitter, chosen.loop.delay))
     time, motion = requested.timing.times, requested.motion
     shares = shares_along(platform, time, motion, chosen.limits.condition_number)
     return MotionCheck(chosen, platform, shares, needs_along(platform, time, motion), requested)

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.batch import batch_of, prepared_members
+from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.plan import Plan
-from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.varied import experiment_with
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.process.progress import TimeProgress
@@ -23,14 +23,22 @@ def member_of(plan: Plan, member: int) -> tuple[Experiment, Prepared]:
     ExperimentError
         No member of that number, or one that is impossible.
     """
-    if not 0 <= member < plan.members:
-        raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
+    (own,), batch = _members_of(plan, [member])
+    return own, batch.member(0)
+
+
+def _members_of(plan: Plan, numbers: Sequence[int]) -> tuple[list[Experiment], Batch]:
+    for member in numbers:
+        if not 0 <= member < plan.members:
+            raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
     members = plan.prepared
-    part = prepared_members(members, member, member + 1)
-    if member in part.impossible:
-        raise ExperimentError(plan.where, f"member {member}", f"is impossible: {part.impossible[member]}")
-    own = members.experiment(part.draws.values[0]).model_copy(update={"title": f"{plan.title}, member {member}"})
-    return own, part.prepared[member]
+    values = [members.draws(member, member + 1).values[0] for member in numbers]
+    found = members.prepared_with(values, numbers)
+    for k, reason in found.reasons.items():
+        raise ExperimentError(plan.where, f"member {numbers[k]}", f"is impossible: {reason}")
+    own = [experiment_with(members.nominal, each) for each in values]
+    titles = [f"{plan.title}, member {member}" for member in numbers]
+    return [each.model_copy(update={"title": title}) for each, title in zip(own, titles, strict=True)], found.batch
 
 
 def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None = None) -> list[Record]:
@@ -41,16 +49,16 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
     ExperimentError
         As `member_of`.
     """
-    each = [member_of(plan, member) for member in members]
-    if not each:
+    if not members:
         return []
-    batch = batch_of([prepared for _, prepared in each], plan.substeps)
-    with batch.plant:
-        run = simulate(batch.plant, batch.law_from, batch.loop, progress)
+    experiments, batch = _members_of(plan, members)
+    running = batch.in_parallel(plan.substeps)
+    with running.plant:
+        run = simulate(running.plant, running.law_from, running.loop, progress)
     return [
         record_of(
             run.of_member(k),
-            prepared,
+            batch.member(k),
             {
                 "title": own.title,
                 "plant": PLANT,
@@ -60,5 +68,5 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
                 **({"replaced": ["controller"]} if plan.controller else {}),
             },
         )
-        for k, (member, (own, prepared)) in enumerate(zip(members, each, strict=True))
+        for k, (member, own) in enumerate(zip(members, experiments, strict=True))
     ]

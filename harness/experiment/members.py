@@ -1,6 +1,6 @@
 """The members of an ensemble: their drawn values, and their experiments."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import prod
@@ -8,23 +8,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.preparation import Preparation, Prepared
+from gough_stewart.harness.experiment.preparation import Preparation, PreparedMembers, Values
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.stages import platforms_of
 from gough_stewart.harness.experiment.varied import Place, place_of
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import Design, in_turn
 from gough_stewart.harness.sampling.distributions import Normal
 from gough_stewart.harness.sampling.variation import Spread, Target
-from gough_stewart.harness.section import complaints
-from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
-
-_PLATFORMS = ("platform", "plant")
 
 
 @dataclass(frozen=True)
@@ -79,7 +75,8 @@ class Members:
     """
 
     def __init__(self, experiment: Experiment, controller: Any = None) -> None:
-        self.nominal, self.preparation, self.controller = experiment, Preparation(), controller
+        self.nominal, self.controller = experiment, controller
+        self.preparation = Preparation(experiment, controller)
         choice = experiment.ensemble
         if choice is None:
             raise ExperimentError(
@@ -92,12 +89,11 @@ class Members:
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
         self.inputs = self._inputs()
-        self._together = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
+        self._matrices = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
         self._check_matrices()
         grids = prod(i.spread.levels or 1 for i in self.inputs)
         only_grids = bool(self.inputs) and all(i.spread.levels for i in self.inputs)
         self.count = choice.members or (grids if only_grids else -(-MEMBERS // grids) * grids)
-        self._plain: dict[str, Any] = {}
         _ = self.design
 
     @cached_property
@@ -119,19 +115,11 @@ class Members:
     def groups(self) -> tuple[tuple[int, ...], ...]:
         """Groups of correlated inputs, by index; independent inputs are groups of one."""
         found = [{k} for k in range(len(self.inputs))]
-        for together in (*self.choice.correlation, *self.choice.covariance):
-            members = {k for k, i in enumerate(self.inputs) if i.key in together.of}
+        for matrix in (*self.choice.correlation, *self.choice.covariance):
+            members = {k for k, i in enumerate(self.inputs) if i.key in matrix.of}
             joined = set().union(*(g for g in found if g & members))
             found = [g for g in found if not g & members] + [joined]
         return tuple(tuple(sorted(group)) for group in sorted(found, key=min))
-
-    @cached_property
-    def machine_of_all(self) -> Platform | None:
-        """The machine without what varies; None if the members have no valid one in common."""
-        try:
-            return self.preparation.machine(self.nominal)
-        except GoughStewartError:
-            return None
 
     def draws(self, first: int, last: int) -> Draws:
         """The draws of members first to last − 1."""
@@ -182,75 +170,34 @@ class Members:
 
     def _correlations(self) -> Iterator[tuple[NDArray[np.intp], FloatArray]]:
         """Columns of correlated inputs, and their correlation."""
-        for together, at, matrix in self._together:
+        for table, at, matrix in self._matrices:
             columns = np.concatenate([np.arange(self._ends[k], self._ends[k + 1]) for k in at])
-            yield columns, correlation_of(matrix) if together in self.choice.covariance else matrix
+            yield columns, correlation_of(matrix) if table in self.choice.covariance else matrix
 
     @cached_property
     def _ends(self) -> NDArray[np.intp]:
         """Where each input's columns begin, and the end."""
         return np.cumsum([0, *(i.spread.size for i in self.inputs)])
 
-    def experiment(self, values: Mapping[tuple[str, ...], Any]) -> Experiment:
-        """The experiment of a member with these drawn values.
+    def prepared(self, first: int, last: int) -> PreparedMembers:
+        """Members first to last − 1, ready to run, or why they are impossible."""
+        return self.prepared_with(self.draws(first, last).values, range(first, last))
 
-        Raises
-        ------
-        ExperimentError
-            Invalid values for the experiment.
-        """
-        tables = dict[str, dict[tuple[str, ...], Any]]()
-        for path, value in values.items():
-            tables.setdefault(path[0], {})[path[1:]] = value
-        update = {name: self._table(name, inner) for name, inner in tables.items()}
-        return self.nominal.model_copy(update=update)
-
-    def prepared(self, experiment: Experiment, **known: Any) -> Prepared:
-        """An experiment of a member, prepared; `known` as in `Preparation.prepare`."""
-        return self.preparation.prepare(experiment, self.controller, **known)
+    def prepared_with(self, values: Sequence[Values], numbers: Sequence[int | None]) -> PreparedMembers:
+        """Members with these values, and the noise and jitter of these numbers; of the nominal one without."""
+        seeds = [self.nominal.sensors.seed if k is None else self.seed_of(k) for k in numbers]
+        return self.preparation.members(values, seeds)
 
     def seed_of(self, member: int) -> np.random.SeedSequence:
         """The seed of a member's noise and jitter."""
         return np.random.SeedSequence(self.seed, spawn_key=(member,))
 
-    def _table(self, name: str, values: Mapping[tuple[str, ...], Any]) -> Any:
-        table = getattr(self.nominal, name)
-        if name in _PLATFORMS:  # validated with the platform
-            parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
-            return table.model_copy(update={"parameters": parameters})
-        if isinstance(table, list):
-            elements = list(table)
-            for k in {int(path[0]) - 1 for path in values}:
-                inner = {path[1:]: value for path, value in values.items() if int(path[0]) - 1 == k}
-                elements[k] = self._validated(f"{name}.{k + 1}", table[k], inner)
-            return elements
-        return self._validated(name, table, values)
-
-    def _validated(self, name: str, table: Any, values: Mapping[tuple[str, ...], Any]) -> Any:
-        if name not in self._plain:
-            self._plain[name] = table.model_dump(exclude_unset=True)
-        plain = dict(self._plain[name])
-        for (key, *rest), value in values.items():
-            plain[key] = {**(plain.get(key) or {}), rest[0]: value} if rest else value
-        # choices and grids repeat the same values
-        return self.preparation.once(
-            name,
-            tuple(f"{'.'.join(key)} = {value!r}" for key, value in values.items()),
-            lambda: self._made(name, type(table), plain),
-        )
-
-    def _made(self, name: str, kind: Any, plain: dict[str, Any]) -> Any:
-        try:
-            return kind.built().model_validate(plain)
-        except ValidationError as error:
-            raise ExperimentError(self.nominal.where, name, complaints(error, kind, plain)) from None
-
     def _inputs(self) -> tuple[Input, ...]:
         """Inputs in order of their places, independent of the order in the file."""
         found = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
-        for together in self.choice.covariance:
-            deviations = np.sqrt(np.diag(together.values))
-            for key in together.of:
+        for table in self.choice.covariance:
+            deviations = np.sqrt(np.diag(table.values))
+            for key in table.of:
                 if key in self.choice.varied:
                     raise self._error(key, "has a distribution and a covariance; expected only one of them")
                 found.append(self._input(key, partial(_normal, deviations)))
@@ -275,35 +222,49 @@ class Members:
         if self.controller is not None and section == "controller" and rest[0] not in ("feedforward", "parameters"):
             raise self._error(key, "has no effect, since controller= replaces the experiment's controller")
 
+    @cached_property
+    def platforms(self) -> tuple[Platform, Platform]:
+        """The nominal model and the machine, without what varies."""
+        return platforms_of(self.nominal)
+
+    def place_of(self, key: str) -> Place:
+        """The place that a key of `[ensemble]` or a search names.
+
+        Raises
+        ------
+        ValueError
+            None, or one that is common to all members.
+        """
+        return place_of(key, self.nominal, *self.platforms)
+
     def _input(self, key: str, spread: Callable[[Target], Spread]) -> Input:
-        preparation, experiment = self.preparation, self.nominal
         try:
-            place = place_of(key, experiment, preparation.nominal(experiment), preparation.machine(experiment))
+            place = self.place_of(key)
             return Input(key, place, spread(place.target))
         except ValueError as error:
             raise self._error(key, str(error)) from None
 
-    def _at(self, together: CorrelatedInputs) -> list[int]:
+    def _at(self, table: CorrelatedInputs) -> list[int]:
         """The indices of a matrix's inputs, in its order."""
         keys = [each.key for each in self.inputs]
-        for key in together.of:
+        for key in table.of:
             if key not in keys:
                 raise self._error(key, "is correlated but does not vary; add a distribution for it")
-        at = [keys.index(key) for key in together.of]
+        at = [keys.index(key) for key in table.of]
         size = sum(self.inputs[k].spread.size for k in at)
-        if size != len(together.matrix):
+        if size != len(table.matrix):
             raise self._error(
-                " and ".join(together.of), f"have {size} elements; their matrix has {len(together.matrix)} rows"
+                " and ".join(table.of), f"have {size} elements; their matrix has {len(table.matrix)} rows"
             )
         if any(self.inputs[k].spread.levels for k in at):
-            raise self._error(" and ".join(together.of), "are correlated; grids cannot be correlated")
-        if together in self.choice.correlation and not np.allclose(np.diag(together.values), 1):
+            raise self._error(" and ".join(table.of), "are correlated; grids cannot be correlated")
+        if table in self.choice.correlation and not np.allclose(np.diag(table.values), 1):
             raise self._error("correlation", "expected a matrix with 1 on the diagonal, or use covariance")
         return at
 
     def _check_matrices(self) -> None:
         """Refuse an input in two matrices: the second would change the correlation of the first."""
-        correlated_ones = [self.inputs[k].key for _, at, _ in self._together for k in at]
+        correlated_ones = [self.inputs[k].key for _, at, _ in self._matrices for k in at]
         for key in correlated_ones:
             if correlated_ones.count(key) > 1:
                 raise self._error(

@@ -5,7 +5,6 @@ member has the same substeps in any ensemble of the experiment, in a search, and
 in the place of a controller in Python runs a stand-in, which follows the reference.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import ceil, pi
 
@@ -17,15 +16,17 @@ from gough_stewart.harness.control.linear import leg_space_mass
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.batch import LANES, batch_of, prepared_members
+from gough_stewart.harness.experiment.batch import LANES, Batch
+from gough_stewart.harness.experiment.distinct import Distinct
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.stages import Planned
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.motion.motion import end_of
 from gough_stewart.harness.plants.lanes import substeps_for
-from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
 
 # How many machines the pilot tries to find some that can run.
 _AMONG = 64
@@ -44,16 +45,16 @@ def substeps_of(members: Members) -> int:
     PlantError, ReachError, ControllerError
         The machines cannot be run.
     """
-    plant, prepared = members.nominal.plant, pilots(members)
+    plant, batch = members.nominal.plant, pilots(members)
     if plant.fixed_step_size:
-        return max(1, ceil(prepared[0].loop.timing.plant_step / plant.fixed_step_size - 1e-9))
-    prepared = [stand_in(each) for each in prepared]
+        return max(1, ceil(batch.timing[0].plant_step / plant.fixed_step_size - 1e-9))
+    batch = stand_in(batch)
     substeps = 1
     for _ in range(_TRIES):
-        batch = batch_of(prepared, substeps)
-        with batch.plant:
-            observe_all(batch.plant, batch.law_from, batch.loop, _Nothing())
-            error = float(np.max(batch.plant.integration_error))
+        running = batch.in_parallel(substeps)
+        with running.plant:
+            observe_all(running.plant, running.law_from, running.loop, _Nothing())
+            error = float(np.max(running.plant.integration_error))
         if not np.isfinite(error):
             substeps *= 4
             continue
@@ -64,7 +65,7 @@ def substeps_of(members: Members) -> int:
     return substeps
 
 
-def pilots(members: Members) -> list[Prepared]:
+def pilots(members: Members) -> Batch:
     """The nominal machine and the first of those drawn that can run, enough for one vector.
 
     Raises
@@ -72,46 +73,25 @@ def pilots(members: Members) -> list[Prepared]:
     ExperimentError
         None of the machines tried can run, nor any of the first members.
     """
-    found = [each for each in (_nominal(members),) if each is not None]
-    drawn = 0
-    for each in _drawn(members):
-        drawn += 1
-        found.append(each)
-        if len(found) == LANES:
+    for drawn in (LANES, 2 * LANES, 4 * LANES, _AMONG):
+        values = members.independent_draws(0, drawn).values
+        found = members.prepared_with([{}, *values], [None, *range(drawn)])  # what varies may be what the nominal lacks
+        if len(found.batch) >= LANES:
             break
-    if not drawn:
-        _check_possible(members)
-    return found
+    if not found.numbers.any():
+        first = members.prepared(0, min(members.count, _AMONG))
+        if not len(first.batch):
+            raise ExperimentError(
+                members.nominal.where,
+                "ensemble",
+                f"none of the first {len(first.errors)} members is possible; the first: {first.reasons[0]}",
+            )
+        found = found if len(found.batch) else first
+    return found.batch.take(range(min(len(found.batch), LANES)))
 
 
-def _nominal(members: Members) -> Prepared | None:
-    try:
-        return members.prepared(members.nominal)
-    except GoughStewartError:
-        return None  # what varies may be what it lacks
-
-
-def _drawn(members: Members) -> Iterator[Prepared]:
-    for first in range(0, _AMONG, LANES):
-        last = first + LANES
-        part = prepared_members(members, first, last, members.independent_draws(first, last))
-        yield from (part.prepared[k] for k in sorted(part.prepared))
-
-
-def _check_possible(members: Members) -> None:
-    """Refuse an ensemble whose first members are all impossible."""
-    last = min(members.count, _AMONG)
-    part = prepared_members(members, 0, last)
-    if not part.prepared:
-        raise ExperimentError(
-            members.nominal.where,
-            "ensemble",
-            f"none of the first {last} members is possible; the first: {part.impossible[0]}",
-        )
-
-
-def stand_in(prepared: Prepared) -> Prepared:
-    """A member with a linear controller in the place of one in Python; any other member as it is.
+def stand_in(batch: Batch) -> Batch:
+    """Members with a linear controller in the place of one in Python; any other members as they are.
 
     F = F_ct + M_leg (ωn² e_k + 2 ωn (e_k − e_{k−1})/T), with e the measured error of the leg lengths, M_leg the mass
     matrix seen by the legs at home and F_ct the computed torque, both of the nominal model; ωn is 2π · 3 Hz, or 0.3/T
@@ -119,23 +99,28 @@ def stand_in(prepared: Prepared) -> Prepared:
     follows the reference, starts with the forces of a wrong model, and hears the sensors' noise, as with most
     controllers. These set the speed that the substeps have to resolve.
     """
-    loop = prepared.loop
-    if not _needs_stand_in(prepared) or prepared.reference is None:
-        return prepared
-    T = loop.timing.sample_time
+    if all(each is None or isinstance(each, LinearController | UnitController) for each in batch.controller):
+        return batch
+    timing = batch.timing[0]
+    T = timing.sample_time
     omega = min(_FASTEST, _FASTEST_A_SAMPLE / T)
-    M = leg_space_mass(prepared.platform)
-    P, D = omega**2 * M, 2 * omega / T * M
-    system = StateSpace(np.zeros((6, 6)), np.eye(6), -D, P + D, T)  # its state is the error before
-    middles = np.minimum(loop.timing.samples + T / 2, end_of(prepared.reference))
-    forces = feedforward("computed_torque", prepared.platform, prepared.reference(middles))
-    follows = replace(loop, feedforward=forces, actuators=Actuators(loop.actuators.force_limit))
-    return replace(prepared, loop=follows, controller=LinearController(system))
 
+    def linear(platform: Platform) -> LinearController:
+        M = leg_space_mass(platform)
+        P, D = omega**2 * M, 2 * omega / T * M
+        return LinearController(StateSpace(np.zeros((6, 6)), np.eye(6), -D, P + D, T))  # its state is the error before
 
-def _needs_stand_in(prepared: Prepared) -> bool:
-    """Whether its controller is code of the user."""
-    return not (prepared.controller is None or isinstance(prepared.controller, LinearController | UnitController))
+    def forces(platform: Platform, planned: Planned | None) -> FloatArray:
+        assert planned is not None  # a controller has a reference
+        middles = np.minimum(timing.samples + T / 2, end_of(planned.reference))
+        return feedforward("computed_torque", platform, planned.reference(middles))
+
+    return replace(
+        batch,
+        feedforward=Distinct.among([forces(*each) for each in zip(batch.platform, batch.planned, strict=True)]),
+        actuators=batch.actuators.map(lambda each: Actuators(each.force_limit)),
+        controller=batch.platform.map(linear),
+    )
 
 
 class _Nothing(Observer):

@@ -1,86 +1,44 @@
-"""Prepares an experiment for the loop: platform, reference, controller, limits, changes; everything is checked."""
+"""Prepares members of an experiment for the loop, straight down its stages; everything is checked.
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+A stage is evaluated once for each distinct combination of what it is made from. A member whose stage has an error
+drops out there. A single run is one member.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gough_stewart.harness.control.feedforward import feedforward
-from gough_stewart.harness.control.laws import Controller, Known, controller_of
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom, SeparateLaws, law_of
+from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.control.drive import ActuatorChoice
+from gough_stewart.harness.control.laws import Controller
+from gough_stewart.harness.control.sensor import SensorChoice
 from gough_stewart.harness.control.unit_controller import UnitController
-from gough_stewart.harness.errors import ControllerError, ExperimentError
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.batch import Batch, Prepared
+from gough_stewart.harness.experiment.distinct import Distinct, T, identity
 from gough_stewart.harness.experiment.hints import hints_of
-from gough_stewart.harness.experiment.parts import (
-    Injection,
-    changed,
-    disturbances_of,
-    force_limit_of,
-    injected,
-    limits_of,
-    parameter_changes,
-    start_of,
-)
-from gough_stewart.harness.experiment.planning import Planning, part_of
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.stages import Injection, Planned, Stages, force_limit_of
+from gough_stewart.harness.experiment.varied import VariedTable
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Loop
+from gough_stewart.harness.loop.loop import Change
+from gough_stewart.harness.loop.seeds import Seed
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.motion.limits.reach import LegMotion, legs_of
-from gough_stewart.harness.motion.motion import Motion, Reference, end_of
 from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.errors import GoughStewartError, SingularPoseError
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_platform
+from gough_stewart.model.platforms import Platforms, platforms_with
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
-Seed = int | np.random.SeedSequence
-_NO_JACOBIANS = np.zeros((0, 6, 6))
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """An experiment that is ready to run."""
-
-    platform: Platform  # the nominal model: for gains, references, Jacobians, feedforward, limits
-    machine: Platform  # the simulated platform
-    start: State
-    loop: Loop
-    motion: Motion | None  # the reference at every row
-    legs: LegMotion | None  # its leg lengths and velocities
-    controller: Controller | None  # the maker of one for each run, if it has memory; None for feedforward alone
-    jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
-    warnings: tuple[str, ...] = ()  # limits exceeded with permission, hints at the platform
-    reference: Reference | None = None  # the motion at any time
-
-    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
-        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
-        if self.controller is None:
-            raise ControllerError("an open loop has no control law")
-        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)(reference, measured)
-
-    @property
-    def known(self) -> Known:
-        """What the loop tells a controller in Python."""
-        loop = self.loop
-        planned = loop.feedforward if loop.injection is None else loop.feedforward + loop.injection
-        return Known(self.platform, loop.timing.sample_time, loop.feedforward, planned)
-
-    @contextmanager
-    def law_in_a_run(self) -> Iterator[LawFrom | None]:
-        """The factory of the control law; resources are closed at the end."""
-        if self.controller is None:
-            yield None
-        elif isinstance(self.controller, UnitController):
-            with self.controller.open(self.loop.timing.sample_time) as law:
-                yield lambda _reference, _measured: SeparateLaws([law])
-        else:
-            yield self.law
+# Values of a member by their path through the tables of the experiment.
+Values = Mapping[tuple[str, ...], Any]
+# More results of a stage are not repeated but always different.
+_REPEATED = 16
 
 
 def prepare(experiment: Experiment, controller: Any = None, injection: Injection | None = None) -> Prepared:
@@ -102,220 +60,261 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     ReachError
         A reference that the platform cannot follow.
     """
-    prepared = Preparation().prepare(experiment, controller, injection)
+    found = Preparation(experiment, controller).members([{}], injection=injection)
+    for error in found.errors.values():
+        raise error
+    prepared = found.batch.member(0)
     return replace(prepared, warnings=(*prepared.warnings, *hints_of(experiment, prepared.platform)))
 
 
-class _Planned(NamedTuple):
-    """What is planned from a reference."""
+@dataclass(frozen=True, eq=False)
+class PreparedMembers:
+    """Those of N members that can run, and why others cannot."""
 
-    reference: Reference
-    motion: Motion
-    legs: LegMotion
-    signals: FloatArray  # and accelerations, at every row (n, 30)
-    jacobians: FloatArray
+    numbers: NDArray[np.intp]  # of the members of the batch, from 0 to N - 1
+    batch: Batch
+    errors: dict[int, GoughStewartError]
+    where: str  # file or name of the experiment
 
-
-class Stages(NamedTuple):
-    """The stages of an experiment up to its start, each from tables and earlier ones."""
-
-    platform: Platform  # the nominal model
-    machine: Platform
-    timing: Timing
-    planned: _Planned | None
-    warnings: Sequence[str]  # limits that the motion exceeds with permission
-    start: State
+    @property
+    def reasons(self) -> dict[int, str]:
+        """Why members cannot run."""
+        return {k: str(self.errors[k]).removeprefix(f"{self.where}: ") for k in sorted(self.errors)}
 
 
-class Preparation(Planning):
-    """`prepare` for many similar experiments: stages are shared where what they are made from is the same.
+class Preparation:
+    """Prepares members of an experiment that differ in their values; those before often had the same ones.
 
-    Tables are the same if they are identical objects, as `model_copy` keeps them.
+    Parameters
+    ----------
+    controller
+        Replaces the experiment's, as in `prepare`.
     """
 
-    def machine(self, experiment: Experiment) -> Platform:
-        """The simulated platform."""
-        nominal, choice = self.nominal(experiment), experiment.plant
-        if choice.file is None and not choice.parameters:
-            return nominal
-        with part_of(experiment.where, "plant"):
-            base = nominal
-            if choice.file is not None:
-                file = experiment.folder / choice.file
-                base = self.once("machine's file", (str(file),), lambda: load_platform(file))
-            return self.once("machine", (choice, base), lambda: changed(base, choice.parameters))
+    def __init__(self, experiment: Experiment, controller: Any = None) -> None:
+        self.experiment, self.controller = experiment, controller
+        self._results = dict[str, _Results]()
 
-    def stages(self, experiment: Experiment, controller: Any = None, machine: Platform | None = None) -> Stages:
-        """Platform, machine (if not known), clocks, motion and start, in this order.
-
-        Raises
-        ------
-        ExperimentError, ReachError
-            As of `prepare`.
-        """
-        platform = self.nominal(experiment)
-        machine = machine or self.machine(experiment)
-        timing = self.timing(experiment)
-        planned, warnings = self._planned(experiment, platform, timing, controller)
-        start = self.once(
-            "start",
-            (experiment.start, platform, planned),
-            lambda: start_of(experiment.start, platform, None if planned is None else planned.motion),
-        )
-        return Stages(platform, machine, timing, planned, warnings, start)
-
-    def prepare(
-        self,
-        experiment: Experiment,
-        controller: Any = None,
-        injection: Injection | None = None,
-        *,
-        seed: Seed | None = None,
-        held: FloatArray | None = None,
-        stages: Stages | None = None,
-    ) -> Prepared:
-        """See the function.
+    def members(
+        self, values: Sequence[Values], seeds: Sequence[Seed] | None = None, injection: Injection | None = None
+    ) -> PreparedMembers:
+        """Members with these values.
 
         Parameters
         ----------
-        seed
-            Seed of noise and jitter, instead of the sensors' own.
-        held
-            Actuator forces (6,) [N] that hold the machine in its start pose, if known.
-        stages
-            If known.
+        seeds
+            Of each member's noise and jitter, instead of the sensors' own.
+        injection
+            As in `prepare`.
         """
-        once, section = self.once, partial(part_of, experiment.where)
-        chosen, clocks = experiment.controller, experiment.loop
-        stages = stages or self.stages(experiment, controller)
-        platform, machine, timing, planned, warnings, start = stages
-        forces = self._feedforward(experiment, stages)
-        with section("controller"):
-            made = self._controller(experiment, stages, controller)
-        if controller is None:
-            forces = once("forces", (chosen, forces), lambda: chosen.planned(forces))
-        elif isinstance(made, UnitController):
-            forces = np.zeros_like(forces)  # the FMU contains its feedforward
-        force_limit = force_limit_of(experiment.actuators, platform)
-        is_closed = controller is not None or chosen.is_closed
-        if made is None:
-            # an open loop starts with its own forces; a closed one starts with the machine held at rest
-            held = forces[0]
-        elif held is None:
-            held = static_leg_forces(machine, start.position, start.orientation)
-        sensors = once("sensors", (experiment.sensors,), lambda: Sensors(**experiment.sensors.model_dump()))
-        own: dict[str, Any] = {"seed": seed}
-        loop = Loop(
-            timing=timing if seed is None or not timing.jitter else replace(timing, **own),
-            reference=None if planned is None else planned.signals,
-            feedforward=forces,
-            start_force=held if force_limit is None else np.clip(held, -force_limit, force_limit),
-            sensors=sensors if seed is None or not any(sensors.noise.values()) else replace(sensors, **own),
-            actuators=once(
-                "actuators",
-                (experiment.actuators, clocks.delay, force_limit),
-                lambda: Actuators(force_limit, experiment.actuators.rate_limit, experiment.actuators.lag, clocks.delay),
-            ),
-            limits=once(
-                "limits", (experiment.limits, platform, is_closed), lambda: limits_of(experiment, platform, is_closed)
-            ),
-            changes=self._changes(experiment, machine, timing),
-            injection=self._injection(experiment, injection, stages),
+        stage, stages, n = _Evaluation(len(values), self._results), Stages(self.experiment), len(values)
+        tables = self._tables(stage, values)
+        given: Distinct[Any] = _common(self.controller, n)
+        platform = stage("platform", stages.platform, tables["platform"])
+        machine = self._machine(stage, stages, stage("base of machine", stages.base_of_machine, platform), values)
+        jitter = tables["loop"].map(lambda each: each.jitter)
+        delay = tables["loop"].map(lambda each: each.delay)
+        stage("clocks", stages.timing, jitter, delay)
+        timing = stage("timing", stages.timing, _common(0.0, n), _common(0, n))
+        force_limit = stage(
+            "force limit", force_limit_of, tables["actuators"].map(lambda each: each.force_limit), platform
         )
-        if planned is None:
-            return Prepared(platform, machine, start, loop, None, None, made, _NO_JACOBIANS)
-        reference, motion, legs, _, jacobians = planned
-        return Prepared(platform, machine, start, loop, motion, legs, made, jacobians, tuple(warnings), reference)
+        planned, warnings = self._planned(stage, stages, tables, platform, force_limit, timing)
+        start = stage("start", stages.start, tables["start"], platform, planned)
+        choice = tables["controller"]
+        kind = choice.map(lambda each: each.feedforward)
+        forces = stage("feedforward", stages.feedforward, kind, delay, platform, planned, timing)
+        controller = stage("controller", stages.controller, choice, platform, timing, given)
+        stage("delay", stages.delay, controller, delay)
+        forces = stage("forces", self._forces, choice, controller, forces)
+        start_force = _start_forces(stage, machine, start, controller, forces, force_limit)
+        is_closed = choice.map(lambda each: self.controller is not None or each.is_closed)
+        bound = tables["limits"].map(lambda each: each.position_error)
+        limits = stage("limits", stages.limits, bound, platform, is_closed)
+        changes: Distinct[tuple[Change, ...]] = _common((), n)
+        if self.experiment.change or self.experiment.disturbance:
+            changes = stage("changes", stages.changes, tables["change"], tables["disturbance"], machine, timing)
+        added = stage(
+            "injection", stages.injection, tables["injection"], platform, planned, timing, _common(injection, n)
+        )
+        self._results = stage.repeated
+        going = np.flatnonzero(stage.going)
+        every = Batch(
+            timing=timing,
+            platform=platform,
+            machine=machine,
+            start=start,
+            planned=planned,
+            warnings=warnings,
+            controller=controller,
+            feedforward=forces,
+            injection=added,
+            start_force=start_force,
+            sensors=tables["sensors"].map(_sensors),
+            actuators=stage("actuators", _actuators, tables["actuators"], force_limit, delay),
+            limits=limits,
+            changes=changes,
+            jitter=jitter,
+            seeds=Distinct.among(seeds or [self.experiment.sensors.seed] * n),
+        )
+        return PreparedMembers(going, every.take(going), stage.errors, self.experiment.where)
 
-    def _controller(self, experiment: Experiment, stages: Stages, controller: Any) -> Controller | None:
-        """The experiment's controller, or a given one."""
-        chosen, platform, sample_time = experiment.controller, stages.platform, stages.timing.sample_time
-        made: Controller | None
-        if controller is None:
-            made = self.once(
-                "controller",
-                (chosen, platform, sample_time, str(experiment.folder)),
-                lambda: chosen.controller(platform, sample_time, experiment.folder),
+    def _tables(self, stage: "_Evaluation", values: Sequence[Values]) -> dict[str, Distinct[Any]]:
+        """The tables of the experiment, with each member's values, but without those of the machine."""
+        n = len(values)
+        tables: dict[str, Distinct[Any]] = {name: _common(table, n) for name, table in self.experiment}
+        for name in dict.fromkeys(path[0] for each in values for path in each if path[0] != "plant"):
+            own = [{path[1:]: value for path, value in each.items() if path[0] == name} for each in values]
+            texts = ["; ".join(f"{'.'.join(path)} = {value!r}" for path, value in each.items()) for each in own]
+            of_text, table = dict(zip(texts, own, strict=True)), VariedTable(self.experiment, name)
+            tables[name] = stage(
+                f"[{name}]", lambda text, table=table, of=of_text: table.having(of[text]), Distinct.among(texts)
             )
-        else:
-            made = self.once(
-                "given controller",
-                (controller, chosen, platform, sample_time),
-                lambda: controller_of(controller, chosen.design(platform, sample_time)),
-            )
-        if isinstance(made, UnitController) and not experiment.loop.delay:
-            raise ControllerError(
-                f"{made.path} outputs the forces of a sample after a step over it; expected a loop.delay "
-                "of at least 1, for instance by --set loop.delay=1"
-            )
-        return made
+        return tables
 
-    def _changes(self, experiment: Experiment, machine: Platform, timing: Timing) -> tuple[Change, ...]:
-        """Of the machine's parameters, then of the load; each list in order of time."""
-        if not experiment.change and not experiment.disturbance:
-            return ()
-        with part_of(experiment.where, "change"):
-            changes = parameter_changes(experiment, machine)
-            for change in changes:
-                timing.row(change.time, "a change")
-        with part_of(experiment.where, "disturbance"):
-            disturbances = self.once(
-                "disturbances", (experiment.disturbance, timing), lambda: disturbances_of(experiment, timing)
-            )
-        return (*changes, *disturbances)
-
-    def _injection(self, experiment: Experiment, injection: Injection | None, stages: Stages) -> FloatArray | None:
-        platform, _, timing, planned, _, _ = stages
-        choice = experiment.injection
-        if injection is not None:
-            return injected(injection, timing.samples)
-        if choice is None:
-            return None
-
-        def make() -> FloatArray:
-            J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
-            J = J if planned is None else planned.jacobians[0]
-            return choice.forces(len(timing.samples), timing.sample_time, J)
-
-        with part_of(experiment.where, "injection"):
-            return self.once("injection", (choice, platform, timing, planned), make)
+    def _machine(
+        self, stage: "_Evaluation", stages: Stages, base: Distinct[Platform], values: Sequence[Values]
+    ) -> Distinct[Platform]:
+        """The simulated platforms."""
+        common = self.experiment.plant.parameters
+        own = [{path[-1]: value for path, value in each.items() if path[0] == "plant"} for each in values]
+        if not any(own) or not stage.going.any():
+            return stage("machine", stages.machine, base, _common(common, len(values)))
+        going = np.flatnonzero(stage.going)
+        of = np.zeros(len(values), dtype=np.intp)
+        of[going] = np.arange(len(going))
+        bases = base.take(going)
+        platforms, errors = platforms_with(bases.values, bases.of, [{**common, **own[k]} for k in going.tolist()])
+        for k, error in errors.items():
+            stage.fail([going[k]], ExperimentError(self.experiment.where, "plant", str(error)))
+        return Distinct(platforms, of)
 
     def _planned(
-        self, experiment: Experiment, platform: Platform, timing: Timing, controller: Any
-    ) -> tuple[_Planned | None, Sequence[str]]:
+        self,
+        stage: "_Evaluation",
+        stages: Stages,
+        tables: Mapping[str, Distinct[Any]],
+        platform: Distinct[Platform],
+        force_limit: Distinct[float | None],
+        timing: Distinct[Timing],
+    ) -> tuple[Distinct[Planned | None], Distinct[tuple[str, ...]]]:
         """What is planned from the reference, and the limits that it exceeds with permission."""
-        chosen, where = experiment.controller, experiment.where
-        if experiment.reference is None:
-            if controller is not None or chosen.is_closed or chosen.feedforward != "none":
-                raise ExperimentError(
-                    where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
-                )
-            return None, ()
-        limited = self.limited(platform, force_limit_of(experiment.actuators, platform))
-        requested = self.reference_motion(experiment, limited, timing)
-        warnings = self.warnings(experiment, limited, requested)
+        if self.experiment.reference is None:
+            stage("no reference", self._refuse_without_reference, tables["controller"])
+            return _common(None, len(platform)), _common((), len(platform))
+        limited = stage("limited", stages.limited, platform, force_limit)
+        requested = stage("reference", stages.reference, tables["reference"], limited, timing)
+        condition_number = tables["limits"].map(lambda each: each.condition_number)
+        when = tables["limits"].map(lambda each: each.reference)
+        warnings = stage("warnings", stages.warnings, limited, requested, condition_number, when)
+        return stage("planned", stages.planned, platform, requested), warnings
 
-        def make() -> _Planned:
-            reference, timing, motion = requested
-            legs = legs_of(platform, motion)
-            rows = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
-            at = slice(0, timing.steps, timing.steps_a_sample)
-            jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
-            return _Planned(reference, motion, legs, rows, jacobians)
+    def _refuse_without_reference(self, choice: ControllerChoice) -> None:
+        if self.controller is not None or choice.is_closed or choice.feedforward != "none":
+            raise ExperimentError(
+                self.experiment.where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
+            )
 
-        with part_of(where, "reference"):
-            return self.once("planned", (platform, requested), make), warnings
+    def _forces(self, choice: ControllerChoice, controller: Controller | None, feedforward: FloatArray) -> FloatArray:
+        """What is known in advance; an FMU that is given contains its feedforward."""
+        if self.controller is None:
+            return choice.planned(feedforward)
+        return np.zeros_like(feedforward) if isinstance(controller, UnitController) else feedforward
 
-    def _feedforward(self, experiment: Experiment, stages: Stages) -> FloatArray:
-        platform, _, timing, planned, _, _ = stages
-        kind, delay = experiment.controller.feedforward, experiment.loop.delay
 
-        def make() -> FloatArray:
-            if planned is None:
-                return np.zeros((len(timing.samples), 6))
-            # forces are held, so evaluate them in the middle of that interval
-            ahead = timing.samples + (delay + 0.5) * timing.sample_time
-            reference = planned.reference
-            return feedforward(kind, platform, reference(np.minimum(ahead, end_of(reference))))
+# Results of a stage, and what they were made from, by its identity.
+_Results = dict[tuple[object, ...], tuple[Sequence[object], Any]]
 
-        return self.once("feedforward", (planned, platform, timing, kind, delay), make)
+
+class _Evaluation:
+    """Evaluates the stages of N members that have not failed yet.
+
+    Parameters
+    ----------
+    known
+        Results for other members, by stage.
+    """
+
+    def __init__(self, n: int, known: Mapping[str, _Results]) -> None:
+        self.going, self.errors = np.ones(n, dtype=bool), dict[int, GoughStewartError]()
+        self._known, self._results = known, dict[str, _Results]()
+
+    def __call__(self, name: str, make: Callable[..., T], *parts: Distinct[Any]) -> Distinct[T]:
+        """The results of a stage, of which each is made once from the same parts; errors end its members."""
+        going = np.flatnonzero(self.going)
+        key = np.zeros(len(going), dtype=np.intp)
+        for part in parts:
+            if len(part.values) > 1:
+                key = np.unique(key * len(part.values) + part.of[going], return_inverse=True)[1]
+        _, first, of_going = np.unique(key, return_index=True, return_inverse=True)
+        known, results = self._known.get(name, {}), self._results.setdefault(name, {})
+        made, of_combination = list[T](), np.zeros(len(first), dtype=np.intp)
+        for k, member in enumerate(going[first].tolist()):
+            values = [part[member] for part in parts]
+            same = tuple(map(identity, values))
+            try:
+                results[same] = known.get(same) or (values, make(*values))
+            except GoughStewartError as error:
+                self.fail(going[of_going == k], error)
+                continue
+            of_combination[k] = len(made)
+            made.append(results[same][1])
+        found = Distinct[T].among(made)
+        of = np.zeros(len(self.going), dtype=np.intp)
+        if made:
+            of[going] = found.of[of_combination[of_going]]
+        return Distinct(found.values, of)
+
+    def fail(self, members: Iterable[int], error: GoughStewartError) -> None:
+        """These members cannot run."""
+        for member in members:
+            self.errors[int(member)], self.going[member] = error, False
+
+    @property
+    def repeated(self) -> dict[str, _Results]:
+        """The results of stages that other members may need, too."""
+        return {name: results for name, results in self._results.items() if len(results) <= _REPEATED}
+
+
+def _common(value: T, n: int) -> Distinct[T]:
+    return Distinct([value], np.zeros(n, dtype=np.intp))
+
+
+def _sensors(choice: SensorChoice) -> Sensors:
+    return Sensors(choice.noise, choice.quantisation, choice.sample_time, choice.seed)
+
+
+def _actuators(choice: ActuatorChoice, force_limit: float | None, delay: int) -> Actuators:
+    return Actuators(force_limit, choice.rate_limit, choice.lag, delay)
+
+
+def _start_forces(
+    stage: _Evaluation,
+    machine: Distinct[Platform],
+    start: Distinct[State],
+    controller: Distinct[Controller | None],
+    forces: Distinct[FloatArray],
+    force_limit: Distinct[float | None],
+) -> FloatArray:
+    """Forces (N, 6) before the first command: of an open loop its own, else those that hold the machine at rest."""
+    found = np.zeros((len(machine), 6))
+    if not stage.going.any():
+        return found
+    is_open = controller.numbers(lambda each: each is None)
+    for k in np.flatnonzero(stage.going & is_open).tolist():
+        found[k] = forces[k][0]
+    closed = np.flatnonzero(stage.going & np.logical_not(is_open))
+    if len(closed):
+        machines, starts = machine.take(closed), start.take(closed)
+        platforms = Platforms.of(machines.values)[machines.of].parameters
+        position, orientation = (np.stack([each[k] for each in starts.values])[starts.of] for k in range(2))
+        try:
+            found[closed] = static_leg_forces(platforms, position, orientation)
+        except SingularPoseError:
+            for k in closed.tolist():
+                try:
+                    found[k] = static_leg_forces(machine[k], start[k].position, start[k].orientation)
+                except SingularPoseError as error:
+                    stage.fail([k], error)
+    limit = force_limit.numbers(lambda each: each, np.inf)
+    return found if limit is None else np.clip(found.T, -limit, limit).T

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.loop.seeds import as_numbers
 from gough_stewart.harness.output.versions import versions

@@ -9,12 +9,13 @@ from typing import Any
 from gough_stewart.harness.control.python.makers import name_of
 from gough_stewart.harness.control.python.shared_memory import Watch
 from gough_stewart.harness.errors import ExperimentError, PlantError
+from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.named_files import digests
-from gough_stewart.harness.experiment.parts import Injection
-from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.recording import record_of
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.stages import Injection
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.open import open_plant

@@ -1,18 +1,20 @@
-"""Resolves a key of `[ensemble]`: its place in the experiment, unit, shape and present value."""
+"""What varies in an experiment: the place that a key of `[ensemble]` names, and tables with other values there."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
+from pydantic import ValidationError
 
 from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import PLAIN, Vector, quantity_in
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.sampling.variation import Target
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import Section, complaints
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
@@ -66,6 +68,67 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
         bare = name if section == "plant" else f"platform.{name}"
         return Place(path, _of_parameter(bare, name, value))
     return Place(path, _found(".".join(path), getattr(experiment, section), rest, section))
+
+
+class VariedTable:
+    """A table of an experiment, or a list of tables, with other values at some of its places."""
+
+    def __init__(self, experiment: Experiment, name: str) -> None:
+        self._where, self._name, self._table = experiment.where, name, getattr(experiment, name)
+        self._plain = [
+            each.model_dump(exclude_unset=True)
+            for each in (self._table if isinstance(self._table, list) else [self._table])
+            if isinstance(each, Section)
+        ]
+
+    def having(self, values: Mapping[tuple[str, ...], Any]) -> Any:
+        """With these values by their paths in the table.
+
+        Raises
+        ------
+        ExperimentError
+            Invalid values; those of a platform are checked with the platform.
+        """
+        if not values:
+            return self._table
+        if self._name in _PLATFORMS:
+            parameters = {**self._table.parameters, **{path[-1]: value for path, value in values.items()}}
+            return self._table.model_copy(update={"parameters": parameters})
+        if not isinstance(self._table, list):
+            return self._validated(self._name, self._table, self._plain[0], values)
+        elements = list(self._table)
+        for k in {int(path[0]) - 1 for path in values}:
+            inner = {path[1:]: value for path, value in values.items() if int(path[0]) - 1 == k}
+            elements[k] = self._validated(f"{self._name}.{k + 1}", elements[k], self._plain[k], inner)
+        return elements
+
+    def _validated(
+        self, name: str, table: Section, plain: Mapping[str, Any], values: Mapping[tuple[str, ...], Any]
+    ) -> Section:
+        new = dict(plain)
+        for (key, *rest), value in values.items():
+            new[key] = {**(new.get(key) or {}), rest[0]: value} if rest else value
+        kind = type(table)
+        try:
+            return kind.built().model_validate(new)
+        except ValidationError as error:
+            raise ExperimentError(self._where, name, complaints(error, kind, new)) from None
+
+
+def experiment_with(experiment: Experiment, values: Mapping[tuple[str, ...], Any]) -> Experiment:
+    """An experiment with other values by their paths.
+
+    Raises
+    ------
+    ExperimentError
+        Invalid values.
+    """
+    names = dict.fromkeys(path[0] for path in values)
+    update = {
+        name: VariedTable(experiment, name).having({path[1:]: v for path, v in values.items() if path[0] == name})
+        for name in names
+    }
+    return experiment.model_copy(update=update)
 
 
 def _path_of(key: str) -> tuple[str, ...]:

@@ -24,9 +24,11 @@ from gough_stewart.harness.control.margins import (
 )
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.stages import platforms_of
+from gough_stewart.harness.experiment.varied import experiment_with
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -384,7 +386,7 @@ def _members_of(experiment: Experiment) -> Iterable[tuple[int, int, int, tuple[P
         last = min(first + _AT_ONCE, members.count)
         for k, values in enumerate(members.draws(first, last).values, first):
             try:
-                own = members.experiment(values)
-                yield k + 1, members.count, k, (members.preparation.machine(own), own)
+                own = experiment_with(members.nominal, values)
+                yield k + 1, members.count, k, (platforms_of(own)[1], own)
             except GoughStewartError:
                 yield k + 1, members.count, k, None

@@ -3,9 +3,9 @@
 The same serves a run of one member and of many in parallel: where members differ, arrays have a member axis.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -56,8 +56,8 @@ def stroke_of(low: PerMember | None, high: PerMember | None) -> tuple[PerMember,
 class Loop:
     """Everything in a run except plant and controller.
 
-    For many members, made by `together`: where members differ, arrays have a member axis after that of time, such as
-    (n, N, 30), and `shape` is (N,).
+    For many members: where they differ, arrays have a member axis after that of time, such as (n, N, 30), and `shape`
+    is (N,).
     """
 
     timing: Timing
@@ -70,3 +70,38 @@ class Loop:
     changes: tuple[Change, ...] = ()
     injection: FloatArray | None = None  # added to the command at every sample (m, 6) [N], to excite the loop
     shape: tuple[int, ...] = ()
+
+
+def changes_of_members(each: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:
+    """The changes of N members as those of one loop, in order of time, and of each member's own at equal times.
+
+    The i-th changes of members at a row are one if they change the same parameters, or the wrench.
+    """
+    if all(changes is each[0] for changes in each):
+        return tuple(each[0])
+    kinds: dict[Any, dict[int, Change]] = {}
+    for member, changes in enumerate(each):
+        of_row: dict[int, int] = {}
+        for change in changes:
+            row = timing.row(change.time, "a change")
+            of_row[row] = of_row.get(row, -1) + 1
+            kind = (row, of_row[row], tuple(sorted(change.parameters)), change.external_wrench is not None)
+            kinds.setdefault(kind, {})[member] = change
+    return tuple(_change_of_some(kinds[kind], len(each)) for kind in sorted(kinds))
+
+
+def _change_of_some(changes: Mapping[int, Change], n: int) -> Change:
+    """The changes of some of n members as one; others have any values."""
+    some = next(iter(changes.values()))
+    own = [changes.get(member, some) for member in range(n)]
+    whose = np.array([member in changes for member in range(n)])
+
+    def values(each: list[Any]) -> Any:
+        return each[0] if all(np.array_equal(value, each[0]) for value in each) else np.stack(each)
+
+    return Change(
+        some.time,
+        {name: values([change.parameters[name] for change in own]) for name in some.parameters},
+        None if some.external_wrench is None else values([change.external_wrench for change in own]),
+        None if whose.all() else whose,
+    )

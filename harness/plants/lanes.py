@@ -27,6 +27,7 @@ from gough_stewart.model.errors import InterfaceError, MembersError, PlatformErr
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
+from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import end_of_step
@@ -106,15 +107,17 @@ class LanesPlant(Plant):
         self.shape = (len(platforms),)
         self.substeps = substeps
         self.compiled, self.features = isinstance(kernel, CompiledLanes), kernel.features
-        self._kernel, self._platforms = kernel, platforms
+        self._kernel, self._platforms = kernel, Platforms.of(platforms)
         self._batch = batch = Batch.of(len(platforms))
         self._signals = rows(signals.SIZE, batch.blocks)
         self._time, self._steps = 0.0, 0
         for name in (v.name for v in interface.PLATFORM_PARAMETERS):
-            batch.put_parameter(name, np.stack([np.asarray(getattr(platform, name)) for platform in platforms]))
+            batch.put_parameter(name, self._platforms.field(name))
         batch.states[:] = batch.padded(np.stack([start.to_vector() for start in starts]))
-        home = batch.padded(np.stack([np.append(each.home_position, each.home_orientation) for each in platforms])).T
-        batch.inputs[:6] = static_leg_forces(batch.parameters_of(), home[:, :3], home[:, 3:]).T
+        position, orientation = (
+            batch.padded(self._platforms.field(f"home_{of}")).T for of in ("position", "orientation")
+        )
+        batch.inputs[:6] = static_leg_forces(batch.parameters_of(), position, orientation).T
         batch.running[: len(platforms)] = -1
 
     @property

@@ -9,8 +9,8 @@ from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, PlatformError
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.platform import LARGEST_NUMBER, Platform
-from gough_stewart.model.platform_checks import INERTIA_SLACK
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import FloatArray
 
@@ -47,23 +47,9 @@ def changed_parameter(present: Parameters, name: str, value: object, members: Bo
 def refuse_impossible(platforms: Sequence[Platform], members: BoolArray, values: Mapping[str, FloatArray]) -> None:
     """Raise the error of `Platform` for the first of these members with impossible values (N, *shape).
 
-    Making a platform takes a millisecond, so only those are made that fail a vectorised check.
+    Only those are made that fail the checks of all at once.
     """
-    doubtful = np.zeros(len(platforms), dtype=bool)
-    for name, value in values.items():
-        flat = value.reshape(len(value), -1)
-        bound = interface.BY_NAME[name].lower_bound
-        if bound is not None:
-            doubtful |= ~(flat > 0 if bound == "> 0" else flat >= 0).all(axis=-1)
-        doubtful |= ~(np.abs(flat) < LARGEST_NUMBER).all(axis=-1)
-    if "platform_inertia" in values:
-        J = values["platform_inertia"]
-        a, b, c = np.moveaxis(np.linalg.eigvalsh(J), -1, 0)
-        asymmetry = np.abs(J - np.swapaxes(J, -1, -2)).max(axis=(-1, -2))
-        doubtful |= ~((a > 0) & (c <= a + b) & (asymmetry <= INERTIA_SLACK * c))
-    if "platform_com" in values:
-        reach = np.array([np.abs(platform.platform_points).max() for platform in platforms])
-        doubtful |= ~(np.linalg.norm(values["platform_com"], axis=-1) < reach)
+    doubtful = Platforms.of(platforms).having(values).doubtful(values)
     for k in map(int, np.flatnonzero(doubtful & members)):
         try:
             replace(platforms[k], **{name: value[k] for name, value in values.items()})

@@ -1,7 +1,7 @@
 """Candidates of a search, run in parallel over the same members: a generation is one batch."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -10,10 +10,10 @@ import numpy as np
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members, margins_of
 from gough_stewart.harness.ensemble.columns import MARGINS
 from gough_stewart.harness.errors import TuningError
-from gough_stewart.harness.experiment.batch import batch_of
+from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import substeps_of
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.experiment.preparation import PreparedMembers, Values
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
@@ -26,8 +26,6 @@ from gough_stewart.model.vectors import FloatArray
 
 Point = tuple[float | int, ...]
 RunsProgress = Callable[[int], None]
-# These determine the machine and its start.
-_OF_MACHINES = ("platform", "plant", "start", "reference")
 
 
 class Evaluation(NamedTuple):
@@ -59,8 +57,7 @@ class Candidates:
 
     def __init__(self, experiment: Experiment, members: int, seed: int | None = None, controller: Any = None) -> None:
         self.members = members_for(experiment, members, seed, controller)
-        self._own = self.members.draws(0, self.members.count)
-        self._machines: dict[int, Any] = {}
+        self._own = self.members.draws(0, self.members.count).values
         self._left_out = frozenset[int]()
         self.substeps = substeps_of(self.members)
         self.integration_error = 0.0
@@ -84,22 +81,21 @@ class Candidates:
         TuningError
             None of the members can run.
         """
-        some = next((each for _, each in self._prepared((), ()) if not isinstance(each, str)), None)
-        if some is None:
+        found = self._prepared([({}, k) for k in self._kept])
+        if not len(found.batch):
             self.leave_out_impossible()
             raise TuningError(f"{self.members.nominal.where}: no member can run")
-        folds = folds_of_loop(some.loop, limits_of_members([some], 1))
-        return tuple(columns_of(FoldsOfRows(some.loop, folds).results()))
+        loop = found.batch.member(0).loop
+        return tuple(columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(found.batch, 1))).results()))
 
     def leave_out_impossible(self) -> tuple[int, str]:
         """Remove the members that are impossible in the original experiment; their number, and the first reason."""
-        prepared = dict(self._prepared((), ()))
-        impossible = {k: each for k, each in prepared.items() if isinstance(each, str)}
-        self._left_out = frozenset(k for _, k in impossible)
+        impossible = self._prepared([({}, k) for k in range(self.members.count)]).errors
+        self._left_out = frozenset(impossible)
+        first = str(impossible[min(impossible)]) if impossible else ""
         if len(impossible) == self.members.count:
-            reason = next(iter(impossible.values()))
-            raise TuningError(f"{self.members.nominal.where}: no member is possible; the first: {reason}")
-        return len(impossible), next(iter(impossible.values()), "")
+            raise TuningError(f"{self.members.nominal.where}: no member is possible; the first: {first}")
+        return len(impossible), first
 
     def evaluate(
         self, axes: Sequence[Axis], points: Sequence[Point], goal: Goal, progress: RunsProgress | None = None
@@ -115,81 +111,64 @@ class Candidates:
         numbers = np.full((len(points), self.members.count, len(names)), np.nan)
         completed = np.zeros((len(points), self.members.count), dtype=bool)
         reasons: dict[int, str] = {}
-        waiting: list[tuple[tuple[int, int], Prepared]] = []
-
-        def run_waiting() -> None:
-            values, ended = self._run([each for _, each in waiting], names)
-            for ((c, k), _), row, (status, cause) in zip(waiting, values, ended, strict=True):
+        kept, paths = self._kept, [axis.place.path for axis in axes]
+        others = [dict(zip(paths, point, strict=True)) for point in points]
+        every = [(c, k) for c in range(len(points)) for k in kept]
+        for first in range(0, len(every), SIZE):
+            part = every[first : first + SIZE]
+            found = self._prepared([(others[c], k) for c, k in part])
+            for at in sorted(found.errors):
+                reasons.setdefault(part[at][0], str(found.errors[at]))
+            if not len(found.batch):
+                continue
+            values, ended = self._run(found.batch, names)
+            for at, row, (status, cause) in zip(found.numbers.tolist(), values, ended, strict=True):
+                c, k = part[at]
                 numbers[c, k], completed[c, k] = row, status == "completed"
                 if status != "completed":
                     reasons.setdefault(c, cause)
             if progress is not None:
-                progress(len(waiting))
-            waiting.clear()
-
-        for (c, k), each in self._prepared(axes, points):
-            if isinstance(each, str):
-                reasons.setdefault(c, each)
-                continue
-            waiting.append(((c, k), each))
-            if len(waiting) == SIZE:
-                run_waiting()
-        if waiting:
-            run_waiting()
+                progress(len(found.batch))
         for at in [at for at, name in enumerate(names) if name.startswith(MARGINS)]:
             numbers[:, :, at] = [[margin] for margin in self._margins(axes, points, names[at])]
-        kept = [k for k in range(self.members.count) if k not in self._left_out]
         return [
             _evaluation(point, numbers[c][kept], completed[c][kept], goal, reasons.get(c, ""))
             for c, point in enumerate(points)
         ]
 
-    def _prepared(
-        self, axes: Sequence[Axis], points: Sequence[Point]
-    ) -> Iterator[tuple[tuple[int, int], Prepared | str]]:
-        """Every point and member, prepared; a string is the reason for an impossible one."""
-        members, paths = self.members, [axis.place.path for axis in axes]
-        keeps_machines = not any(path[0] in _OF_MACHINES for path in paths)
-        for c, point in enumerate(points or [()]):
-            for k, own in enumerate(self._own.values):
-                if k in self._left_out:
-                    continue
-                try:
-                    experiment = members.experiment({**own, **dict(zip(paths, point, strict=True))})
-                    known = self._machines.get(k) if keeps_machines else None
-                    machine, held = known or (None, None)
-                    stages = members.preparation.stages(experiment, members.controller, machine)
-                    prepared = members.prepared(experiment, seed=members.seed_of(k), stages=stages, held=held)
-                    if keeps_machines and known is None and prepared.controller is not None:
-                        self._machines[k] = (prepared.machine, _held(prepared))
-                except GoughStewartError as error:
-                    yield (c, k), str(error)
-                    continue
-                yield (c, k), prepared
+    @property
+    def _kept(self) -> list[int]:
+        """The members that evaluate a candidate."""
+        return [k for k in range(self.members.count) if k not in self._left_out]
+
+    def _prepared(self, members: Sequence[tuple[Values, int]]) -> PreparedMembers:
+        """Members by number, with other values than their own."""
+        return self.members.prepared_with(
+            [{**self._own[k], **values} for values, k in members], [k for _, k in members]
+        )
 
     def _margins(self, axes: Sequence[Axis], points: Sequence[Point], name: str) -> list[float]:
         """Margins of the linear loop of the nominal model; not of every member, since each takes a second."""
         found = []
         for point in points:
             values = {axis.place.path: value for axis, value in zip(axes, point, strict=True)}
+            batch = self.members.prepared_with([values], [None]).batch
             try:
-                prepared = self.members.prepared(self.members.experiment(values))
-                margins = margins_of([replace(prepared, machine=prepared.platform)])
-                found.append(float(margins[name][0]))
+                # the machine as it is believed
+                margins = margins_of([replace(batch, machine=batch.platform).member(k) for k in range(len(batch))])
+                found.append(float(margins[name][0]) if len(batch) else np.nan)
             except GoughStewartError:
                 found.append(np.nan)
         return found
 
-    def _run(self, prepared: Sequence[Prepared], names: Sequence[str]) -> tuple[FloatArray, list[tuple[str, str]]]:
+    def _run(self, batch: Batch, names: Sequence[str]) -> tuple[FloatArray, list[tuple[str, str]]]:
         """Metrics (n, names) and outcomes."""
-        n = len(prepared)
-        batch = batch_of(prepared, self.substeps)
-        folds = folds_of_loop(batch.loop, limits_of_members(prepared, batch.size), names)
-        rows = FoldsOfRows(batch.loop, folds, batch.size)
-        with batch.plant:
-            outcomes = observe_all(batch.plant, batch.law_from, batch.loop, rows)
-            self.integration_error = max(self.integration_error, float(np.max(batch.plant.integration_error[:n])))
-        assert not hasattr(outcomes, "status")
+        n, running = len(batch), batch.in_parallel(self.substeps)
+        folds = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
+        rows = FoldsOfRows(running.loop, folds, running.size)
+        with running.plant:
+            outcomes = observe_all(running.plant, running.law_from, running.loop, rows)
+            self.integration_error = max(self.integration_error, float(np.max(running.plant.integration_error[:n])))
         columns = columns_of(rows.results())
         unknown = np.full(n, np.nan)  # margins are not part of runs
         return np.stack([columns.get(name, unknown)[:n] for name in names], axis=1), [
@@ -206,13 +185,6 @@ def members_for(experiment: Experiment, members: int, seed: int | None, controll
     sampling = "random" if choice.sampling in ("saltelli", "latin_hypercube") else choice.sampling
     update = {"members": members, "sampling": sampling, "seed": choice.seed if seed is None else seed}
     return Members(experiment.model_copy(update={"ensemble": choice.model_copy(update=update)}), controller)
-
-
-def _held(prepared: Prepared) -> FloatArray | None:
-    """Forces that hold the machine in its start pose, if no limit has clipped them."""
-    limit = prepared.loop.actuators.force_limit
-    force = prepared.loop.start_force
-    return force if limit is None or (np.abs(force) < limit).all() else None
 
 
 def _evaluation(

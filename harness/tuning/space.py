@@ -9,7 +9,7 @@ from typing import Any
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.varied import Place, place_of
+from gough_stewart.harness.experiment.varied import Place
 from gough_stewart.harness.quantities import PLAIN, number
 from gough_stewart.model.vectors import FloatArray
 
@@ -85,14 +85,13 @@ def _axis(text: str, members: Members) -> Axis:
     if not equals or not key or parts is None:
         raise SearchError(f"--vary {text}: expected KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
     low_text, low_unit, high_text, unit, log = parts.groups()
-    experiment, preparation = members.nominal, members.preparation
     try:
-        place = place_of(key, experiment, preparation.nominal(experiment), preparation.machine(experiment))
+        place = members.place_of(key)
     except ValueError as error:
         raise SearchError(f"--vary {text}: {key}: {error}") from None
     members.check_acts(key, place)
     target = place.target
-    now = _now(experiment, place)
+    now = _now(members.nominal, place)
     # integers, such as a delay in samples; a quantity of 2 kg is none
     is_whole = isinstance(now, int) and target.unit is None
     if place.path[:2] == ("controller", "parameters"):

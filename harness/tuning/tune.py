@@ -8,6 +8,7 @@ from gough_stewart.harness.errors import NoCandidateError, TuningError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.hints import too_late
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.varied import experiment_with
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.conditions import check_metric, condition_of
 from gough_stewart.harness.tuning.result import Tuning
@@ -123,7 +124,7 @@ def tune(
     (seen, before), (unseen, before_unseen) = judged[0], judged[1] if judges[1:] else (None, None)
     path_values = {axis.place.path: value for axis, value in zip(axes, best.point, strict=True)}
     return Tuning(
-        here.members.experiment(path_values).model_copy(update={"ensemble": chosen.ensemble}),
+        experiment_with(here.members.nominal, path_values).model_copy(update={"ensemble": chosen.ensemble}),
         dict(zip([axis.key for axis in axes], best.point, strict=True)),
         seen,
         unseen,

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gough_stewart as gs
-from gough_stewart.model.parameters import TABLE
+from gough_stewart.model.parameters import PHYSICAL, TABLE
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_checks import GEOMETRY, remember_home_poses
+from gough_stewart.model.platforms import platforms_with
 from tests.support.uneven import UNEVEN
 
 BAD: list[dict[str, Any]] = [
@@ -88,17 +88,48 @@ def test_an_unknown_name_is_refused() -> None:
         UNEVEN.with_parameters({"platform_mas": 3.0})
 
 
-def test_home_poses_that_were_evaluated_together_count_as_alone() -> None:
-    """Expected: of three platforms only the second, whose platform joints are its base joints, is singular."""
-    poses = [np.repeat(np.asarray(getattr(UNEVEN, name))[None], 3, axis=0) for name in GEOMETRY]
-    poses[0][2] *= 1.01
-    poses[1][1] = 0.5 * poses[0][1]
-    poses[2][1], poses[3][1] = [0.0, 0.0, 2.0], 0.0
-    remember_home_poses(*poses)
-    no_stroke: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None}
-    parts_of: Any = zip(*poses, strict=True)
-    first, singular, last = (dict(zip(GEOMETRY, parts, strict=True)) for parts in parts_of)
-    for values in (first, last):
-        assert np.array_equal(replace(UNEVEN, **values, **no_stroke).base_points, values["base_points"])
-    with pytest.raises(gs.GoughStewartError, match="singular at the home pose"):
-        replace(UNEVEN, **singular, **no_stroke)
+NONE: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None}
+# Values of six members, and which of them are impossible, by the messages of a platform alone.
+VARIED: dict[str, list[Any]] = {
+    "platform_mass": [3.0, 4.0, 0.0, 5.0, np.nan, 2e30],
+    "leg_coulomb_friction_factor": [np.arange(6.0), np.ones(6), -np.ones(6), np.zeros(6), np.ones(5), np.ones(6)],
+    "platform_inertia": [
+        np.diag(each) for each in ([2.0, 2, 3], [2.0, 2, 3.9], [2.0, 2, 4.1], [1.0, 0, 1], [3.0, 3, 3], [9.0, 8, 16])
+    ],
+    "platform_points": [
+        UNEVEN.platform_points * scale + shift * np.eye(6, 3)
+        for scale, shift in ((1, 0), (1, 1e-3), (1e-9, 0), (0.9, 0), (-1, 0), (1.1, 0))
+    ],
+    "base_points": [UNEVEN.base_points[[0, 1, 2, 3, 4, k]] for k in (5, 0, 5, 4, 3, 5)],
+    "home_position": [UNEVEN.home_position + z * np.eye(3)[2] for z in (0.0, 0.01, -10.0, -2.0, 5.0, 0.1)],
+    "home_orientation": [[0.0, pitch, 0.1] for pitch in (0.0, 0.1, 1.6, -1.57, 0.2, 3.0)],
+    "leg_lower_com": [0.1, 0.2, 50.0, 3.0, 0.3, -0.1],
+    "platform_com": [[0, 0, z] for z in (0.0, 0.5, 1e3, -1e3, 0.2, 9.0)],
+    "leg_length_max": [30.0, 40.0, 1e-3, 0.5, None, 31.0],
+    "joint_angle_max": [0.5, 3.1, 3.2, 1.0, 4.0, 2.0],
+    "leg_viscous_friction": [1.0, [1.0, 2, 3, 4, 5, 6], 2.0, 3.0, -1.0, 4.0],
+    "platform_mas": [1.0] * 6,
+}
+
+
+@pytest.mark.parametrize("number", [1, 6, 13])
+@pytest.mark.parametrize("fixed", [NONE, {}, {"leg_coulomb_friction": [1.0, 2, 3, 4, 5, 6], "leg_armature": 3.0}])
+@pytest.mark.parametrize("name", VARIED)
+def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str, Any], number: int) -> None:
+    """Expected: the same numbers, or the same message, as `with_parameters` of each base, one after the other."""
+    bases = [UNEVEN, replace(UNEVEN, platform_mass=2.5, **NONE)]
+    of = np.arange(number) % 3 // 2
+    parameters = [{**fixed, name: VARIED[name][k % 6]} for k in range(number)]
+    found, errors = platforms_with(bases, of, parameters)
+    assert len(found) == number
+    for k, each in enumerate(parameters):
+        if k in errors:
+            with pytest.raises(gs.GoughStewartError) as caught:
+                bases[of[k]].with_parameters(each)
+            assert str(errors[k]) == str(caught.value)
+            continue
+        alone = bases[of[k]].with_parameters(each)
+        assert found[k] == alone
+        for row in PHYSICAL:
+            assert np.array_equal(getattr(found.parameters, row.name)[k], getattr(alone, row.name)), row.name
+            assert np.array_equal(found[np.array([k, 0])].field(row.name)[0], getattr(alone, row.name)), row.name

@@ -1,7 +1,7 @@
 """Members that run side by side, each with another plant, controller and loop, and the same alone."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,12 @@ from gough_stewart.harness.control.laws import controller_of
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.python.sample import Sample
+from gough_stewart.harness.experiment.distinct import Distinct
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Limits, Loop
+from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.loop.together import together
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses
 from tests.support.loops import KD, KP, reference
@@ -60,13 +60,53 @@ def alone(member: Member, jacobians: FloatArray | None = None) -> Run:
     )
 
 
+def loop_of_members(loops: Sequence[Loop]) -> Loop:
+    """One loop of members whose clocks are the same; a number where all have the same, else arrays."""
+    each, n = Distinct.among(loops), len(loops)
+
+    def sizes(what: str) -> dict[str, Any]:
+        names = dict.fromkeys(name for loop in loops for name in getattr(loop.sensors, what))
+        return {k: each.numbers(lambda loop, k=k: getattr(loop.sensors, what).get(k) or 0.0) for k in names}  # type: ignore[misc]
+
+    return Loop(
+        timing=replace(
+            loops[0].timing,
+            jitter=each.numbers(lambda loop: loop.timing.jitter),
+            seed=tuple(loop.timing.seed for loop in loops),  # type: ignore[misc]
+        ),
+        reference=each.arrays(lambda loop: loop.reference),
+        feedforward=each.arrays(lambda loop: loop.feedforward),
+        start_force=each.arrays(lambda loop: loop.start_force),
+        sensors=Sensors(
+            sizes("noise"),
+            sizes("quantisation"),
+            loops[0].sensors.sample_time,
+            tuple(loop.sensors.seed for loop in loops),  # type: ignore[misc]
+        ),
+        actuators=Actuators(
+            each.numbers(lambda loop: loop.actuators.force_limit, np.inf),
+            each.numbers(lambda loop: loop.actuators.rate_limit, np.inf),
+            each.numbers(lambda loop: loop.actuators.lag),
+            each.numbers(lambda loop: loop.actuators.delay),
+        ),
+        limits=Limits(
+            (each.numbers(lambda loop: loop.limits.stroke[0]), each.numbers(lambda loop: loop.limits.stroke[1])),
+            loops[0].limits.on_stroke,
+            each.numbers(lambda loop: loop.limits.largest_position_error),
+        ),
+        changes=changes_of_members([loop.changes for loop in loops], loops[0].timing),
+        injection=each.arrays(lambda loop: loop.injection),
+        shape=(n,),
+    )
+
+
 def side_by_side(some: Sequence[Member], jacobians: FloatArray | None = None) -> Run:
     """All at once."""
     J = np.zeros((0, 6, 6)) if jacobians is None else jacobians
     return simulate(
         ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some]),
         laws_of([controller_of(each.controller) for each in some], T, J),
-        together([each.loop for each in some]),
+        loop_of_members([each.loop for each in some]),
     )
 
 

@@ -225,25 +225,6 @@ def test_belief_and_machine_vary_each_for_itself() -> None:
     """Expected: a machine that has a mass of its own keeps it when the belief varies."""
     settings = {"plant.parameters.platform_mass": 1234.0, "ensemble": {"platform": {"platform_mass": {"normal": 50}}}}
     members = Members(gs.load_experiment("heave_step", settings))
-    prepared = [prepare(members.experiment(values)) for values in members.draws(0, 3).values]
-    assert {each.machine.platform_mass for each in prepared} == {1234.0}
-    assert len({each.platform.platform_mass for each in prepared}) == 3
-
-
-def test_what_members_share_is_made_once() -> None:
-    """Expected: the same objects for reference, Jacobians, controller, feedforward where only the machine varies."""
-    keep = {"platform_mass": {"uniform": [900, 1100]}}
-    members = Members(gs.load_experiment("heave_step", {"ensemble": keep, "loop.duration": 0.3}))
-    a, b = (members.preparation.prepare(members.experiment(values)) for values in members.draws(0, 2).values)
-    assert a.machine.platform_mass != b.machine.platform_mass
-    assert a.platform is b.platform
-    assert a.loop.reference is b.loop.reference
-    assert a.loop.feedforward is b.loop.feedforward
-    assert a.controller is b.controller
-    assert a.jacobians is b.jacobians
-    assert a.loop.limits is b.loop.limits
-    # and are those of an experiment that is prepared for itself
-    alone = prepare(members.experiment(members.draws(1, 2).values[0]))
-    assert np.array_equal(alone.loop.feedforward, b.loop.feedforward)
-    assert np.array_equal(alone.loop.start_force, b.loop.start_force)
-    assert alone.machine == b.machine
+    batch = members.prepared(0, 3).batch
+    assert {each.platform_mass for each in batch.machine} == {1234.0}
+    assert len({each.platform_mass for each in batch.platform}) == 3

@@ -7,6 +7,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.pilot import pilots, stand_in, substeps_of
@@ -18,7 +19,7 @@ from tests.support.small_ensemble import SMALL, small
 
 
 def masses(members: Members) -> list[float]:
-    return [float(each.machine.platform_mass) for each in pilots(members)]
+    return [float(each.platform_mass) for each in pilots(members).machine]
 
 
 @pytest.mark.parametrize("sampling", ["random", "sobol", "latin_hypercube"])
@@ -60,21 +61,19 @@ def test_the_stand_in_needs_as_many_substeps_as_controllers_that_work() -> None:
         def block(self, rows: Rows) -> None:
             pass
 
-    def error(prepared: Any) -> float:
-        from gough_stewart.harness.experiment.batch import batch_of
-
-        batch = batch_of(prepared, 1)
-        with batch.plant:
-            outcomes = observe_all(batch.plant, batch.law_from, batch.loop, Nothing())
+    def error(batch: Batch) -> float:
+        running = batch.in_parallel(1)
+        with running.plant:
+            outcomes = observe_all(running.plant, running.law_from, running.loop, Nothing())
         assert {outcome.status for outcome in outcomes} == {"completed"}
-        return float(batch.plant.integration_error.max())
+        return float(running.plant.integration_error.max())
 
     experiment = gs.load_experiment(EXPERIMENT, {"loop.duration": 0.3})
     real = [
         error(pilots(Members(experiment, lambda platform, T, k=k: Pid(platform, T, 3e4 * k, 5e3 * k))))
         for k in (1, 2, 4)
     ]
-    assert error([stand_in(each) for each in pilots(Members(experiment, Pid))]) > max(real) / 3
+    assert error(stand_in(pilots(Members(experiment, Pid)))) > max(real) / 3
 
 
 def test_it_calls_no_code_of_the_user() -> None:

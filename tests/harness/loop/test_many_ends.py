@@ -13,12 +13,11 @@ from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
-from gough_stewart.harness.loop.loop import Limits, Loop
+from gough_stewart.harness.loop.loop import Limits
 from gough_stewart.harness.loop.observe import observe, observe_all
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.loop.together import together
 from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
@@ -32,6 +31,7 @@ from tests.support.members import (
     assert_same,
     gains_of_member,
     law_of_member,
+    loop_of_members,
     member_of,
     side_by_side,
 )
@@ -132,7 +132,7 @@ def test_rows_count_up_to_the_row_of_the_outcome() -> None:
         counting = Counting(len(chosen))
         plant = ManyMasses([each.platform_mass for each in chosen], [each.fails_at for each in chosen])
         law_from = laws_of([each.controller for each in chosen], T, np.zeros((0, 6, 6)))
-        outcomes = observe(plant, law_from, together([each.loop for each in chosen]), counting)
+        outcomes = observe(plant, law_from, loop_of_members([each.loop for each in chosen]), counting)
         assert counting.rows.tolist() == [len(alone(each).time) for each in chosen]
         assert counting.all == counting.rows.max()
         if len(chosen) == 7:  # with nobody left nothing is frozen
@@ -155,7 +155,9 @@ def test_a_limited_force_stays_so_in_the_rows_until_the_next_sample_of_its_membe
     some = [member_of(k, law_of_member(k), features) for k in range(4)]
     many = Flags()
     law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
-    observe(ManyMasses([each.platform_mass for each in some]), law_from, together([each.loop for each in some]), many)
+    observe(
+        ManyMasses([each.platform_mass for each in some]), law_from, loop_of_members([each.loop for each in some]), many
+    )
     assert (np.array(many.rows) != many.rows[0]).any(axis=0).sum() > 3  # it changes
     for k, each in enumerate(some):
         single = Flags()
@@ -232,7 +234,7 @@ def test_ctrl_c_ends_those_that_still_run() -> None:
     some = ending_members()
     plant = ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some])
     law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
-    outcomes = observe(plant, law_from, together([each.loop for each in some]), Counting(7), interrupt)
+    outcomes = observe(plant, law_from, loop_of_members([each.loop for each in some]), Counting(7), interrupt)
     assert [outcome.status == "interrupted" for outcome in outcomes] == [True, *[False] * 5, True]
 
 
@@ -250,7 +252,7 @@ def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(plant, "do_step", interrupted)
     law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
     with pytest.raises(KeyboardInterrupt):
-        observe_all(plant, law_from, together([each.loop for each in some]), Counting(7))
+        observe_all(plant, law_from, loop_of_members([each.loop for each in some]), Counting(7))
 
 
 def test_noise_of_a_member_is_that_of_its_seed_alone() -> None:
@@ -294,51 +296,6 @@ def test_with_one_seed_for_all_members_are_late_in_proportion_to_their_jitter(se
     assert late.min() == 0
 
 
-def loop_with(**parts: object) -> Loop:
-    return loop_of(0.1, **parts)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("other", "match"),
-    [
-        (loop_of(0.2), "duration of loop 0 is 0.1 and of loop 1 0.2; expected the same"),
-        (loop_of(0.1, 0.02), "sample_time of loop 0 is 0.01"),
-        (loop_of(0.1, plant_step=0.001), "plant_step of loop 0 is 0.002"),
-        (loop_with(limits=Limits(on_stroke="stop")), "on_stroke of loop 0 is 'warn' and of loop 1 'stop'"),
-        (loop_with(sensors=Sensors(sample_time=0.004)), "the sensors' sample_time of loop 0 is None"),
-        (loop_of(0.1, wants=False), "whether there is a reference of loop 0 is True and of loop 1 False"),
-        (loop_with(injection=np.zeros((10, 6))), "whether there is an injection"),
-    ],
-)
-def test_loops_that_cannot_be_together_are_refused(other: Loop, match: str) -> None:
-    with pytest.raises(ControllerError, match=match):
-        together([loop_of(0.1), other])
-
-
-def test_what_is_alike_for_all_stays_as_it_is() -> None:
-    """Expected: no leading axis but where members differ."""
-    one = loop_of(0.1)
-    both = together([one, replace(one, start_force=np.ones(6))])
-    assert both.reference is one.reference
-    assert both.feedforward is one.feedforward
-    assert (both.start_force == [[0.0] * 6, [1.0] * 6]).all()
-    assert both.limits.stroke == one.limits.stroke
-    assert both.timing == one.timing
-    assert both.shape == (2,)
-
-
-def test_a_member_without_noise_has_none_whatever_the_first_has() -> None:
-    """Expected: 0 where a member names no signal, of noise and of quantisation, in the order of the members."""
-    parts: list[dict[str, float | None]] = [{"leg_length": 1e-3}, {}, {"leg_length": None, "position": 2e-3}]
-    loops = [loop_with(sensors=Sensors(noise, noise)) for noise in parts]
-    both = together(loops).sensors
-    for found in (both.noise, both.quantisation):
-        assert {name: np.asarray(values).tolist() for name, values in found.items()} == {
-            "leg_length": [1e-3, 0.0, 0.0],
-            "position": [0.0, 0.0, 2e-3],
-        }
-
-
 def test_controllers_that_cannot_be_together_are_refused() -> None:
     pd_only, pid_too = (LinearController(sampled(pid(gains_of_member(0, integral)), T)) for integral in (False, True))
     with pytest.raises(ControllerError, match=r"different structure.*12 states, 18 inputs.*6 states, 12 inputs"):
@@ -352,7 +309,7 @@ def test_controllers_that_cannot_be_together_are_refused() -> None:
 
 
 def test_a_loop_of_another_shape_than_the_plant_is_refused() -> None:
-    loop = together([loop_of(0.1), loop_of(0.1)])
+    loop = loop_of_members([loop_of(0.1), loop_of(0.1)])
     for plant in (ManyMasses([1.0, 1.0, 1.0]), Masses()):
         with pytest.raises(ControllerError, match=r"a loop of shape \(2,\) with a plant of shape \("):
             observe(plant, None, loop, Counting(2))
@@ -365,7 +322,7 @@ def test_a_plant_of_one_refuses_what_some_members_do() -> None:
 
 def test_features_name_what_the_tests_of_members_turn_on() -> None:
     """Expected: with a feature on, its numbers differ from member to member; a misspelt one would test nothing."""
-    plain = together([member_of(k, law_of_member(k)).loop for k in range(4)])
+    plain = loop_of_members([member_of(k, law_of_member(k)).loop for k in range(4)])
     for feature in FEATURES:
-        featured = together([member_of(k, law_of_member(k), [feature]).loop for k in range(4)])
+        featured = loop_of_members([member_of(k, law_of_member(k), [feature]).loop for k in range(4)])
         assert repr(featured) != repr(plain), feature

@@ -22,7 +22,6 @@ from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.loop.together import together
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.plants.lanes import lanes_plant
@@ -32,6 +31,7 @@ from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
+from tests.support.members import loop_of_members
 from tests.support.uneven import UNEVEN
 
 T = 0.002
@@ -122,7 +122,7 @@ def run_of(numbers: list[int], space: Any) -> Run:
     loops, jacobians = zip(*(loop_of_member(k) for k in numbers), strict=True)
     plant = lanes_plant([platform_of(k) for k in numbers], [start_of(k) for k in numbers], substeps=8)
     law_from = laws_of([controller_of_member(k, space) for k in numbers], T, np.stack(jacobians, axis=1))
-    return simulate(plant, law_from, together(loops))
+    return simulate(plant, law_from, loop_of_members(loops))
 
 
 @pytest.mark.parametrize("space", ["leg", "task"])
