@@ -9,12 +9,11 @@ from pathlib import Path
 from threading import Event
 
 from gough_stewart.fmu_build.archive import file_name, to_zip
-from gough_stewart.fmu_build.companions import build_description, terminals_and_icons
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
-from gough_stewart.fmu_build.model_description import Identity
+from gough_stewart.fmu_build.model_description import Identity, build_description, terminals_and_icons
 from gough_stewart.fmu_build.package import package_license
 from gough_stewart.fmu_build.sources import Sources, sources, standard_headers, standard_license
 from gough_stewart.fmu_build.targets import Target, chosen_targets

@@ -191,8 +191,7 @@ class SteppingModel:
 
     def results(self) -> dict[str, NDArray[np.float64]]:
         """All outputs and locals at the current time, by name, in one evaluation."""
-        y = self._kernel.outputs(self._x, self._u, self._p).copy()
-        return interface.unpack(interface.RESULTS, y)
+        return interface.unpack(interface.RESULTS, self.result_vector())
 
     def result_vector(self) -> NDArray[np.float64]:
         """`results` as one vector, in the order of `interface.RESULT_COLUMNS`."""

@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.display_resolution import decimated, least_span
-from gough_stewart.harness.output.plotting import Draw, entitle, pictures, png
+from gough_stewart.harness.output.plotting import entitle, pictures, png
 from gough_stewart.harness.results.outcome import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
@@ -56,23 +57,20 @@ def run_figures(record: RecordData) -> dict[str, bytes]:
     draws |= {"forces": (_forces, 4.6), "legs": (_legs, 4.6)}
     files = {}
     for name, (draw, height) in draws.items():
-        files.update(pictures(name, _placed(draw, record), WIDTH, height))
+        files.update(pictures(name, partial(_placed, draw, record), WIDTH, height))
     return files
 
 
 def pose_png(record: RecordData) -> bytes:
     """Only the figure `pose`, as PNG."""
-    return png(_placed(_pose, record), WIDTH, 4.6)
+    return png(partial(_placed, _pose, record), WIDTH, 4.6)
 
 
-def _placed(draw: Callable[[Figure, RecordData], None], record: RecordData) -> Draw:
-    def placed(figure: Figure) -> None:
-        # read again for each file; the caller restores the settings
-        mpl.rcParams.update(_PLACED_BY_HAND)
-        figure.set_layout_engine(None)
-        draw(figure, record)
-
-    return placed
+def _placed(draw: Callable[[Figure, RecordData], None], record: RecordData, figure: Figure) -> None:
+    # read again for each file; the caller restores the settings
+    mpl.rcParams.update(_PLACED_BY_HAND)
+    figure.set_layout_engine(None)
+    draw(figure, record)
 
 
 class _View(NamedTuple):

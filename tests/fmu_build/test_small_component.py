@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 
 from gough_stewart.fmu_build.builder import unit_of
-from gough_stewart.fmu_build.companions import build_description, terminals_and_icons
 from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal, terminals_of
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.layout import Role, laid_out
-from gough_stewart.fmu_build.model_description import UNITS, Identity
+from gough_stewart.fmu_build.model_description import UNITS, Identity, build_description, terminals_and_icons
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.page import html_page, variables_table
 from gough_stewart.fmu_build.tables import layout_number, model_header, model_source, places
