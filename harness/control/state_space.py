@@ -106,7 +106,14 @@ def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Sol
     """`discretised` without its checks, for numbers or for CasADi symbols in arrays with their own `solve`."""
     if method == "zoh":
         return _held(system, sample_time)
-    return _by_differences(system, sample_time, 0.5 if method == "tustin" else 1.0, solve)
+    # x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit
+    alpha = 0.5 if method == "tustin" else 1.0
+    one = np.eye(len(system.A))
+    implicit = one - alpha * sample_time * system.A
+    A: Any = solve(implicit, one + (1 - alpha) * sample_time * system.A)
+    B: Any = solve(implicit, sample_time * system.B)
+    C: Any = solve(implicit.T, system.C.T)
+    return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), sample_time)
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
@@ -119,16 +126,6 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         second.D @ first.D,
         first.dt,
     )
-
-
-def _by_differences(system: StateSpace, T: Any, alpha: float, solve: Solve) -> StateSpace:
-    """x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit."""
-    one = np.eye(len(system.A))
-    implicit = one - alpha * T * system.A
-    A: Any = solve(implicit, one + (1 - alpha) * T * system.A)
-    B: Any = solve(implicit, T * system.B)
-    C: Any = solve(implicit.T, system.C.T)
-    return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
 
 
 def _held(system: StateSpace, T: Any) -> StateSpace:

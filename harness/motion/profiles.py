@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.motion.motion import ROUNDING, Motion, motion_of
+from gough_stewart.harness.motion.motion import ROUNDING
 from gough_stewart.model.operations import maximum, minimum, reached
-from gough_stewart.model.vectors import Array, FloatArray
+from gough_stewart.model.vectors import Array
 
 
 class Profile(NamedTuple):
@@ -51,11 +51,3 @@ def sine(phase: Array, rate: Array | float, change: Array | float = 0.0) -> Prof
     """Sine of a phase whose first and second derivatives are `rate` and `change`."""
     sine, cosine = np.sin(phase), np.cos(phase)
     return Profile(sine, cosine * rate, cosine * change - sine * rate**2)
-
-
-def motion_about(pose: FloatArray, *parts: tuple[Profile, FloatArray]) -> Motion:
-    """A pose (6,) plus profiles (n,) times directions (6,)."""
-    value, rate, acceleration = (
-        sum((profile[k][:, None] * direction for profile, direction in parts), start=np.zeros(6)) for k in range(3)
-    )
-    return motion_of(value + pose, rate, acceleration)

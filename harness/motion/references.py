@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of, slower
-from gough_stewart.harness.motion.profiles import Profile, motion_about, quintic, sine, step
+from gough_stewart.harness.motion.profiles import Profile, quintic, sine, step
 from gough_stewart.harness.motion.recorded.low_pass import resampled, smoothed
 from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
 from gough_stewart.harness.motion.recorded.recording import AtHome, moved_home, read_recording, recording_path
@@ -103,7 +103,11 @@ class AboutPose(ReferenceChoice):
 
     def _by(self, *parts: tuple[Profile, FloatArray]) -> Motion:
         """The pose plus profiles (n,) times directions (6,), times the amplitude scale."""
-        return motion_about(self.centre, *((profile, self.amplitude_scale * along) for profile, along in parts))
+        value, rate, acceleration = (
+            sum((each[k][:, None] * (self.amplitude_scale * along) for each, along in parts), start=np.zeros(6))
+            for k in range(3)
+        )
+        return motion_of(value + self.centre, rate, acceleration)
 
     @property
     def centre(self) -> FloatArray:
