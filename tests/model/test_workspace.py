@@ -1,6 +1,5 @@
 """Reach, conditioning and static strength at poses, and the grid over them, against closed forms and other methods."""
 
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -13,17 +12,16 @@ from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import workspace as module
 from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.errors import GoughStewartError, WorkspaceError
 from gough_stewart.model.kinematics import conditioning, leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at
-from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, POINTS, default_ranges, sweep
 from tests.support.random_platforms import random_platform
 from tests.support.uneven import UNEVEN
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
+
 LEVEL = np.zeros(3)
 seeds = st.integers(0, 2**32 - 1)
 
@@ -241,91 +239,6 @@ def test_chunks_and_leading_axes_change_nothing(monkeypatch: pytest.MonkeyPatch)
     assert evaluate_poses(DESKTOP, np.zeros((0, 3)), LEVEL).limit.shape == (0,)
 
 
-@pytest.mark.parametrize("over", [("x", "y"), ("z", "yaw"), ("roll", "pitch")])
-@pytest.mark.parametrize("platform", [MOTION_BASE, DESKTOP], ids=["motion_base", "desktop_hexapod"])
-def test_default_ranges_hold_what_can_be_reached_and_little_else(platform: Platform, over: tuple[str, ...]) -> None:
-    """Expected: nothing reached at the ends of the grid; a grid over three times the range reaches no more."""
-    w = sweep(platform, dict.fromkeys(over), points=61)
-    reached = w.qualities.reachable
-    assert not reached[[0, -1]].any()
-    assert not reached[:, [0, -1]].any()
-    ends = {name: (values[0], values[-1]) for name, values in w.swept.items()}
-    for axis, name in enumerate(over):
-        rows = np.flatnonzero(reached.any(axis=1 - axis))
-        assert rows[-1] - rows[0] > 0.6 * 60, name
-    wide = {n: (1.5 * a - 0.5 * b, 1.5 * b - 0.5 * a) for n, (a, b) in ends.items()}
-    wide = {n: (max(a, -1.5), min(b, 1.5)) if COORDINATES[n] == "rad" else (a, b) for n, (a, b) in wide.items()}
-    far = sweep(platform, wide, points=61)
-    first, second = (far.swept[name] for name in over)
-    i, j = np.nonzero(far.qualities.reachable)
-    (a, b), (c, d) = (ends[name] for name in over)
-    assert ((a < first[i]) & (first[i] < b) & (c < second[j]) & (second[j] < d)).all()
-
-
-def test_without_limits_a_range_about_home_is_assumed_and_said() -> None:
-    """Expected: as documented, one characteristic length (here 1 m), and 90°."""
-    w = sweep(PAPER, {"z": None, "roll": None}, points=3)
-    assert w.assumed == ("z", "roll")
-    assert w.found == ()
-    assert w.swept["z"] == pytest.approx([2, 3, 4])
-    assert w.swept["roll"] == pytest.approx([-np.pi / 2, 0, np.pi / 2])
-
-
-@pytest.mark.parametrize(
-    ("home", "ends"), [(0.1, (-1.470796, np.pi / 2)), (1.2, (-0.370796, np.pi / 2)), (-1.2, (-np.pi / 2, 0.370796))]
-)
-def test_a_pitch_without_limits_goes_90_degrees_about_home_but_not_beyond_90(
-    home: float, ends: tuple[float, float]
-) -> None:
-    """Expected: home ± π/2 = 1.570796, cut at ± π/2."""
-    tilted = replace(PAPER, home_orientation=np.array([0.0, home, 0.0]))
-    w = sweep(tilted, {"pitch": None, "x": (-0.1, 0.1)}, points=2)
-    assert w.swept["pitch"] == pytest.approx(ends, abs=1e-6)
-
-
-def test_a_map_has_101_points_per_coordinate_unless_told_otherwise() -> None:
-    """Expected: as documented."""
-    assert sweep(PAPER, {"x": (-0.1, 0.1), "yaw": (0.0, 0.1)}).shape == (101, 101)
-
-
-def test_a_grid_has_its_poses_in_order() -> None:
-    w = sweep(DESKTOP, {"z": (0.14, 0.16), "x": (0.0, 0.02)}, {"yaw": 0.1}, points=3)
-    poses = w.coordinates()
-    assert w.shape == (3, 3)
-    assert poses[2, 1] == pytest.approx([0.01, 0, 0.16, 0, 0, 0.1])
-    alone = evaluate_poses(DESKTOP, poses[2, 1, :3], poses[2, 1, 3:])
-    assert w.qualities.condition_number[2, 1] == pytest.approx(float(alone.condition_number))
-
-
-def test_where_nothing_can_be_reached_there_is_still_a_range() -> None:
-    fixed = {"z": 5.0, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
-    for low, high in default_ranges(MOTION_BASE, {"x": None, "y": None}, fixed).values():
-        assert low < high
-
-
-BAD: list[tuple[dict[str, Any], str]] = [
-    ({"over": {"x": None, "q": None}}, "unknown coordinate 'q'; expected one of x, y, z"),
-    ({"at": {"w": 1.0}}, "unknown coordinate 'w'"),
-    ({"over": {"x": None}}, "1 swept coordinates; expected two"),
-    ({"over": dict.fromkeys("xyz") | {"yaw": None}}, "4 swept coordinates"),
-    ({"at": {"x": 0.1}}, "x is both swept and fixed"),
-    ({"over": {"x": (1.0, -1.0), "y": None}}, "x goes from 1 m to -1 m; expected a range from low to high"),
-    ({"over": {"x": (0.0, np.inf), "y": None}}, "x is inf; expected a finite number of m"),
-    ({"at": {"pitch": 5.0}}, "pitch is 5 rad, 286.479°; expected from −90° to 90°; numbers without a unit are in rad"),
-    ({"points": 1}, "1 points per coordinate for 2 swept coordinates; expected from 2 to 500"),
-    ({"points": 501}, "in all 251,001 poses, for 2 swept coordinates; expected from 2 to 500"),
-    ({"over": dict.fromkeys("xyz"), "points": 63}, "expected from 2 to 62"),
-]
-
-
-@pytest.mark.parametrize(("asked", "text"), BAD, ids=[text[:24] for _, text in BAD])
-def test_what_makes_no_grid_is_refused(asked: dict[str, Any], text: str) -> None:
-    with pytest.raises(WorkspaceError, match=text.replace("?", r"\?")) as caught:
-        sweep(DESKTOP, **asked)
-    assert isinstance(caught.value, GoughStewartError)
-    assert 500**2 <= LARGEST_GRID < 501**2
-
-
 # Six different poses about and beyond the limits of the uneven platform.
 POSES = np.array(
     [
@@ -454,185 +367,3 @@ def test_poses_at_a_limit_can_be_reached() -> None:
         q = evaluate_poses(replace(UNEVEN, actuator_force_max=float(share * force)), *pose)
         assert q.force_margin is not None
         assert (q.force_margin > 0) == is_held
-
-
-def test_a_sweep_over_an_uneven_platform_says_what_it_did() -> None:
-    """Expected: the grid's poses by hand, what was found and assumed, defaults of what is fixed; progress."""
-    done: list[int] = []
-    w = sweep(UNEVEN, {"roll": (-0.1, 0.3), "y": (0.2, 0.4)}, {"z": 3}, points=3, progress=done.append)
-    assert done == [9]
-    assert list(w.swept) == ["roll", "y"]
-    assert w.swept["roll"] == pytest.approx([-0.1, 0.1, 0.3])
-    assert w.swept["y"] == pytest.approx([0.2, 0.3, 0.4])
-    assert w.fixed == {"x": 0.08, "z": 3.0, "pitch": -0.07, "yaw": 0.11}
-    assert (w.found, w.assumed) == ((), ())
-    assert w.coordinates()[2, 0] == pytest.approx([0.08, 0.2, 3.0, 0.3, -0.07, 0.11])
-    assert w.coordinates()[0, 2] == pytest.approx([0.08, 0.4, 3.0, -0.1, -0.07, 0.11])
-    for (i, j), number in np.ndenumerate(w.qualities.condition_number):
-        pose = w.coordinates()[i, j]
-        assert number == pytest.approx(float(conditioning(UNEVEN, pose[:3], pose[3:]).condition_number), rel=1e-12)
-    half = replace(UNEVEN, leg_length_max=None)
-    w = sweep(half, {"x": None, "yaw": None, "pitch": (-0.1, 0.1)}, points=2)
-    assert (w.found, w.assumed, w.shape) == (("yaw",), ("x",), (2, 2, 2))
-    rho = UNEVEN.characteristic_length
-    assert w.swept["x"] == pytest.approx([0.08 - rho, 0.08 + rho])
-    assert tuple(sweep(UNEVEN, points=2).swept) == ("x", "y")
-    free = sweep(replace(half, joint_angle_max=None), points=2)
-    assert tuple(free.swept) == free.assumed == ("roll", "pitch")
-    assert free.swept["roll"] == pytest.approx([0.04 - np.pi / 2, 0.04 + np.pi / 2])
-    assert free.swept["pitch"] == pytest.approx([-np.pi / 2, -0.07 + np.pi / 2])
-    assert POINTS == {2: 101, 3: 31}
-
-
-# Platform, coordinates whose ranges are looked for, given ranges, fixed values.
-RANGES: list[tuple[Platform, tuple[str, ...], dict[str, Any], dict[str, float]]] = [
-    (UNEVEN, ("x", "y"), {}, {}),
-    (UNEVEN, ("z", "pitch"), {}, {"x": 0.4, "yaw": -0.2}),
-    (UNEVEN, ("yaw",), {"x": (-0.2, 0.5)}, {"z": 3.1}),
-    (UNEVEN, ("y", "roll"), {"z": (2.7, 3.2)}, {}),
-    (replace(UNEVEN, joint_angle_max=0.05), ("x", "roll"), {}, {}),
-    (replace(UNEVEN, joint_angle_max=None, leg_length_max=8.0), ("y", "z"), {}, {}),
-    (replace(UNEVEN, joint_angle_max=None, leg_length_min=None), ("x", "yaw"), {}, {"z": 3.4}),
-    (replace(DESKTOP, joint_angle_max=0.02), ("z", "x", "pitch"), {}, {}),
-    # regions on either side of home, which cannot be reached
-    (replace(UNEVEN, joint_angle_max=0.25), ("x", "roll"), {}, {"pitch": 0.23, "z": 2.85}),
-    (replace(UNEVEN, joint_angle_max=0.25), ("x", "roll"), {}, {"pitch": -0.37, "z": 2.85}),
-]
-
-
-@pytest.mark.parametrize(("platform", "looked_for", "given", "fixed"), RANGES)
-def test_a_range_is_that_of_what_can_be_reached_rounded_outward(
-    platform: Platform, looked_for: tuple[str, ...], given: dict[str, Any], fixed: dict[str, float]
-) -> None:
-    """Expected: the extent by bisection along random rays and by a random search; a margin of a tenth on either side.
-
-    Ends are multiples of 1, 2 or 5 times a power of ten, of degrees for angles; a range that is nearly symmetric about
-    home is made so.
-    """
-    over = {**dict.fromkeys(looked_for), **given}
-    w = sweep(platform, over, fixed, points=2)
-    names = list(COORDINATES)
-    home = dict(zip(names, [*platform.home_position, *platform.home_orientation], strict=True)) | fixed
-    assert w.found == looked_for
-    rng = np.random.default_rng(5)
-    # poses that can be reached, found by spreading from home along all that is swept
-    poses = np.array([[home[name] for name in names]])
-    axes = [names.index(name) for name in over]
-    low, high = (np.array([w.swept[name][k] for name in over]) for k in (0, -1))
-    wide_low, wide_high = 1.6 * low - 0.6 * high, 1.6 * high - 0.6 * low
-    for name, (a, b) in given.items():
-        k = list(over).index(name)
-        wide_low[k], wide_high[k] = a, b
-        assert (low[k], high[k]) == (a, b)
-    # home is not always among them
-    poses = np.repeat(poses, 6000, axis=0)
-    poses[1:, axes] = rng.uniform(wide_low, wide_high, (5999, len(axes)))
-    for name, (a, b) in given.items():
-        poses[:, names.index(name)] = rng.uniform(a, b, 6000)
-    poses = poses[limits_at(platform, poses[:, :3], poses[:, 3:]) == Limit.NONE]
-    for size in (0.5, 0.3, 0.1, 0.05, 0.05, 0.03, 0.02, 0.02, 0.01, 0.01):
-        # the outermost so far, and some others, are moved on
-        outer = [f(poses[:, axis]) for axis in axes for f in (np.argmin, np.argmax)]
-        some = poses[np.concatenate([np.tile(outer, 60), rng.integers(0, len(poses), 1200)])]
-        some[:, axes] += size * (wide_high - wide_low) * rng.normal(size=(len(some), len(axes)))
-        some[:, axes] = np.clip(some[:, axes], wide_low, wide_high)
-        poses = np.concatenate([poses, some[limits_at(platform, some[:, :3], some[:, 3:]) == Limit.NONE]])
-    for name, a, b in zip(over, low, high, strict=True):
-        if name in given:
-            continue
-        values = poses[:, names.index(name)]
-        first, last = float(values.min()), float(values.max())
-        size, unit = last - first, np.pi / 180 if COORDINATES[name] == "rad" else 1.0
-        is_whole_turn = np.isclose([a, b], [-np.pi, np.pi]).any() and name == "yaw"
-        assert a <= first, name
-        assert last <= b, name
-        below, above = home[name] - first, last - home[name]
-        ratio = min(below, above) / max(below, above)
-        if 0.65 < ratio < 0.85:  # with its margins it is perhaps nearly symmetric
-            continue
-        if ratio >= 0.85 and not is_whole_turn:
-            assert home[name] - a == pytest.approx(b - home[name], abs=0.06 * size), name
-            first, last = home[name] - max(below, above), home[name] + max(below, above)
-        assert first - a < 0.16 * size, (name, first, a)
-        assert b - last < 0.16 * size, (name, last, b)
-        steps = [k * 10.0**e * unit for e in range(-7, 3) for k in (1, 2, 5)]
-        step = max(each for each in steps if each <= (b - a) / 25)
-        finer = [each for each in steps if each <= step * 1.001][-3:]
-        box = _box(platform, name, looked_for, fixed)
-        ends = [end for end, of_box in zip((a, b), box, strict=True) if end != pytest.approx(of_box, abs=1e-9)]
-        is_rounded = [all(end / each == pytest.approx(round(end / each), abs=1e-6) for end in ends) for each in finer]
-        assert any(is_rounded), (name, a, b, step)
-
-
-def _box(platform: Platform, name: str, looked_for: tuple[str, ...], fixed: dict[str, float]) -> tuple[float, float]:
-    """Where no leg is longer than allowed from its base joint, whatever the other coordinates; half turns."""
-    if COORDINATES[name] == "rad":
-        return (-np.pi / 2, np.pi / 2) if name == "pitch" else (-np.pi, np.pi)
-    assert platform.leg_length_max is not None
-    angles = [
-        fixed.get(angle, home) for angle, home in zip(("roll", "pitch", "yaw"), platform.home_orientation, strict=True)
-    ]
-    arm = Rotation.from_euler("xyz", angles).apply(platform.platform_points.copy())
-    reach = np.full(6, platform.leg_length_max)
-    if {"roll", "pitch", "yaw"} & set(looked_for):
-        arm, reach = np.zeros((6, 3)), reach + np.linalg.norm(platform.platform_points, axis=1)
-    centre = (platform.base_points - arm)[:, "xyz".index(name)]
-    return float((centre - reach).max()), float((centre + reach).min())
-
-
-def test_errors_of_a_grid_are_whole_sentences() -> None:
-    """Expected: name, value in its unit and in degrees, range; bounds of angles from both sides."""
-    x_and = {"x": (0.0, 0.1)}
-    for asked, text in (
-        ({"over": {"x": None, "q": None}}, "unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw"),
-        (
-            {"over": {**x_and, "yaw": (-1.0, 3.2)}},
-            "yaw is 3.2 rad, 183.346°; expected from −180° to 180°; numbers w",
-        ),
-        ({"over": {**x_and, "roll": (0.5, 0.5)}}, "roll goes from 0.5 rad to 0.5 rad; expected a range from low to hi"),
-        ({"over": {**x_and, "pitch": (-1.6, 0.0)}}, "pitch is -1.6 rad, -91.6732°; expected from −90° to 90°; numbers"),
-        ({"over": x_and}, "1 swept coordinates; expected two for maps, or three for a volume"),
-        ({"over": {**x_and, "y": None}, "at": {"y": 0.1}}, "y is both swept and fixed; expected one of them: leave it"),
-        ({"over": {**x_and, "y": (np.nan, 1.0)}}, "y is nan; expected a finite number of m"),
-        ({"over": {**x_and, "z": (0.0, np.inf)}}, "z is inf; expected a finite number of m"),
-        ({"over": {**x_and, "roll": (-np.inf, 0.0)}}, "roll is -inf; expected a finite number of rad"),
-        ({"over": {"x": (0.3, 0.1), "z": None}}, "x goes from 0.3 m to 0.1 m; expected a range from low to high"),
-        (
-            {"points": 501},
-            "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates; expected",
-        ),
-        (
-            {"over": dict.fromkeys("xyz"), "points": 1},
-            "1 points per coordinate for 3 swept coordinates; expected",
-        ),
-    ):
-        with pytest.raises(WorkspaceError, match=f"^{re.escape(text)}"):
-            sweep(UNEVEN, **asked)
-    for name, largest in (("roll", np.pi), ("pitch", np.pi / 2), ("yaw", np.pi)):
-        for sign in (1, -1):
-            sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, {name: sign * largest}, points=2)
-            with pytest.raises(WorkspaceError, match=f"^{name} is "):
-                sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, {name: sign * (largest + 1e-9)}, points=2)
-
-
-def test_where_nothing_can_be_reached_given_ranges_stay_and_others_are_the_box() -> None:
-    """Expected: of the box of the legs, by hand, the next multiples; about home by a radius where there is no box."""
-    fixed = {"z": 5.0, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
-    found = default_ranges(MOTION_BASE, {"x": None, "y": (0.123, 0.456)}, fixed)
-    assert found["y"] == (0.123, 0.456)
-    low, high = _box(MOTION_BASE, "x", ("x",), fixed)
-    assert 0 <= low - found["x"][0] < (high - low) / 10
-    assert 0 <= found["x"][1] - high < (high - low) / 10
-    parts: tuple[str, ...] = (
-        "platform_mass",
-        "platform_inertia",
-        "leg_lower_mass",
-        "leg_upper_mass",
-        "leg_lower_com",
-        "leg_upper_com",
-    )
-    parts += ("leg_lower_inertia", "leg_upper_inertia")
-    others = {name: getattr(PAPER, name) for name in parts}
-    flat = Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=1.5, leg_length_max=1.6, **others)
-    turned = default_ranges(flat, {"x": None, "y": None}, {"z": 0.8, "roll": 0.0, "pitch": 0.0, "yaw": np.pi})
-    assert turned == {"x": (-1.0, 1.0), "y": (-1.0, 1.0)}
