@@ -45,6 +45,16 @@ def test_every_member_is_judged_as_its_own_run_is() -> None:
     assert "oscillation.amplitude" not in found.metrics
 
 
+def test_members_that_an_injection_keeps_moving_do_not_oscillate_by_themselves() -> None:
+    """Expected: nothing said of errors at the end of a run, of 0.1 mm and more, while a sweep still causes them."""
+    injection = {"type": "chirp", "leg": 4, "amplitude": 2000.0, "band": [5.0, 9.0]}
+    settings = {**MIXED, "loop.duration": 1.0, "reference.at": 0.01, "injection": injection}
+    found = gs.ensemble("heave_step", {**settings, "ensemble.loop.delay": {"choice": [0, 1]}}, members=2, workers=1)
+    assert found.members["oscillation"].to_list() == [None, None]
+    at_end = found.bands.filter((polars.col("signal") == "error.position.norm") & (polars.col("time") > 0.8))
+    assert at_end["highest"].max() > 1e-4
+
+
 @pytest.mark.parametrize("sensors", [{"quantisation": {"leg_length": 2e-3}}, {"noise": {"leg_length": 1e-3}}])
 def test_what_each_kind_of_sensor_error_explains_is_no_oscillation(sensors: dict[str, Any]) -> None:
     """Expected: nothing said, as of its own run, of a member that otherwise oscillates by 11 mm, and of a sound one."""

@@ -105,9 +105,9 @@ def test_a_confidence_that_is_not_known_is_none() -> None:
 
 
 def test_integration_errors_far_beyond_the_tolerance_are_told() -> None:
-    """Expected: the largest with its member, and how many are more than tenfold; nothing below that."""
+    """Expected: the largest with its member, and how many are more than tenfold; nothing up to that."""
     ensemble = ensemble_of(normal(40), tolerance=1e-8)
-    errors = np.full(40, 9e-8)
+    errors = np.full(40, 10 * 1e-8)
     members = ensemble.members.with_columns(polars.Series("integration_error", errors))
     assert not integration_warning(members, 1e-8)
     errors[[3, 17]] = 2e-7, 3.4e-5

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -124,6 +125,18 @@ def test_a_torn_chunk_is_made_again(
     assert files_in(tmp_path) == undisturbed
 
 
+def test_causes_are_counted_the_most_frequent_first() -> None:
+    """Expected: counts of the table; by name the other one would be the first."""
+    many, few = {"choice": [-3.0, -3.0, 1000.0]}, {"choice": [0, 0, 2000]}
+    found = gs.ensemble(small(platform_mass=many, loop={"delay": few}), members=16, workers=1)
+    causes = found.members["cause"].drop_nulls().to_list()
+    first, second = found.metadata["causes"].items()
+    assert first == (next(each for each in causes if "platform_mass" in each), sum("mass" in each for each in causes))
+    assert second == (next(each for each in causes if "delay" in each), sum("delay" in each for each in causes))
+    assert first[1] > second[1] > 0
+    assert found.metadata["outcomes"]["impossible"] == first[1] + second[1]
+
+
 def test_results_of_another_experiment_are_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted(tmp_path, 1, monkeypatch)
     before = files_in(tmp_path / FOLDER)
@@ -132,6 +145,11 @@ def test_results_of_another_experiment_are_not_gone_on_with(tmp_path: Path, monk
         gs.ensemble(other, out=tmp_path, resume=True)
     with pytest.raises(EnsembleError, match="members is 80 here and 40 there"):
         gs.ensemble(small(), out=tmp_path, members=80, resume=True)
+    many = {"loop.delay": 2, "loop.duration": 0.011, "controller.damping_ratio": 0.9, "title": "b", "sensors.seed": 77}
+    with pytest.raises(EnsembleError) as caught:
+        gs.ensemble(small(), many, out=tmp_path, resume=True)
+    told = re.findall(r"(?:: |; )([\w.]+) is \S+ here and \S+ there", str(caught.value))
+    assert told == ["controller.damping_ratio", "loop.delay", "loop.duration"]  # the first three
     plan = json.loads((tmp_path / runner.PLAN).read_text())
     plan["made_with"]["numpy"] = "1.0"
     (tmp_path / runner.PLAN).write_text(json.dumps(plan))
