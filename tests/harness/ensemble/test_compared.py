@@ -12,7 +12,11 @@ from gough_stewart.harness.experiment.file import load_experiment
 
 PEAK = "tracking.position.norm_rms"
 SHORT = {"loop.duration": 0.3, "loop.sample_time": "2 ms"}
-VARIES = {**SHORT, "sensors.seed": 11, "ensemble": {"members": 9, "worst": 1, "platform_mass": {"uniform": [1000, 3000]}}}
+VARIES = {
+    **SHORT,
+    "sensors.seed": 11,
+    "ensemble": {"members": 9, "worst": 1, "platform_mass": {"uniform": [1000, 3000]}},
+}
 
 
 def test_both_have_the_same_machines_and_the_difference_is_member_by_member(tmp_path: Path) -> None:

@@ -55,6 +55,17 @@ def test_a_limit_that_clips_the_start_of_one_candidate_clips_no_others(sign: int
         assert value.value == pytest.approx(own["tracking"]["position"]["norm_rms"], rel=1e-6)
 
 
+def test_drives_without_a_limit_and_the_largest_integration_error_of_all_members() -> None:
+    """Expected: of the experiment as it is the quantile of its ensemble, and an error that is none of its least."""
+    varied = {"members": 3, "seed": 2, "platform_mass": {"uniform": [600, 2500]}}
+    settings = {"loop.duration": 0.2, "reference.at": 0.01, "actuators.force_limit": "none", "ensemble": varied}
+    of_members = gs.ensemble("heave_step", settings, workers=1)
+    found = gs.tune("heave_step", ["controller.bandwidth=1.9..2.1"], RMS, settings, generations=1, population=5)
+    assert found.before is not None
+    assert found.before.value == pytest.approx(of_members.values(RMS).max(), rel=1e-6)
+    assert found.integration_error >= of_members.members["integration_error"].max()  # type: ignore[operator]
+
+
 def test_conditions_bound_the_optimum(found: gs.Tuning) -> None:
     """Expected: the free optimum overshoots more than is allowed, so that the best that is allowed is at the bound."""
     overshoot = "step_response.z.overshoot_percent"
