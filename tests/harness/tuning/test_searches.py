@@ -1,0 +1,316 @@
+"""Searches as they go: interrupted, refused, without a candidate, beyond their bounds, on fresh members."""
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import polars
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import TuningError
+from tests.support.commands import invoke
+from tests.support.documented_metrics import METRICS
+from tests.support.uneven_search import METRIC, VARY
+
+
+def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
+    """Expected: the candidates of two generations, the best of them, no fresh members; nothing kept is an interrupt."""
+
+    def stop(search: Any) -> None:
+        if search.generation[-1] == 1:
+            raise KeyboardInterrupt
+
+    def tune(subject_to: list[str]) -> gs.Tuning:
+        return gs.tune(
+            folder / "mine.toml",
+            [VARY[0]],
+            METRIC,
+            {"loop.duration": 0.1},
+            members=2,
+            fresh=2,
+            generations=9,
+            population=5,
+            subject_to=subject_to,
+            status=stop,
+        )
+
+    found = tune([])
+    assert found.is_interrupted
+    assert found.candidates.height == 10
+    best = min(found.candidates.to_dicts(), key=lambda row: row["value"])
+    assert found.values == {"controller.bandwidth": best["controller.bandwidth"]}
+    assert found.seen.value == best["value"]
+    assert (found.fresh, found.before_fresh, found.fresh_members) == (None, None, 0)
+    assert repr(found).endswith("mm in the search; not evaluated again: the search was interrupted.")
+    with pytest.raises(KeyboardInterrupt):
+        tune(["force.peak < 1 N"])
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"quantile": 0.0}, "quantile is 0; expected a share above 0, up to 1"),
+        ({"quantile": 1.2}, "quantile is 1.2; expected"),
+        ({"quantile": -0.3}, "quantile is -0.3; expected"),
+        ({"members": 0}, "members is 0; expected at least 1"),
+        ({"fresh": 0}, "fresh is 0; expected at least 1"),
+        ({"generations": 0}, "generations is 0; expected at least 1"),
+        ({"population": 4}, "population is 4; expected at least 5 candidates"),
+        ({"subject_to": ["tracking.positon.norm_rms < 3"]}, "no metric 'tracking.positon.norm_rms'; did you mean"),
+        ({"subject_to": ["tracking < 3"]}, "--subject-to 'tracking < 3': no metric 'tracking'"),
+        ({"subject_to": ["disk_margn > 3"]}, "no metric 'disk_margn'; did you mean 'disk_margin'"),
+        ({"subject_to": ["margins.gain > 3"]}, "no margin 'margins.gain'"),
+        (
+            {"subject_to": ["force.peak < nan"]},
+            "the bound is 'nan'; expected a number, or one with a unit such as N, kN",
+        ),
+        ({"subject_to": ["energy.net_total < 3 kg"]}, "the bound is '3 kg'; expected .* such as J, kJ"),
+        ({"subject_to": ["disk_margin > 50 %"]}, "the bound is '50 %'; expected a number$"),
+        ({"subject_to": ["force.peak = 3"]}, "cannot be read"),
+        ({"vary": ["controller.type=1..2"]}, "controller.type"),
+        ({"vary": ["reference.position_change=1..2"]}, "is not a single number"),
+        ({"vary": ["plant.platform_mass=5..20kg"]}, r"also varies in \[ensemble\]"),
+        ({"vary": ["loop.delay=0..2.5"]}, "is a whole number; expected whole bounds"),
+        ({"vary": ["controller.bandwidth=3..3Hz"]}, "the bounds are 3 and 3; expected the lower one first"),
+        ({"vary": ["=3..3Hz"]}, "expected KEY=LOW..HIGH"),
+        ({"vary": ["plant.leg_armature=-1..3kg,log"]}, "the lower bound is -1; expected > 0"),
+    ],
+)
+def test_what_cannot_be_is_refused_at_once(folder: Path, changed: dict[str, Any], message: str) -> None:
+    """Expected: what was found and what was expected."""
+    options = {"vary": [VARY[0]], "minimise": METRIC, "members": 1, "fresh": 1, "population": 5, "generations": 1}
+    with pytest.raises(TuningError, match=message):
+        gs.tune(folder / "mine.toml", **{**options, **changed})
+
+
+@pytest.mark.parametrize(
+    ("condition", "says"),
+    [
+        ("force.rms < 1 N", "'force.rms < 1 N' was not met by 5 of 5 candidates, the nearest reached {:.4g} N"),
+        (
+            "stroke.margin > 9000 mm",
+            "'stroke.margin > 9000 mm' was not met by 5 of 5 candidates, the nearest reached {:.4g} mm",
+        ),
+    ],
+)
+def test_conditions_that_nothing_meets_are_named_with_the_nearest(folder: Path, condition: str, says: str) -> None:
+    """Expected: the least, or the largest, of the values that single runs have, in the metric's unit."""
+    short = {"loop.duration": 0.1, "ensemble": {}}
+    options: Any = {"generations": 1, "population": 5, "members": 1, "fresh": 1, "seed": 1}
+    free = gs.tune(
+        folder / "mine.toml",
+        [VARY[0]],
+        METRIC,
+        short,
+        subject_to=["force.rms > 1 N", "stroke.margin < 9 m"],
+        **options,
+    )
+    with pytest.raises(TuningError) as caught:
+        gs.tune(folder / "mine.toml", [VARY[0]], METRIC, short, subject_to=["power.peak > -5 W", condition], **options)
+    force, margin = (free.candidates[name].to_numpy() for name in ("force.rms", "stroke.margin"))
+    nearest = force.min() if "force" in condition else 1e3 * margin.max()
+    assert says.format(nearest) in str(caught.value)
+    assert "after 1 generation)" in str(caught.value)
+
+
+def test_members_that_fail_are_said_with_their_reason(folder: Path) -> None:
+    """Expected: the limit of the position error, which no candidate keeps."""
+    with pytest.raises(
+        TuningError, match=r"5 of 5 candidates have members that do not complete; the first: .*0\.001 m"
+    ):
+        gs.tune(
+            folder / "mine.toml",
+            [VARY[0]],
+            METRIC,
+            {"limits.position_error": 0.001},
+            members=1,
+            generations=1,
+            population=5,
+        )
+
+
+def test_settings_in_a_dict_are_not_changed(folder: Path) -> None:
+    """Expected: the same dict as before: a key inside a table that is also given belongs to this call alone."""
+    controller = {"type": "pd", "bandwidth": 2.0, "derivative_filter": 0.02}
+    settings = {"controller": controller, "controller.bandwidth": 4.0}
+    experiment = gs.load_experiment(folder / "mine.toml", settings)
+    assert experiment.model_dump()["controller"]["bandwidth"] == 4
+    assert controller == {"type": "pd", "bandwidth": 2.0, "derivative_filter": 0.02}
+
+
+def test_margins_of_the_nominal_loop_are_conditions() -> None:
+    """Expected: the disk margin that `gs.margins` gives for each candidate's experiment."""
+    short = {"loop.duration": 0.1, "loop.sample_time": "5 ms", "reference.at": 0.02}
+    found = gs.tune(
+        "heave_step",
+        ["controller.bandwidth=1..4Hz"],
+        METRIC,
+        short,
+        subject_to=["disk_margin > 0.7", "stable > 0.5"],
+        members=1,
+        fresh=1,
+        generations=1,
+        population=5,
+        seed=2,
+    )
+    rows = sorted(found.candidates.to_dicts(), key=lambda row: row["controller.bandwidth"])
+    assert [row["kept"] for row in (rows[0], rows[-1])] == [True, False]
+    for row in (rows[0], rows[-1]):
+        expected = gs.margins("heave_step", {**short, "controller.bandwidth": row["controller.bandwidth"]})
+        assert row["margins.disk"] == pytest.approx(expected.disk.alpha, rel=1e-9)
+        assert row["margins.stable"] == 1
+        assert row["kept"] == (expected.disk.alpha > 0.7)
+
+
+def _alone(path: Path, settings: dict[str, Any], key: str, value: float) -> list[float]:
+    """Metrics of a single run."""
+    record = gs.run(path, {**settings, key: value})
+    return [METRICS[name](record) for name in ("force.rms", "tracking.position.norm_rms", "tracking.leg_length.rms")]
+
+
+@pytest.mark.parametrize(
+    ("key", "bounds", "own"),
+    [
+        # from below the forces that hold the platform, about 50 N, to above: they are clipped in some candidates only
+        ("actuators.force_limit", "20..80 N", 25.0),
+        # legs that pull
+        ("actuators.force_limit", "20..80.0 N", 25.0),
+        ("platform.parameters.platform_mass", "8..20kg", 11.5),
+        ("plant.parameters.platform_mass", "8..20kg", 11.5),
+        ("reference.phase", "0.1..1.5rad", 0.3),
+        ("loop.delay", "0..3", 1),
+        ("sensors.quantisation.leg_length", "0.1..5 mm", 1e-3),
+    ],
+)
+def test_each_candidate_starts_from_its_own_machine_and_forces(folder: Path, key: str, bounds: str, own: float) -> None:
+    """Expected: single runs, which know nothing of other candidates, from a start that depends on what varies."""
+    path = folder / "mine.toml"
+    settings: dict[str, Any] = {
+        "loop.duration": 0.1,
+        "limits.position_error": 5.0,
+        "reference": {"type": "sine", "position_amplitude": [0.02, 0.03, 0.04], "frequency": 1.3, "phase": 0.3},
+        "ensemble": {},
+        key: own,
+    }
+    if bounds.endswith(".0 N"):
+        settings["plant.parameters.gravity"] = [0.8, -1.1, 9.6]
+    shown = key.replace(".parameters", "") if key.startswith("pl") else key
+    found = gs.tune(
+        path,
+        [f"{shown}={bounds}"],
+        "force.rms",
+        settings,
+        subject_to=["tracking.position.norm_rms >= 0 mm", "tracking.leg_length.rms >= 0"],
+        members=1,
+        fresh=1,
+        generations=1,
+        population=5,
+    )
+    rows = found.candidates.to_dicts()
+    assert rows[0][shown] == own
+    for row in rows:
+        values = [row["value"], row["tracking.position.norm_rms"], row["tracking.leg_length.rms"]]
+        assert values == pytest.approx(_alone(path, settings, key, row[shown]), rel=1e-4)
+
+
+@pytest.mark.parametrize("bounds", ["4..5Hz", "1..2Hz"])
+def test_values_outside_the_bounds_are_compared_but_not_tried(folder: Path, bounds: str) -> None:
+    """Expected: no candidate has the 3 Hz of the experiment; "was" is the experiment's own value all the same."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
+    options: Any = {"members": 1, "fresh": 1, "generations": 1, "population": 5}
+    found = gs.tune(folder / "mine.toml", [f"controller.bandwidth={bounds}"], "force.rms", settings, **options)
+    low, high = (float(each) for each in bounds.removesuffix("Hz").split(".."))
+    assert found.candidates["controller.bandwidth"].is_between(low, high).all()
+    assert found.before is not None
+    assert found.before.value == pytest.approx(METRICS["force.rms"](gs.run(folder / "mine.toml", settings)), rel=1e-5)
+
+
+def test_what_the_experiment_leaves_out_was_nothing(folder: Path) -> None:
+    """Expected: no value before, shown by dashes; the values found are run all the same."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
+    options: Any = {"members": 1, "generations": 1, "population": 5}
+    key = "actuators.rate_limit"
+    found = gs.tune(folder / "mine.toml", [f"{key}=200..900N/s"], "force.rms", settings, **options)
+    assert (found.before, found.before_fresh) == (None, None)
+    alone = METRICS["force.rms"](gs.run(folder / "mine.toml", {**settings, key: found.values[key]}))
+    assert found.seen.value == pytest.approx(alone, rel=1e-5)
+    rows = {row[0]: row[1:] for row in (re.split(r"\s*[│┃]\s*", line.strip("│ ")) for line in repr(found).splitlines())}
+    assert rows["RMS force N"][0] == rows["runs that failed"][0] == "–"
+    assert float(rows["RMS force N"][1]) == pytest.approx(alone, rel=6e-4)
+    assert rows["runs that failed"][1] == "0"
+
+
+def test_one_noisy_run_is_tested_on_fresh_members(folder: Path) -> None:
+    """Expected: members of an ensemble that varies nothing, with the seed of the sensors, and the next seed."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "sensors": {"noise": {"leg_length": "1 mm"}, "seed": 6}}
+    path = folder / "noisy.toml"
+    path.write_text((folder / "mine.toml").read_text().partition("[ensemble]")[0])
+    found = gs.tune(path, [VARY[0]], "force.rms", settings, fresh=2, generations=1, population=5, quantile=0.5)
+    worth = [
+        METRICS["force.rms"](gs.run(path, {**settings, **found.values, "ensemble": {"seed": seed}}, member=k))
+        for seed, k in ((6, 0), (7, 0), (7, 1))
+    ]
+    assert found.seen.value == pytest.approx(worth[0], rel=1e-4)
+    assert found.fresh is not None
+    assert found.fresh.value == pytest.approx(min(worth[1:]), rel=1e-4)
+    said = repr(found).splitlines()[-1]
+    assert re.fullmatch(
+        r"RMS force: \S+ N on the one run of the search; 50 % of 2 fresh members have at most \S+ N\.", said
+    )
+
+
+class Proportional:
+    """On the legs, with a gain that the experiment states."""
+
+    def __init__(self, _platform: gs.Platform, _sample_time: float, *, kp: float) -> None:
+        self.kp = kp
+
+    def __call__(self, sample: gs.Sample) -> Any:
+        return self.kp * (sample.reference["leg_length"] - sample.measured["leg_length"])
+
+
+@pytest.mark.parametrize(
+    ("now", "bounds", "kind"),
+    [(900, "700..1100", int), (900, "700.0..1100", float), (900, "700..1100.0", float), (900.0, "700..1100", float)],
+)
+def test_whole_numbers_are_searched_where_value_and_bounds_are_whole(
+    folder: Path, now: float, bounds: str, kind: type
+) -> None:
+    """Expected: as the documentation of controllers in Python says."""
+    settings: dict[str, Any] = {"loop.duration": 0.1, "controller": {"type": "python", "parameters": {"kp": now}}}
+    options: Any = {"members": 1, "fresh": 1, "generations": 1, "population": 5, "controller": Proportional}
+    found = gs.tune(folder / "mine.toml", [f"controller.parameters.kp={bounds}"], "force.rms", settings, **options)
+    column = found.candidates["controller.parameters.kp"]
+    assert column[0] == now
+    assert column.dtype == (polars.Int64 if kind is int else polars.Float64)
+    assert (column.cast(float) % 1 == 0).all() == (kind is int)
+    assert len(set(column)) == 5
+
+
+def test_designs_that_need_other_numbers_of_members_are_drawn_at_random(folder: Path) -> None:
+    """Expected: the same members as of a random design; those of Sobol's sequence are others."""
+    values = {}
+    for sampling in ("saltelli", "latin_hypercube", "random", "sobol"):
+        settings = {"loop.duration": 0.1, "ensemble.sampling": sampling, "ensemble.members": 16}
+        options: Any = {"members": 3, "fresh": 1, "generations": 1, "population": 5}
+        values[sampling] = gs.tune(folder / "mine.toml", [VARY[0]], "force.rms", settings, **options).seen.value
+    assert values["saltelli"] == values["latin_hypercube"] == values["random"] != values["sobol"]
+
+
+def test_a_generation_has_sixteen_candidates_for_each_key_by_default(folder: Path) -> None:
+    """Expected: as the help says: 16 for each key, 25 generations, 64 members at most, or those of the experiment."""
+    seen: list[tuple[int, int]] = []
+
+    def stop(search: Any) -> None:
+        seen.append((len(search.tried), search.generation[-1]))
+        raise KeyboardInterrupt
+
+    found = gs.tune(folder / "mine.toml", VARY, METRIC, {"loop.duration": 0.04}, status=stop)
+    assert seen == [(32, 0)]
+    assert found.members == 9
+    assert inspect.signature(gs.tune).parameters["generations"].default == 25
+    said = invoke("tune", "--help").stdout
+    assert "25" in said
+    assert "16 per key" in said
