@@ -17,6 +17,7 @@ from gough_stewart.harness.results.metrics import flattened, metrics, metrics_js
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.harness.results.tables import metrics_table
 from gough_stewart.model.vectors import FloatArray
+from tests.support.metric_definitions import defined_metrics
 
 SIZES = {"position": 3, "orientation": 3, "leg_length": 6, "leg_velocity": 6, "actuator_force": 6}
 STEP = 1e-3
@@ -205,6 +206,34 @@ def test_a_reference_that_goes_over_several_rows_is_at_the_last_one_before() -> 
 )
 def test_what_is_no_step_has_no_step_response(wanted: FloatArray) -> None:
     assert metrics(step_of(wanted, wanted))["step_response"] == []
+
+
+def test_each_axis_has_a_step_of_its_own_or_none() -> None:
+    """Expected: by definition; steps up, down and late, a ramp to the end, one too late to be one, and rest."""
+    k = np.arange(120)
+    late = [np.where(k < at, 0.0, 1.0) for at in (70, 115)]
+    each = [np.where(k < 9, 0.0, 0.4), k / 119, np.where(k < 40, 0.2, -0.5), *late, np.full(120, 0.3)]
+    wanted = np.stack(each, axis=1)
+    rates = np.array([0.3, 0.2, 0.15, 0.1, 0.4, 0.2])
+    actual = np.zeros((120, 6))
+    for j in range(1, 120):
+        actual[j] = actual[j - 1] + rates * (wanted[j - 1] - actual[j - 1])
+    position, orientation = ("position", actual[:, :3], wanted[:, :3]), ("orientation", actual[:, 3:], wanted[:, 3:])
+    values = {}
+    for name, of, meant in (position, orientation):
+        values |= {name: of, f"reference.{name}": meant, f"error.{name}": meant - of}
+    values |= {f"reference.{name}": 0.0 for name in ("leg_length", "leg_velocity")} | {"error.leg_length": 0.0}
+    record = record_of(120, values)
+    flags = {
+        f"flag.{name}[{leg}]": False
+        for name in ("force_limited", "rate_limited", "stroke_exceeded")
+        for leg in range(1, 7)
+    }
+    expected = defined_metrics(record.table.with_columns(**{n: polars.lit(v) for n, v in flags.items()}), {})
+    found = metrics(record)["step_response"]
+    assert [step["axis"] for step in found] == ["x", "z", "roll"]
+    for step, meant in zip(found, expected["step_response"], strict=True):
+        assert step == {key: pytest.approx(value) for key, value in meant.items()}
 
 
 def test_step_counts_from_the_last_departure() -> None:
