@@ -1,6 +1,7 @@
 """Every pair of options of `[ensemble]` and of `gs.ensemble`: expectations from SciPy and from members run alone."""
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from scipy import stats
 import gough_stewart as gs
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.local import chunks_here
+from gough_stewart.harness.ensemble.local import Workers, chunks_here
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.vectors import FloatArray
@@ -38,6 +39,7 @@ COULOMB: dict[str, tuple[Any, Any]] = {
     "truncated about": ({"truncated_normal": [0.4, 0.5]}, stats.truncnorm(-1.25, 1.25, 2.0, 0.4)),
     "choice": ({"choice": [1.0, 1.7, 2.9]}, None),
     "normal": ({"normal": [2.0, 0.2]}, stats.norm(2.0, 0.2)),
+    "grid": ({"grid": [1.0, 1.7, 2.9]}, None),
 }
 OPTIONS: dict[str, list[Any]] = {
     "mass": list(MASS),
@@ -54,6 +56,7 @@ OPTIONS: dict[str, list[Any]] = {
     "change": [False, True],
     "belief": [False, True],
     "controller": ["pd", "class"],
+    "workers": [1, 2],
 }
 ROWS = [dict(zip(OPTIONS, row, strict=True)) for row in AllPairs(list(OPTIONS.values()))]
 # Each takes a second: the first rows always run, all of them with the evidence.
@@ -118,6 +121,13 @@ def experiment_of(row: dict[str, Any], folder: Path) -> Experiment:
     return experiment_from(values, "options").from_file("options", folder)
 
 
+@pytest.fixture(scope="module")
+def two() -> Iterator[Workers]:
+    """Two processes for all rows."""
+    with Workers(2) as started:
+        yield started
+
+
 def run(row: dict[str, Any], folder: Path, patch: pytest.MonkeyPatch) -> Any:
     """The ensemble; interrupted after its first chunk and continued, if the row says so."""
     experiment, out = experiment_of(row, folder), folder / "out"
@@ -151,9 +161,12 @@ def _name(row: dict[str, Any]) -> str:
     ids=_name,
 )
 def test_every_pair_of_options_does_what_the_documentation_says(
-    row: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    row: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     """Expected: distributions of SciPy, metrics by definition of members that run alone, quantiles by NumPy."""
+    if row["workers"] == 2:
+        workers = nullcontext(request.getfixturevalue("two"))
+        monkeypatch.setattr(runner, "_begun_workers", lambda *_: workers)
     found = run(row, tmp_path, monkeypatch)
     members = found.members
     check_draws(row, members)
@@ -208,6 +221,9 @@ def check_draws(row: dict[str, Any], members: polars.DataFrame) -> None:
     block = groups + 2
     for name, distribution in kinds.items():
         drawn = members[f"varied.{name}"].to_numpy()
+        if row["coulomb"] == "grid" and name == "leg_coulomb_friction":
+            assert drawn.tolist() == [(1.0, 1.7, 2.9)[k % 3] for k in range(n)]
+            continue
         if distribution is None:
             assert set(drawn.tolist()) <= {1.0, 1.7, 2.9}
             if row["sampling"] == "latin_hypercube":
