@@ -32,12 +32,19 @@ _NEARBY = {
         "tests/harness/experiment/test_options_together.py",
         "tests/harness/experiment/test_truth_and_belief.py",
     ),
+    "harness/control/python": ("tests/harness/ensemble/test_memory.py", "tests/harness/experiment/test_named_files.py"),
     "harness/experiment": (
         "tests/harness/control/test_whole_responses.py",
         "tests/harness/ensemble/test_chunks.py",
         "tests/harness/ensemble/test_python_controllers.py",
     ),
+    **{
+        f"harness/identify/{room}": ("tests/harness/identify",)
+        for room in ("diagnosis", "geometry", "rows", "screening")
+    },
+    **{f"harness/motion/{room}": ("tests/harness/motion",) for room in ("limits", "paths", "recorded")},
     "model": ("tests/model/formulations",),
+    "model/process": ("tests/model/test_platform_toml.py",),
 }
 # Scripts are tested in a browser only.
 _IN_BROWSER = {
