@@ -219,7 +219,7 @@ def test_each_axis_has_a_step_of_its_own_or_none() -> None:
     for j in range(1, 120):
         actual[j] = actual[j - 1] + rates * (wanted[j - 1] - actual[j - 1])
     position, orientation = ("position", actual[:, :3], wanted[:, :3]), ("orientation", actual[:, 3:], wanted[:, 3:])
-    values = {}
+    values: dict[str, Any] = {}
     for name, of, meant in (position, orientation):
         values |= {name: of, f"reference.{name}": meant, f"error.{name}": meant - of}
     values |= {f"reference.{name}": 0.0 for name in ("leg_length", "leg_velocity")} | {"error.leg_length": 0.0}
