@@ -87,7 +87,7 @@ def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[st
         "evaluation, scalar kernel": lambda: scalar.many(ctypes.c_longlong(members), *pointers),
         "evaluation, in vectors": lambda: library.lanes_derivatives(of, out),
         "RK4 step": lambda: code.step(batch, STEP, 1),
-        "RK4 step without checks": lambda: code.step(batch, STEP, 1, plain=True),
+        "controlled step": lambda: code.advance(batch, STEP, 1e-10),
         "checks of the pose": lambda: code.check(batch),
         "RK4 step with signals": lambda: code.step(batch, STEP, 1, signals),
         "signals alone": lambda: code.signals(batch, signals),

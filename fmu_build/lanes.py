@@ -24,15 +24,8 @@ FLAGS = (
     # fused operations are the same for all members; NaN is kept, since the checks look for it
     *("-ffp-contract=fast", "-fno-math-errno", "-freciprocal-math", "-fno-signed-zeros"),
 )
-# Which steps are repeated with twice as many substeps to estimate their error; see c/lanes/lanes.h.
-REPEATED = {
-    "ERROR_OF_DIFFERENCE": 0.5,
-    # smaller differences of the stages are far below every tolerance, and in the end rounding
-    "SMALLEST_DIFFERENCE": 1e-12,
-    "RECORD": 1.1,
-    "REPEATED_FIRST": 50.0,
-    "REPEATED_SHARE": 0.1,
-}
+# Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
+CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9}
 _NAME = "lanes"
 # Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
@@ -47,6 +40,7 @@ class Failure(IntEnum):
     SINGULAR = 3
     PASSED_SINGULAR = 4
     COLLAPSED = 5  # plus the number of the leg, from 0
+    TOO_MANY_STEPS = 11
 
 
 class LanesLibrary(NamedTuple):
@@ -147,7 +141,7 @@ def _table(scalar_kernel: str) -> str:
 #include "plant_table.h"
 
 {defines(sizes)}
-{defines(REPEATED)}
+{defines(CONTROLLED)}
 
 /* why a member has failed; for a collapsed leg, its number from 0 is added */
 {defines({f"FAILURE_{each.name}": int(each) for each in Failure})}

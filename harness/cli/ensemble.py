@@ -115,10 +115,10 @@ def ensemble_command(
 
             files, sheets = write_report(found, folder)
         show(*sheets)
-        tolerance = float(found.metadata["tolerance"])
-        for warning in filter(
-            None, (oscillation_warning(found.members), integration_warning(found.members, tolerance))
-        ):
+        warnings = [oscillation_warning(found.members)]
+        if found.metadata["substeps"] is not None:
+            warnings.append(integration_warning(found.members, float(found.metadata["tolerance"])))
+        for warning in filter(None, warnings):
             warn(warning)
         command.close([MEMBERS, BANDS, METADATA, *files], folder, open_it=open_it)
         _check_some_work(found)

@@ -73,13 +73,12 @@ class MapsOfPose:
 
 
 class _Turn(NamedTuple):
-    """(x, u) of a sample, and the product that gives x⁺ and forces; samples alternate between two buffers."""
+    """(y, x, u) of a sample, and the product that gives the next y and x; samples alternate between two buffers."""
 
-    xu: FloatArray
-    x: FloatArray  # views, which take as long to make as the arithmetic
+    y: FloatArray  # views, which take as long to make as the arithmetic
+    x: FloatArray
     inputs: tuple[FloatArray, ...]  # of the parts of u
-    next_state: Callable[[], None]
-    outputs: Callable[[], None]
+    step: Callable[[], None]
 
 
 class LinearLaw:
@@ -111,18 +110,17 @@ class LinearLaw:
         systems = [each.system for each in (controllers[:1] if same else controllers)]
         A, B, C, D = (np.stack([getattr(system, name) for system in systems]) for name in "ABCD")
         n = first.system.nstates
-        self._matrices = np.concatenate([np.concatenate([A, B], axis=2), np.concatenate([C, D], axis=2)], axis=1)
-        next_state = Product(self._matrices[:, :n, :], n_members)
-        outputs = Product(self._matrices[:, n:, :], n_members)
-        self._y = np.zeros((N_LEGS, n_members))
-        one, other = np.zeros((2, n + first.system.ninputs, n_members))
+        self._A = A
+        matrices = np.concatenate([np.concatenate([C, D], axis=2), np.concatenate([A, B], axis=2)], axis=1)
+        product, m = Product(matrices, n_members), N_LEGS + n
+        one, other = np.zeros((2, m + first.system.ninputs, n_members))
         size = len(signals.positions(first.signals))
 
         def parts_of(u: FloatArray) -> tuple[FloatArray, ...]:
             return tuple(np.split(u, [size, 2 * size])[: first.kinds])  # views, see `inputs_of`
 
         self._now, self._next = (
-            _Turn(now, now[:n], parts_of(now[n:]), next_state.of(now, following), outputs.of(now, self._y))
+            _Turn(now[:N_LEGS], now[N_LEGS:m], parts_of(now[m:]), product.of(now[N_LEGS:], following[:m]))
             for now, following in ((one, other), (other, one))
         )
         self.used = first.signals
@@ -145,12 +143,11 @@ class LinearLaw:
         """As `Law`."""
         self._feed(k, reference, measured, excess.T, due)
         now, following = self._now, self._next
-        now.outputs()
-        now.next_state()
+        now.step()
         if due is not None:
             np.copyto(following.x, now.x, where=~due)
         self._now, self._next = following, now
-        return (self._y if self._maps is None else self._maps.to_force(self._y)).T
+        return (following.y if self._maps is None else self._maps.to_force(following.y)).T
 
     @property
     def state(self) -> FloatArray:
@@ -176,9 +173,9 @@ class LinearLaw:
         """Set the steady state under constant inputs."""
         n = len(self._now.x)
         self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), None)
-        self._now.next_state()
+        self._now.step()
         forcing = self._next.x.T  # (N, n)
-        A = np.broadcast_to(self._matrices[:, :n, :n], (len(forcing), n, n))
+        A = np.broadcast_to(self._A, (len(forcing), n, n))
         poles = np.diagonal(A, axis1=1, axis2=2)
         free = integrates(poles)
         x = np.where(free, 0.0, forcing / np.where(free, 1.0, 1 - poles))

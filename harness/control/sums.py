@@ -6,7 +6,8 @@ grouped along chains of the matrix, (i, j), (i + r, j + c), (i + 2 r, j + 2 c), 
 chain for each kind of element.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,12 @@ class _Chain(NamedTuple):
     rows: slice
     columns: slice
     values: FloatArray  # (length, N)
-    is_first: bool  # element of its row
+    rank: int  # of its elements within their rows
+
+    @property
+    def is_first(self) -> bool:
+        """Whether its elements are the first of their rows."""
+        return self.rank == 0
 
 
 class Product:
@@ -28,7 +34,7 @@ class Product:
     def __init__(self, matrices: FloatArray, n_members: int) -> None:
         M = np.broadcast_to(matrices, (n_members, *matrices.shape[-2:]))
         self._chains = [
-            _Chain(_every(rows), _every(columns), np.ascontiguousarray(M[:, rows, columns].T), rank == 0)
+            _Chain(_every(rows), _every(columns), np.ascontiguousarray(M[:, rows, columns].T), rank)
             for rank, rows, columns in _chains((M != 0).any(axis=0))
         ]
         self._work = np.zeros((M.shape[1], n_members))
@@ -37,17 +43,53 @@ class Product:
         """A function that writes M x of x (columns, N) into y (rows, N), always these arrays; empty rows stay."""
         # views are made in advance: making one takes Python as long as the arithmetic
         steps: list[tuple[np.ufunc, FloatArray, FloatArray, FloatArray]] = []
-        for rows, columns, values, is_first in self._chains:
-            term = y[rows] if is_first else self._work[: len(values)]
-            steps.append((np.multiply, values, x[columns], term))
-            if not is_first:
-                steps.append((np.add, y[rows], term, y[rows]))
+        for stack in _stacked(self._chains):
+            first = stack[0]
+            rows, size = (
+                slice(first.rows.start, stack[-1].rows.stop, first.rows.step),
+                (len(stack), *first.values.shape),
+            )
+            values, to = np.stack([each.values for each in stack]), y[rows]
+            to.shape = size  # never a copy
+            term = to if first.is_first else self._work[: math.prod(size[:2])].reshape(size)
+            steps.append((np.multiply, values, x[first.columns], term))
+            if not first.is_first:
+                steps.append((np.add, to, term, to))
 
         def product() -> None:
             for operation, a, b, out in steps:
                 operation(a, b, out)
 
         return product
+
+
+def _stacked(chains: Sequence[_Chain]) -> list[list[_Chain]]:
+    """Chains of the same columns whose rows follow each other, which are one operation."""
+    by_column = sorted(chains, key=lambda each: (each.columns.start, each.rows.start))
+    stacks: list[list[_Chain]] = []
+    for chain in by_column if _in_order(by_column) else chains:
+        last = stacks[-1][-1] if stacks else None
+        if (
+            last is not None
+            and (last.columns, last.is_first, len(last.values)) == (chain.columns, chain.is_first, len(chain.values))
+            and last.rows.step == chain.rows.step == 1
+            and last.rows.stop == chain.rows.start
+        ):
+            stacks[-1].append(chain)
+        else:
+            stacks.append([chain])
+    return stacks
+
+
+def _in_order(chains: Sequence[_Chain]) -> bool:
+    """Whether the terms of each row come columns ascending."""
+    latest = dict[int, int]()
+    for chain in chains:
+        for row in range(chain.rows.start, chain.rows.stop, chain.rows.step):
+            if latest.get(row, -1) != chain.rank - 1:
+                return False
+            latest[row] = chain.rank
+    return True
 
 
 class MatrixProducts:
@@ -67,7 +109,7 @@ class MatrixProducts:
 def _every(numbers: NDArray[np.intp]) -> slice:
     """Indices as a slice, if they are equally spaced or all the same."""
     first, last = int(numbers[0]), int(numbers[-1])
-    return slice(first, last + 1, max(1, int(numbers[1]) - first)) if len(numbers) > 1 else slice(first, first + 1)
+    return slice(first, last + 1, max(1, int(numbers[1]) - first) if len(numbers) > 1 else 1)
 
 
 def _chains(pattern: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:

@@ -84,8 +84,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
         "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
         "oscillations": dict(zip(own[OSCILLATION], own["len"], strict=True)),
         "causes": dict(zip(first[CAUSE], first["len"], strict=True)),
-        "substeps": plan.substeps,
-        "tolerance": prepared.choice.tolerance,
+        **prepared.stepping._asdict(),
         "integration_error": largest,
         # one text means the same bits from all workers; several mean agreement to 1e-9
         "features": list(features),

@@ -13,6 +13,7 @@ from gough_stewart.harness.ensemble.columns import (
     ENDED,
     IMPOSSIBLE,
     INTEGRATION_ERROR,
+    INTERNAL_STEPS,
     MARGINS,
     MEMBER,
     OUTCOME,
@@ -23,7 +24,6 @@ from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillation_c
 from gough_stewart.harness.errors import ControllerError, ExperimentError, RecordError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.pilot import pilots
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.preparation import PreparedMembers
 from gough_stewart.harness.loop.folds import FoldsOfRows
@@ -64,7 +64,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     if not len(batch):
         metrics, nothing = _none(members, first)
         return Chunk(_rows(first, draws.columns, found, (), (), metrics), nothing, "")
-    running = batch.in_parallel(plan.substeps)
+    running = batch.in_parallel(members.stepping)
     timing = batch.timing[0]
     bands = Bands(_signals(members), timing, len(batch), first)
     errors = LegErrors(timing)
@@ -72,10 +72,13 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     rows_in_blocks = FoldsOfRows(running.loop, folds, running.size)
     with running.plant:
         outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks)
-        integration_error = running.plant.integration_error[: len(batch)]
+        steps = {
+            INTEGRATION_ERROR: running.plant.integration_error[: len(batch)],
+            INTERNAL_STEPS: running.plant.internal_steps[: len(batch)],
+        }
         features = running.plant.features
     columns = {name: values[: len(batch)] for name, values in columns_of(rows_in_blocks.results()).items()}
-    columns[INTEGRATION_ERROR] = integration_error
+    columns |= steps
     if members.choice.margins:
         columns |= margins_of([batch.member(k) for k in range(len(batch))])
     ended = outcomes[: len(batch)]
@@ -152,12 +155,13 @@ def check_names(plan: Plan) -> None:
 def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamples]:
     """The results if no member can run."""
     try:
-        batch = pilots(members)
+        batch = members.possible()
     except GoughStewartError:
         batch = members.prepared_with([{}], [None]).batch
     loop = batch.member(0).loop
     limits = limits_of_members(batch, 1)
-    columns = {**columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits)).results()), INTEGRATION_ERROR: np.zeros(1)}
+    columns = {**columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits)).results())}
+    columns |= {INTEGRATION_ERROR: np.zeros(1), INTERNAL_STEPS: np.zeros(1)}
     if members.choice.margins:
         columns |= {f"{MARGINS}stable": np.zeros(1), f"{MARGINS}disk": np.zeros(1)}
     bands = Bands(_signals(members), loop.timing, 0, first)

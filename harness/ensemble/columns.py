@@ -10,6 +10,7 @@
   it comes to rest or follows its reference; `oscillation.amplitude` [m] of the leg with the largest,
   `oscillation.frequency` [Hz], null if it has none, or if only some of its rows were kept;
 - `integration_error`, the largest estimated error of a plant step;
+- `internal_steps`, how many steps of the integration it took;
 - the metrics by path (`tracking.position.norm_rms`), and `margins.stable`, `margins.disk` if requested; null if
   undefined.
 """
@@ -27,8 +28,9 @@ OSCILLATING, GROWING = "oscillating", "growing"
 VARIED, MARGINS = "varied.", "margins."
 IMPOSSIBLE = "impossible"
 INTEGRATION_ERROR = "integration_error"
+INTERNAL_STEPS = "internal_steps"
 # Part of the metrics of runs, but not used for ranking.
-_CIRCUMSTANCES = ("rows", "duration", INTEGRATION_ERROR)
+_CIRCUMSTANCES = ("rows", "duration", INTEGRATION_ERROR, INTERNAL_STEPS)
 # Short names of frequently used metrics.
 SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 

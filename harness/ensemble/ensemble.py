@@ -19,7 +19,7 @@ from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, co
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of, plan_without_substeps
+from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.process.files import check_output_folder, reserved, write_whole
@@ -198,14 +198,10 @@ def _planned(experiment: Experiment, controller: Any, folder: Path, files: Chunk
                 f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
                 f"{folder / FOLDER}, or choose another --out"
             )
-        plan = plan_of(experiment, controller)
-        check_names(plan)
-        return plan
-    requested = plan_without_substeps(experiment, controller)
+        return _new_plan(experiment, controller)
+    requested = plan_of(experiment, controller)
     if begun is None:
-        plan = plan_of(experiment, controller)
-        check_names(plan)
-        return plan
+        return _new_plan(experiment, controller)
     plan, versions, is_finished = begun
     if requested.hash != plan.hash:
         found = list(_different(requested.decisive, plan.decisive, ""))
@@ -218,6 +214,13 @@ def _planned(experiment: Experiment, controller: Any, folder: Path, files: Chunk
     if others := difference(exact_versions(), versions):
         raise EnsembleError(f"{folder} has results of other versions: {others}; omit --resume")
     return None if is_finished else replace(plan, given=requested.given)
+
+
+def _new_plan(experiment: Experiment, controller: Any) -> Plan:
+    plan = plan_of(experiment, controller)
+    plan.prepared.possible()
+    check_names(plan)
+    return plan
 
 
 def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:

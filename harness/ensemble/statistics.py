@@ -31,7 +31,7 @@ from gough_stewart.model.vectors import FloatArray
 _NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(\.\d+)?([eE][-+]?\d+)?")
 
 
-# So many times the tolerance is no matter of the members that the pilot has not run.
+# So many times the tolerance is no matter of single steps.
 _FAR_BEYOND = 10.0
 
 
@@ -134,7 +134,7 @@ def works(members: polars.DataFrame) -> NDArray[np.bool_]:
 
 
 def integration_warning(members: polars.DataFrame, tolerance: float) -> str:
-    """A warning if the integration error of some members is far beyond the tolerance; "" if not."""
+    """A warning if fixed steps give some members an error far beyond the tolerance; "" if not."""
     errors = numbers(members, INTEGRATION_ERROR)
     beyond = int(np.count_nonzero(errors > _FAR_BEYOND * tolerance))
     if not beyond:
@@ -142,8 +142,8 @@ def integration_warning(members: polars.DataFrame, tolerance: float) -> str:
     worst = int(members[MEMBER][int(np.nanargmax(errors))])
     return (
         f"integration errors up to {np.nanmax(errors):.2g} in a plant step (member {worst}), and more than "
-        f"{_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {len(errors)} members; lower "
-        "ensemble.tolerance"
+        f"{_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {len(errors)} members; shorten "
+        "plant.fixed_step_size, or leave it out"
     )
 
 

@@ -22,7 +22,7 @@ from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Motion, Reference
-from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
+from gough_stewart.harness.plants.lanes import LanesPlant, Stepping, lanes_plant
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import Platforms
@@ -170,7 +170,7 @@ class Batch:
             shape=() if n == 1 else (n,),
         )
 
-    def in_parallel(self, substeps: int, compiler: bool | None = None) -> InParallel:
+    def in_parallel(self, stepping: Stepping, compiler: bool | None = None) -> InParallel:
         """All of them as one plant and one loop.
 
         Raises
@@ -182,7 +182,7 @@ class Batch:
         copies = -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])
         machines = Platforms.of(filled.machine.values)[filled.machine.of]
-        plant = lanes_plant(machines, list(filled.start), substeps=substeps, compiler=compiler)
+        plant = lanes_plant(machines, list(filled.start), **stepping._asdict(), compiler=compiler)
         law_from, controllers = None, [each for each in self.controller if each is not None]
         if controllers:
             known = zip(self.platform, self.feedforward, self.injection, strict=True)

@@ -52,7 +52,7 @@ def records_of(plan: Plan, members: Sequence[int], progress: TimeProgress | None
     if not members:
         return []
     experiments, batch = _members_of(plan, members)
-    running = batch.in_parallel(plan.substeps)
+    running = batch.in_parallel(plan.prepared.stepping)
     with running.plant:
         run = simulate(running.plant, running.law_from, running.loop, progress)
     return [

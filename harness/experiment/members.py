@@ -1,19 +1,21 @@
 """The members of an ensemble: their drawn values, and their experiments."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
-from math import prod
+from math import ceil, prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.preparation import Preparation, PreparedMembers, Values
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import platforms_of
 from gough_stewart.harness.experiment.varied import Place, place_of
+from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import Design, in_turn
@@ -21,6 +23,9 @@ from gough_stewart.harness.sampling.distributions import Normal
 from gough_stewart.harness.sampling.variation import Spread, Target
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
+
+# How many members are tried to find one that can run.
+_AMONG = 64
 
 
 @dataclass(frozen=True)
@@ -125,13 +130,6 @@ class Members:
         """The draws of members first to last − 1."""
         return self._drawn(self._points(first, last))
 
-    def independent_draws(self, first: int, last: int) -> Draws:
-        """Draws of the same distributions that depend on the seed alone, not on the number of members or the design."""
-        u = replace(self.design, sampling="random").points(first, last)
-        for columns, R in self._correlations():
-            u[:, columns] = correlated(u[:, columns], R)
-        return self._drawn(u)
-
     def _drawn(self, u: FloatArray) -> Draws:
         ends = self._ends
         table = dict[str, Any]()
@@ -187,6 +185,30 @@ class Members:
         """Members with these values, and the noise and jitter of these numbers; of the nominal one without."""
         seeds = [self.nominal.sensors.seed if k is None else self.seed_of(k) for k in numbers]
         return self.preparation.members(values, seeds)
+
+    def possible(self) -> Batch:
+        """The first member that can run.
+
+        Raises
+        ------
+        ExperimentError
+            None of the first members can.
+        """
+        for last in (1, 8, _AMONG):
+            found = self.prepared(0, min(self.count, last))
+            if len(found.batch):
+                return found.batch.take([0])
+        raise ExperimentError(
+            self.nominal.where,
+            "ensemble",
+            f"none of the first {len(found.errors)} members is possible; the first: {found.reasons[0]}",
+        )
+
+    @property
+    def stepping(self) -> Stepping:
+        """How its members are stepped."""
+        fixed, step = self.nominal.plant.fixed_step_size, self.nominal.loop.plant_step or self.nominal.loop.sample_time
+        return Stepping(self.choice.tolerance, max(1, ceil(step / fixed - 1e-9)) if fixed else None)
 
     def seed_of(self, member: int) -> np.random.SeedSequence:
         """The seed of a member's noise and jitter."""

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,9 @@ from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.named_files import digests
-from gough_stewart.harness.experiment.pilot import substeps_of
 from gough_stewart.harness.experiment.schema import Experiment
 
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +33,6 @@ class Plan:
     folder: str
     members: int
     seed: int
-    substeps: int
     # contents of the files that the experiment names
     files: dict[str, str] = field(default_factory=dict)
     # the controller from Python that replaces the experiment's, in words, and itself, which no file keeps
@@ -54,7 +52,7 @@ class Plan:
 
     @property
     def decisive(self) -> dict[str, Any]:
-        """The part that determines results; without the file's location, and the substeps, which follow from it."""
+        """The part that determines results; without the file's location."""
         names = ("experiment", "members", "seed", "files", *(("controller",) if self.controller else ()))
         return {name: getattr(self, name) for name in names}
 
@@ -79,8 +77,7 @@ class Plan:
                 f"was {self.controller}, given in Python, which files do not keep; expected the same call in Python "
                 "with controller=",
             )
-        # the pilot prepares them before the substeps are known
-        return _members_of(replace(self, substeps=1).text, self.given)
+        return _members_of(self.text, self.given)
 
 
 def plan_from(text: str, given: Given | None = None) -> Plan:
@@ -98,7 +95,7 @@ def plan_from(text: str, given: Given | None = None) -> Plan:
 
 
 def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
-    """The plan of an experiment with an `[ensemble]`; finds the substeps by a pilot run.
+    """The plan of an experiment with an `[ensemble]`.
 
     Parameters
     ----------
@@ -109,20 +106,6 @@ def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
     ------
     ExperimentError
         Nothing varies, or the variation is invalid.
-    PlantError, ReachError, ControllerError
-        The members cannot be run.
-    """
-    plan = plan_without_substeps(experiment, controller)
-    return replace(plan, substeps=substeps_of(plan.prepared))
-
-
-def plan_without_substeps(experiment: Experiment, controller: Any = None) -> Plan:
-    """The same, without running a member.
-
-    Raises
-    ------
-    ExperimentError
-        As `plan_of`.
     """
     values = experiment.model_dump(mode="json", exclude_unset=True)
     members = Members(experiment, controller)
@@ -130,7 +113,7 @@ def plan_without_substeps(experiment: Experiment, controller: Any = None) -> Pla
     folder = str(experiment.folder.absolute())
     said = "" if controller is None else fingerprint(controller)
     given = None if controller is None else Given(controller)
-    return Plan(values, experiment.where, folder, members.count, members.seed, 1, digests(experiment), said, given)
+    return Plan(values, experiment.where, folder, members.count, members.seed, digests(experiment), said, given)
 
 
 @lru_cache(2)

@@ -92,11 +92,12 @@ def run(
         if injection is not None:
             raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
         from gough_stewart.harness.experiment.member_records import member_of, records_of
-        from gough_stewart.harness.experiment.plan import plan_of, plan_without_substeps
+        from gough_stewart.harness.experiment.plan import plan_of
 
+        plan = plan_of(chosen, controller)
         if plant is None and fmu is None:
-            return records_of(plan_of(chosen, controller), [member], progress)[0]
-        own, prepared = member_of(plan_without_substeps(chosen, controller), member)
+            return records_of(plan, [member], progress)[0]
+        own, prepared = member_of(plan, member)
         replaced = [] if controller is None else ["controller"]
         return run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
     prepared = prepare(chosen, controller, injection)

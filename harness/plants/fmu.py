@@ -73,12 +73,14 @@ class FmuPlant(Plant):
             values |= (start or State(platform.home_position, platform.home_orientation, rest, rest))._asdict()
             self._checked("start values", unit.write_by_name, values)
             self._checked("initialisation", unit.initialise, tolerance)
+            self._read_results, self._read_signals = unit.reading(self._results), unit.reading(self._signals)
+            self._write_inputs = unit.writing(self._inputs)
             self._open = stack.pop_all()
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2 of `Plant`."""
         self._inputs.array[:] = inputs
-        self._checked("inputs", self._unit.write, self._inputs)
+        self._checked("inputs", self._write_inputs)
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
         """Rule 3 of `Plant`."""
@@ -98,12 +100,12 @@ class FmuPlant(Plant):
 
     def results(self) -> FloatArray:
         """Rule 4 of `Plant`."""
-        self._checked("results", self._unit.read, self._results)
+        self._checked("results", self._read_results)
         return self._results.array.copy()
 
     def signals(self) -> FloatArray:
         """Rule 11 of `Plant`: a view."""
-        self._checked("results", self._unit.read, self._signals)
+        self._checked("results", self._read_signals)
         return self._signals.array
 
     def do_step(self, time: float, step: float) -> None:
@@ -126,7 +128,8 @@ class FmuPlant(Plant):
             call(*arguments)
         except FMICallException as error:
             raise PlantError(f"{self.path}: {what} refused: {self._unit.take_messages() or error}") from error
-        self._refuse_messages()
+        if self._unit.messages:
+            self._refuse_messages()
 
     def _refuse_messages(self) -> None:
         if self._unit.messages:  # the FMU sends no messages unless something is wrong

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import REPEATED, WIDTH
+from gough_stewart.fmu_build.lanes import WIDTH
 from gough_stewart.model import interface
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.vectors import FloatArray
@@ -30,17 +30,16 @@ class Batch:
     side: FloatArray  # (M), sign of det J, 0 where not known yet
     failure: IntArray  # (M), see `Failure`
     reached: FloatArray  # (N_STATES, M), where a member failed
-    failed_at: IntArray  # (M), the substep, from 1
-    difference: FloatArray  # (M), largest difference of the stages of a repeated step so far
-    allowed: FloatArray  # (M), steps that may be repeated before a new record
+    failed_after: FloatArray  # (M), time since the begin of the step [s]
     error: FloatArray  # (M), largest estimate of the error of a step so far
+    proposed: FloatArray  # (M), size of the next internal step [s], 0 before the first
+    internal_steps: FloatArray  # (M), so far
 
     @classmethod
     def of(cls, members: int) -> "Batch":
         """All zeros, for at least this number of members."""
         blocks = -(-members // WIDTH)
-        flat = (np.zeros(blocks * WIDTH, np.int64) for _ in range(3))
-        running, failure, failed_at = flat
+        running, failure = (np.zeros(blocks * WIDTH, np.int64) for _ in range(2))
         # aligned to 64 bytes
         size = blocks * N_PARAMETERS * WIDTH
         raw = np.zeros(size + WIDTH)
@@ -54,10 +53,7 @@ class Batch:
             np.zeros(blocks * WIDTH),
             failure,
             rows(N_STATES, blocks),
-            failed_at,
-            np.zeros(blocks * WIDTH),
-            np.full(blocks * WIDTH, REPEATED["REPEATED_FIRST"]),
-            np.zeros(blocks * WIDTH),
+            *(np.zeros(blocks * WIDTH) for _ in range(4)),
         )
 
     @property
@@ -98,13 +94,14 @@ class LaneKernel(Protocol):
     def check(self, batch: Batch) -> int:
         """The number of members that cannot start a motion in their state."""
 
-    def step(
-        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, plain: bool = False
-    ) -> int:
+    def step(self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None) -> int:
         """Do RK4 substeps of this size [s] and compute the signals at their end; the number of failed members.
 
-        Poses are checked, and errors estimated as in c/lanes/lanes.h; neither if `plain`.
+        Poses are checked, and errors estimated as in c/lanes/lanes.h.
         """
+
+    def advance(self, batch: Batch, duration: float, tolerance: float, signals: FloatArray | None = None) -> int:
+        """Do a step with error-controlled internal steps and compute the signals; the number of failed members."""
 
     def signals(self, batch: Batch, out: FloatArray) -> None:
         """The first part of the results (24, M)."""

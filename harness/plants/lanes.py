@@ -4,17 +4,16 @@ A member's bits depend only on its own numbers, not on the number or choice of t
 """
 
 import ctypes
-import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.lanes import WIDTH, Failure, LanesLibrary, lanes_library
+from gough_stewart.fmu_build.lanes import CONTROLLED, WIDTH, Failure, LanesLibrary, lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lane_batch import N_INPUTS, Batch, LaneKernel, rows
@@ -30,7 +29,7 @@ from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import end_of_step
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
 from gough_stewart.model.vectors import FloatArray
 
 _ARRAYS = tuple(field.name for field in fields(Batch))
@@ -54,19 +53,24 @@ class CompiledLanes:
     def __init__(self, library: LanesLibrary) -> None:
         self.features = library.features
         self.library = ctypes.CDLL(str(library.path))
-        self.library.lanes_check.restype = self.library.lanes_step.restype = ctypes.c_int64
+        for each in (self.library.lanes_check, self.library.lanes_step, self.library.lanes_advance):
+            each.restype = ctypes.c_int64
 
     def check(self, batch: Batch) -> int:
         """See `LaneKernel`."""
         return int(self.library.lanes_check(reference(batch)))
 
-    def step(
-        self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None, *, plain: bool = False
-    ) -> int:
+    def step(self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None) -> int:
         """See `LaneKernel`."""
         out = ctypes.c_void_p(None if signals is None else signals.ctypes.data)
-        numbers = ctypes.c_double(size), ctypes.c_int64(substeps), ctypes.c_int64(plain)
+        numbers = ctypes.c_double(size), ctypes.c_int64(substeps)
         return int(self.library.lanes_step(reference(batch), *numbers, out))
+
+    def advance(self, batch: Batch, duration: float, tolerance: float, signals: FloatArray | None = None) -> int:
+        """See `LaneKernel`."""
+        out = ctypes.c_void_p(None if signals is None else signals.ctypes.data)
+        numbers = ctypes.c_double(duration), ctypes.c_double(tolerance)
+        return int(self.library.lanes_advance(reference(batch), *numbers, out))
 
     def signals(self, batch: Batch, out: FloatArray) -> None:
         """See `LaneKernel`."""
@@ -84,28 +88,43 @@ def reference(batch: Batch) -> Any:
     return ctypes.byref(_CBatch(states.shape[1] // WIDTH, states.strides[0] // states.itemsize, *pointers))
 
 
+class Stepping(NamedTuple):
+    """How many platforms are stepped: by error-controlled internal steps, or by a number of RK4 steps of equal size."""
+
+    tolerance: float = DEFAULT_TOLERANCE
+    substeps: int | None = None
+
+
 class LanesPlant(Plant):
     """N platforms as a `Plant` of shape (N,); see `lanes_plant`.
 
     Attributes
     ----------
-    substeps
-        RK4 steps per plant step.
+    substeps, tolerance
+        RK4 steps per plant step; or, if that is None, the tolerance of error-controlled internal steps, each member's
+        own.
     compiled, features
         Whether machine code steps it, and the processor features it was compiled for: equal texts mean equal bits.
     integration_error
-        The largest estimate so far (N,): the plant step with `substeps` against one with twice as many,
-        max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and absolute in SI units. The stages of
-        all steps decide which steps are estimated: those that may have the largest error; see c/lanes/lanes.h.
+        The largest estimate so far (N,), max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and
+        absolute in SI units: the sum of the internal steps' errors in a plant step, or, with substeps, of their
+        distances from a solution of order 5; see c/lanes/lanes.h.
+    internal_steps
+        Error-controlled internal steps so far (N,), with those that were too large.
     """
 
     may_overrun = True
 
     def __init__(
-        self, kernel: LaneKernel, platforms: Sequence[Platform], starts: Sequence[State], substeps: int
+        self,
+        kernel: LaneKernel,
+        platforms: Sequence[Platform],
+        starts: Sequence[State],
+        substeps: int | None,
+        tolerance: float,
     ) -> None:
         self.shape = (len(platforms),)
-        self.substeps = substeps
+        self.substeps, self.tolerance = substeps, tolerance
         self.compiled, self.features = isinstance(kernel, CompiledLanes), kernel.features
         self._kernel, self._platforms = kernel, Platforms.of(platforms)
         self._batch = batch = Batch.of(len(platforms))
@@ -119,6 +138,10 @@ class LanesPlant(Plant):
         )
         batch.inputs[:6] = static_leg_forces(batch.parameters_of(), position, orientation).T
         batch.running[: len(platforms)] = -1
+
+    @property
+    def internal_steps(self) -> FloatArray:
+        return self._batch.internal_steps[: self.shape[0]]
 
     @property
     def integration_error(self) -> FloatArray:
@@ -158,11 +181,13 @@ class LanesPlant(Plant):
     def do_step(self, time: float, step: float) -> None:
         """Rules 5, 6 and 9."""
         end = end_of_step(time, step, self._time)
-        batch, substep = self._batch, step / self.substeps
         failures = self._begin() if self._steps == 0 else {}
-        failed = self._kernel.step(batch, substep, self.substeps, self._signals)
+        if self.substeps is None:
+            failed = self._kernel.advance(self._batch, step, self.tolerance, self._signals)
+        else:
+            failed = self._kernel.step(self._batch, step / self.substeps, self.substeps, self._signals)
         if failed:
-            failures |= self._stop_failed(substep)
+            failures |= self._stop_failed()
         self._time, self._steps = end, self._steps + 1
         if failures:
             raise MembersError(failures)
@@ -176,16 +201,17 @@ class LanesPlant(Plant):
 
     def _begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state."""
-        failures = self._stop_failed(0.0) if self._kernel.check(self._batch) else {}
+        failures = self._stop_failed() if self._kernel.check(self._batch) else {}
         running = self._batch.running[: self.shape[0]]
         for k, error in short_legs(self._batch, self._platforms, running != 0, self._time).items():
             failures[k], running[k] = error, 0
         return failures
 
-    def _stop_failed(self, substep: float) -> dict[int, StepError]:
+    def _stop_failed(self) -> dict[int, StepError]:
         batch = self._batch
         found = {
-            int(k): failure_of(batch, int(k), self._time, substep, self.substeps) for k in np.flatnonzero(batch.failure)
+            int(k): failure_of(batch, int(k), self._time, self.substeps, self.tolerance)
+            for k in np.flatnonzero(batch.failure)
         }
         batch.running[batch.failure != Failure.GOES_ON] = 0
         batch.failure[:] = Failure.GOES_ON
@@ -193,14 +219,21 @@ class LanesPlant(Plant):
 
 
 def lanes_plant(
-    platforms: Sequence[Platform], starts: Sequence[State], *, substeps: int, compiler: bool | None = None
+    platforms: Sequence[Platform],
+    starts: Sequence[State],
+    *,
+    substeps: int | None = None,
+    tolerance: float = DEFAULT_TOLERANCE,
+    compiler: bool | None = None,
 ) -> LanesPlant:
     """Many platforms as a plant, each in its own start state at time 0.
 
     Parameters
     ----------
     substeps
-        RK4 steps per plant step; see `substeps_for`.
+        RK4 steps per plant step; None for error-controlled steps.
+    tolerance
+        Of error-controlled steps, relative, and absolute in SI units.
     compiler
         True: machine code for this processor, compiled with `zig cc` or taken from the cache. False: NumPy, slower.
         None: NumPy if there is no compiler, with a warning.
@@ -208,7 +241,7 @@ def lanes_plant(
     Raises
     ------
     PlantError
-        No platforms, another number of starts, or an invalid number of substeps.
+        No platforms, another number of starts, or an invalid number of substeps or tolerance.
     BuildError
         `compiler` is True, and the library cannot be built.
     """
@@ -216,29 +249,12 @@ def lanes_plant(
         raise PlantError(
             f"{len(platforms)} platforms and {len(starts)} starts; expected at least one platform, and a start for each"
         )
-    if not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
+    low, high = TOLERANCES
+    if not low <= tolerance <= high:
+        raise PlantError(f"tolerance is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}")
+    if substeps is not None and not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
         raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
-    return LanesPlant(_kernel(compiler), platforms, starts, substeps)
-
-
-def substeps_for(integration_error: float, substeps: int, tolerance: float) -> int:
-    """The number of substeps that brings an error down (or up) to a tolerance: order 4, the next power of two.
-
-    Raises
-    ------
-    PlantError
-        The error is not finite, or more than `MOST_SUBSTEPS` are needed.
-    """
-    if not math.isfinite(integration_error):
-        raise PlantError(f"the integration error is {integration_error} with {substeps} substeps; start with more")
-    needed = substeps * (integration_error / tolerance) ** (1 / 4)
-    power = 1 << math.ceil(math.log2(max(needed, 1.0)))
-    if power > MOST_SUBSTEPS:
-        raise PlantError(
-            f"the tolerance {tolerance:g} needs {power} substeps; expected at most {MOST_SUBSTEPS}: shorten the plant "
-            "step, smooth the friction (leg_friction_velocity), or increase the tolerance"
-        )
-    return power
+    return LanesPlant(_kernel(compiler), platforms, starts, substeps, tolerance)
 
 
 def _kernel(compiler: bool | None) -> LaneKernel:
@@ -263,15 +279,23 @@ def _warn(reason: str) -> None:
     warnings.warn(f"many platforms are stepped by NumPy, some fifty times slower: {reason}", stacklevel=2)
 
 
-def failure_of(batch: Batch, k: int, begin: float, size: float, substeps: int) -> StepError:
-    """The error of member `k` in one of `substeps` of a `size` [s] of a step that starts at a time [s]."""
+def failure_of(batch: Batch, k: int, begin: float, substeps: int | None, tolerance: float) -> StepError:
+    """The error of member `k` in a step that starts at a time [s]; see `LanesPlant`."""
     failure, x, u = int(batch.failure[k]), batch.reached[:, k], batch.inputs[:, k]
-    time = begin + float(batch.failed_at[k]) * size
+    time = begin + float(batch.failed_after[k])
     if failure == Failure.NOT_FINITE:
         if not np.isfinite(u).all():
             return StepError(*_first_not_finite(interface.INPUTS, u), begin, "expected finite numbers")
-        remedy = f"more than {substeps} substeps, smaller forces, or smoother friction (leg_friction_velocity)"
+        remedy = "smaller forces, or smoother friction (leg_friction_velocity)"
+        remedy = remedy if substeps is None else f"more than {substeps} substeps, {remedy}"
         return StepError(*_first_not_finite(interface.STATES, x), time, f"the motion is not finite; it needs {remedy}")
+    if failure == Failure.TOO_MANY_STEPS:
+        most = int(CONTROLLED["MOST_LANE_STEPS"])
+        reason = (
+            f"too many for one plant step at tolerance {tolerance:g}; forces too large, leg_friction_velocity too "
+            "small, or step too long"
+        )
+        return StepError("internal steps", most, time, reason)
     if failure == Failure.PITCHED:
         return pitch_reached(float(x[4]), time)
     platform, pose = batch.parameters_of([k]), (x[None, :3], x[None, 3:6])

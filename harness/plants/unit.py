@@ -8,8 +8,9 @@ import re
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
-from ctypes import POINTER, Array, byref, c_bool, c_double, c_uint
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from ctypes import CFUNCTYPE, Array, byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p, cast
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
@@ -155,8 +156,12 @@ class Values:
     def __init__(self, references: Sequence[int], size: int, is_fmi2: bool) -> None:
         self.array = np.zeros(size)
         self._references: Array[c_uint] = (c_uint * len(references))(*references)
-        pointer = self.array.ctypes.data_as(POINTER(c_double))
-        self.arguments = (self._references, len(references), pointer) + (() if is_fmi2 else (size,))
+        self.arguments = [
+            cast(self._references, c_void_p),
+            c_size_t(len(references)),
+            c_void_p(self.array.ctypes.data),
+            *(() if is_fmi2 else (c_size_t(size),)),
+        ]
 
 
 def values_of(names: Iterable[str], is_fmi2: bool) -> Values:
@@ -218,9 +223,7 @@ class Unit:
             text = self.take_messages()
             reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
             raise file.refusal(reason) from error
-        # FMPy's functions of the library without its wrappers, which take half of a call's time
         self._names = ("fmi2GetReal", "fmi2SetReal") if self.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
-        self._get, self._set = (getattr(self.fmu.dll, name) for name in self._names)
         if fmi_type == "CoSimulation":
             # only the status of an FMI 3.0 step is used: the FMU has no events, and returns early only on request
             answers = tuple(byref(each) for each in (c_bool(), c_bool(), c_bool(), c_double()))
@@ -229,15 +232,33 @@ class Unit:
 
     def read(self, values: Values) -> None:
         """Fill the buffer."""
-        status = self._get(self.fmu.component, *values.arguments)
-        if status > _WARNING:
-            raise FMICallException(self._names[0], status)
+        self.reading(values)()
 
     def write(self, values: Values) -> None:
         """Write the buffer to the instance."""
-        status = self._set(self.fmu.component, *values.arguments)
-        if status > _WARNING:
-            raise FMICallException(self._names[1], status)
+        self.writing(values)()
+
+    def reading(self, values: Values) -> Callable[[], None]:
+        """A function that fills the buffer."""
+        return self._bound(self._names[0], values)
+
+    def writing(self, values: Values) -> Callable[[], None]:
+        """A function that writes the buffer to the instance."""
+        return self._bound(self._names[1], values)
+
+    def _bound(self, name: str, values: Values) -> Callable[[], None]:
+        """The library's function with its arguments; to convert them at each call takes half of its time."""
+        address = cast(getattr(self.fmu.dll, name), c_void_p).value or 0
+        call = partial(CFUNCTYPE(c_int)(address), c_void_p(self.fmu.component), *values.arguments)
+
+        def call_and_check() -> None:
+            if self.fmu is None:
+                raise PlantError("the instance has been freed; expected calls before `close`")
+            status = call()
+            if status > _WARNING:
+                raise FMICallException(name, status)
+
+        return call_and_check
 
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
         """Set whole variables in one call."""

@@ -12,7 +12,6 @@ from gough_stewart.harness.ensemble.columns import MARGINS
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.pilot import substeps_of
 from gough_stewart.harness.experiment.preparation import PreparedMembers, Values
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import FoldsOfRows
@@ -59,7 +58,6 @@ class Candidates:
         self.members = members_for(experiment, members, seed, controller)
         self._own = self.members.draws(0, self.members.count).values
         self._left_out = frozenset[int]()
-        self.substeps = substeps_of(self.members)
         self.integration_error = 0.0
 
     @property
@@ -163,7 +161,7 @@ class Candidates:
 
     def _run(self, batch: Batch, names: Sequence[str]) -> tuple[FloatArray, list[tuple[str, str]]]:
         """Metrics (n, names) and outcomes."""
-        n, running = len(batch), batch.in_parallel(self.substeps)
+        n, running = len(batch), batch.in_parallel(self.members.stepping)
         folds = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
         rows = FoldsOfRows(running.loop, folds, running.size)
         with running.plant:

@@ -1,6 +1,8 @@
 """The library of many platforms: its elementary functions, and how it is kept."""
 
 import ctypes
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -9,7 +11,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.fmu_build import lanes
-from gough_stewart.fmu_build.lanes import WIDTH, lanes_library
+from gough_stewart.fmu_build.lanes import WIDTH, lanes_library, lanes_sources
+from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.model.vectors import FloatArray
 
 # Of rounding: half a unit in the last place of 1.
@@ -135,3 +138,21 @@ def test_features_tell_machine_codes_apart(tmp_path: Path, monkeypatch: pytest.M
     assert "avx2 fma " in found[0].features
     assert found[0].path == found[1].path
     assert found[0].features != found[1].features
+
+
+@pytest.mark.parametrize("name", ["aarch64-linux", "x86_64-darwin", "aarch64-darwin"])
+def test_other_systems_can_compile_the_library(name: str, tmp_path: Path) -> None:
+    """Expected: no complaint of the compiler, whose integers of 64 bits have another type on each system."""
+    units, headers = lanes_sources()
+    for file, text in {**units, **headers}.items():
+        (tmp_path / file).write_text(text)
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", BY_NAME[name].triple, "-std=c11", "-O0", "-Werror"]
+    done = subprocess.run(
+        [*command, "-c", "-I", ".", "lanes.c", "-o", "lanes.o"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "lanes.o").stat().st_size > 10_000

@@ -16,7 +16,9 @@
 
 #define WIDTH 8
 typedef double lanes __attribute__((ext_vector_type(WIDTH)));
-typedef int64_t mask __attribute__((ext_vector_type(WIDTH))); /* -1 where true, 0 elsewhere */
+/* of comparisons: -1 where true, 0 elsewhere; its integers are long or long long, by the system */
+typedef __typeof__((lanes)0.0 == (lanes)0.0) mask;
+typedef __typeof__(((mask)0)[0]) whole;
 
 /* for larger angles the number of quarter turns could be wrong */
 #define LARGEST_ANGLE 1e6

@@ -8,7 +8,7 @@
 #include "lanes_kernel.h"
 
 typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
-typedef int64_t mask_anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
+typedef whole mask_anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
 
 static lanes get(const double *from)
 {
@@ -31,17 +31,8 @@ typedef struct {
     int64_t first; /* member */
     const lanes *p;
     lanes x[N_STATES], u[N_INPUTS], side;
-    lanes difference; /* of the stages, relative to 1 + |x|, the largest of the substeps */
     mask running;
 } group;
-
-/* Members whose step is repeated with twice as many substeps: collected from all groups, so that vectors are full. */
-typedef struct {
-    group g;
-    lanes p[N_PARAMETERS], end[N_STATES];
-    int64_t member[WIDTH];
-    int waiting;
-} repeated;
 
 static void read_rows(lanes rows[], int n, const double *from, int64_t stride)
 {
@@ -75,7 +66,6 @@ static void read_group(group *g, const batch *of, int64_t block, int parameters)
     fetch(of, block + 1, parameters);
     g->of = of;
     g->first = block * WIDTH;
-    g->difference = (lanes)0.0;
     g->p = (const lanes *)of->parameters + block * N_PARAMETERS;
     g->running = *(const mask_anywhere *)(of->running + g->first);
     g->side = get(of->side + g->first);
@@ -117,8 +107,19 @@ static int64_t judge(const group *g, int lane, double *side)
     return FAILURE_GOES_ON;
 }
 
+/* Ends a running member for a reason, `after` a time of the step [s]. */
+static void fail(group *g, int lane, int64_t failure, double after, const lanes reached[])
+{
+    int64_t member = g->first + lane;
+    g->of->failure[member] = failure;
+    g->of->failed_after[member] = after;
+    for (int i = 0; i < N_STATES; i++)
+        g->of->reached[i * g->of->stride + member] = reached[i][lane];
+    g->running[lane] = 0;
+}
+
 /* Stops members beyond the pose limits and records the reason. */
-static void check(group *g, int64_t substep)
+static void check(group *g, lanes after)
 {
     lanes square[N_LEGS], det, size;
     kernel_margins(g->x, g->p, square, &det, &size);
@@ -144,15 +145,10 @@ static void check(group *g, int64_t substep)
         double side = g->side[lane];
         if (!unsure[lane])
             continue;
-        int64_t failure = judge(g, lane, &side), member = g->first + lane;
+        int64_t failure = judge(g, lane, &side);
         g->side[lane] = side;
-        if (failure != FAILURE_GOES_ON) {
-            g->of->failure[member] = failure;
-            g->of->failed_at[member] = substep;
-            for (int i = 0; i < N_STATES; i++)
-                g->of->reached[i * g->of->stride + member] = g->x[i][lane];
-            g->running[lane] = 0;
-        }
+        if (failure != FAILURE_GOES_ON)
+            fail(g, lane, failure, after[lane], g->x);
     }
 }
 
@@ -168,30 +164,19 @@ static lanes magnitude(lanes x)
 }
 
 /* Classical RK4: one copy of the kernel in a loop, so that it stays in the instruction cache. */
-static void substep(group *g, double size)
+static void rk4(const group *g, double size, lanes end[])
 {
     static const double NEXT[] = {0.5, 0.5, 1}, WEIGHT[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
-    static const double INNER[] = {0, 1, -1, 0}, ALL[] = {1, -1, -1, 1};
-    lanes at[N_STATES], end[N_STATES], rate[N_STATES], inner[N_STATES], all[N_STATES];
-    for (int i = 0; i < N_STATES; i++) {
+    lanes at[N_STATES], rate[N_STATES];
+    for (int i = 0; i < N_STATES; i++)
         at[i] = end[i] = g->x[i];
-        inner[i] = all[i] = g->x[i] * 0;
-    }
     for (int stage = 0; stage < 4; stage++) {
         kernel_derivatives(at, g->u, g->p, rate);
         for (int i = 0; i < N_STATES; i++) {
             end[i] += (WEIGHT[stage] * size) * rate[i];
-            inner[i] += INNER[stage] * rate[i];
-            all[i] += ALL[stage] * rate[i];
-        }
-        if (stage < 3)
-            for (int i = 0; i < N_STATES; i++)
+            if (stage < 3)
                 at[i] = g->x[i] + (NEXT[stage] * size) * rate[i];
-    }
-    for (int i = 0; i < N_STATES; i++) {
-        lanes largest = larger(magnitude(inner[i]), magnitude(all[i]));
-        g->difference = larger(g->difference, size * largest * reciprocal(1 + magnitude(g->x[i])));
-        g->x[i] = end[i];
+        }
     }
 }
 
@@ -218,92 +203,160 @@ static void write_signals(const group *g, double *signals)
     write_rows(signals + g->first, N_SIGNALS, y, g->of->stride);
 }
 
-/* Repeats the steps that are waiting, and keeps the errors that are larger. */
-static void repeat(repeated *r, double size, int64_t substeps)
+/* An internal step of Cash-Karp 5(4) of a size: the state at its end, and its error relative to 1 + |x|. */
+static void pair(const group *g, lanes size, lanes end[], lanes *error)
 {
-    const batch *of = r->g.of;
-    for (int64_t k = 0; k < 2 * substeps; k++)
-        substep(&r->g, size / 2);
-    lanes error = r->g.x[0] * 0;
-    mask is_known = error == 0;
-    for (int i = 0; i < N_STATES; i++) {
-        lanes each = magnitude(r->end[i] - r->g.x[i]) / (1 + magnitude(r->end[i]));
-        is_known &= each == each;
-        error = larger(error, each);
-    }
-    for (int k = 0; k < r->waiting; k++) {
-        double found = is_known[k] ? error[k] : __builtin_inf(), *kept = &of->error[r->member[k]];
-        if (found > *kept)
-            *kept = found;
-    }
-    r->waiting = 0;
-}
-
-/* Whether a running member's step may have its largest error so far, and is among those that it may repeat. */
-static int is_watched(const batch *of, int64_t member, double difference)
-{
-    double *largest = &of->difference[member], *allowed = &of->allowed[member];
-    int is_first = *largest == 0;
-    *allowed = __builtin_fmin(*allowed + REPEATED_SHARE, REPEATED_FIRST);
-    if ((difference <= SMALLEST_DIFFERENCE && !is_first) || ERROR_OF_DIFFERENCE * difference <= of->error[member])
-        return 0;
-    if (difference <= RECORD * *largest && (*allowed < 1 || difference * *allowed <= *largest))
-        return 0;
-    *allowed = __builtin_fmax(*allowed - 1, 0);
-    if (difference > *largest)
-        *largest = difference;
-    return 1;
-}
-
-/* Collects the steps of a group that are repeated; `start` are their states before. */
-static void watch(const group *g, const lanes start[], repeated *r, double size, int64_t substeps)
-{
-    for (int lane = 0; lane < WIDTH; lane++) {
-        if (!g->running[lane] || !is_watched(g->of, g->first + lane, g->difference[lane]))
-            continue;
-        int k = r->waiting++;
-        r->member[k] = g->first + lane;
+    static const double A[6][5] = {
+        {0},
+        {1.0 / 5},
+        {3.0 / 40, 9.0 / 40},
+        {3.0 / 10, -9.0 / 10, 6.0 / 5},
+        {-11.0 / 54, 5.0 / 2, -70.0 / 27, 35.0 / 27},
+        {1631.0 / 55296, 175.0 / 512, 575.0 / 13824, 44275.0 / 110592, 253.0 / 4096},
+    };
+    static const double B[] = {37.0 / 378, 0, 250.0 / 621, 125.0 / 594, 0, 512.0 / 1771};
+    static const double LOWER[] = {2825.0 / 27648, 0, 18575.0 / 48384, 13525.0 / 55296, 277.0 / 14336, 1.0 / 4};
+    lanes at[N_STATES], rate[6][N_STATES];
+    for (int stage = 0; stage < 6; stage++) {
         for (int i = 0; i < N_STATES; i++) {
-            r->g.x[i][k] = start[i][lane];
-            r->end[i][k] = g->x[i][lane];
+            lanes sum = (lanes)0.0;
+            for (int j = 0; j < stage; j++)
+                sum += A[stage][j] * rate[j][i];
+            at[i] = g->x[i] + size * sum;
         }
-        for (int i = 0; i < N_INPUTS; i++)
-            r->g.u[i][k] = g->u[i][lane];
-        for (int i = 0; i < N_PARAMETERS; i++)
-            r->p[i][k] = g->p[i][lane];
-        if (r->waiting == WIDTH)
-            repeat(r, size, substeps);
+        kernel_derivatives(at, g->u, g->p, rate[stage]);
     }
+    lanes nothing = (lanes)0.0; /* NaN if one of them is not finite */
+    *error = (lanes)0.0;
+    for (int i = 0; i < N_STATES; i++) {
+        lanes sum = (lanes)0.0, gap = (lanes)0.0;
+        for (int j = 0; j < 6; j++) {
+            sum += B[j] * rate[j][i];
+            gap += (B[j] - LOWER[j]) * rate[j][i];
+        }
+        end[i] = g->x[i] + size * sum;
+        *error = larger(size * magnitude(gap) * reciprocal(1 + magnitude(g->x[i])), *error);
+        nothing += end[i] * 0;
+    }
+    *error += nothing;
 }
 
-int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t plain, double *signals)
+/* Keeps the errors of a step that are larger than those before. */
+static void keep_errors(const group *g, lanes error)
+{
+    double *kept = g->of->error + g->first;
+    lanes largest = get(kept);
+    error = choose(error == error, error, (lanes)__builtin_inf());
+    put(kept, choose(g->running, larger(error, largest), largest));
+}
+
+/* A step of RK4; returns its errors, the distance from Cash-Karp's solution of order 5. */
+static lanes fixed_step(group *g, double size)
+{
+    lanes end[N_STATES], better[N_STATES], error, nothing = (lanes)0.0;
+    rk4(g, size, end);
+    pair(g, (lanes)size, better, &error);
+    error = (lanes)0.0;
+    for (int i = 0; i < N_STATES; i++) {
+        error = larger(magnitude(better[i] - end[i]) * reciprocal(1 + magnitude(end[i])), error);
+        nothing += (better[i] - end[i]) * 0;
+        g->x[i] = end[i];
+    }
+    return error + nothing;
+}
+
+int64_t lanes_step(const batch *of, double size, int64_t substeps, double *signals)
 {
     int64_t failed = 0;
-    repeated r = {0};
-    r.g.of = of;
-    r.g.p = r.p;
     for (int64_t block = 0; block < of->blocks; block++) {
         group g;
-        lanes start[N_STATES];
+        lanes error = (lanes)0.0;
         read_group(&g, of, block, N_PARAMETERS);
         read_inputs(&g);
-        for (int i = 0; i < N_STATES; i++)
-            start[i] = g.x[i];
         mask ran = g.running;
         for (int64_t k = 1; k <= substeps && any(g.running); k++) {
-            substep(&g, size);
-            if (!plain)
-                check(&g, k);
+            error += fixed_step(&g, size);
+            check(&g, (lanes)(k * size));
         }
-        if (any(ran))
+        if (any(ran)) {
             failed += settle(&g, ran);
-        if (!plain && any(g.running))
-            watch(&g, start, &r, size, substeps);
+            keep_errors(&g, error);
+        }
         if (signals)
             write_signals(&g, signals);
     }
-    if (r.waiting)
-        repeat(&r, size, substeps);
+    return failed;
+}
+
+/* About 0.9 r^(-1/5) from 0.2 to 5, within 15 %: a size needs no more, and this is the same on all machines. The bits of
+   a number, as an integer, are 2^52 (1023 + its logarithm to base 2) but for up to 0.09. */
+static lanes factor_of(lanes r)
+{
+    lanes known = choose(r <= 2000, r, (lanes)2000.0); /* NaN and infinity become 2000 */
+    known = choose(known >= 1e-4, known, (lanes)1e-4);
+    lanes logarithm = __builtin_convertvector(bits(known), lanes) * 0x1p-52 - 1023;
+    lanes power = (1023 - 0.2 * logarithm) * 0x1p52;
+    lanes factor = 0.9 * number(__builtin_convertvector(power, mask));
+    factor = choose(factor < 5, factor, (lanes)5.0);
+    return choose(factor > 0.2, factor, (lanes)0.2);
+}
+
+/* Sizes of the members' next internal steps: the proposed ones, or what is left, or half of it. */
+static lanes size_of(lanes proposed, lanes left)
+{
+    lanes size = choose(proposed * 2 > left, 0.5 * left, proposed);
+    return choose(proposed >= left, left, size);
+}
+
+static void advance(group *g, double duration, double tolerance)
+{
+    const batch *of = g->of;
+    lanes left = (lanes)duration, proposed = get(of->proposed + g->first), taken = get(of->internal_steps + g->first);
+    lanes sum = (lanes)0.0, begin = taken;
+    mask is_new = proposed == 0;
+    proposed = choose(is_new, left, proposed);
+    while (any(g->running & (left > 0))) {
+        mask active = g->running & (left > 0);
+        lanes size = choose(active, size_of(proposed, left), (lanes)0.0), end[N_STATES], error;
+        pair(g, size, end, &error);
+        lanes ratio = error / tolerance, next = size * factor_of(ratio);
+        mask passes = active & (ratio <= 1);
+        for (int i = 0; i < N_STATES; i++)
+            g->x[i] = choose(passes, end[i], g->x[i]);
+        sum = choose(passes, sum + error, sum);
+        taken = choose(active, taken + 1, taken);
+        /* a step that was shortened to end on time says little of the next one */
+        proposed = choose(active, choose(passes & (size < proposed) & (next < proposed), proposed, next), proposed);
+        left = choose(passes, choose(size == left, (lanes)0.0, left - size), left);
+        lanes after = duration - left;
+        if (any(passes))
+            check(g, after);
+        mask ends = g->running & active & ~passes &
+                    ((taken - begin >= MOST_LANE_STEPS) | (proposed < SMALLEST_SHARE * duration));
+        for (int lane = 0; any(ends) && lane < WIDTH; lane++)
+            if (ends[lane])
+                fail(g, lane, error[lane] == error[lane] ? FAILURE_TOO_MANY_STEPS : FAILURE_NOT_FINITE, after[lane], end);
+    }
+    put(of->proposed + g->first, choose(g->running, proposed, get(of->proposed + g->first)));
+    put(of->internal_steps + g->first, choose(g->running, taken, get(of->internal_steps + g->first)));
+    keep_errors(g, sum);
+}
+
+int64_t lanes_advance(const batch *of, double duration, double tolerance, double *signals)
+{
+    int64_t failed = 0;
+    for (int64_t block = 0; block < of->blocks; block++) {
+        group g;
+        read_group(&g, of, block, N_PARAMETERS);
+        read_inputs(&g);
+        mask ran = g.running;
+        if (any(ran)) {
+            advance(&g, duration, tolerance);
+            failed += settle(&g, ran);
+        }
+        if (signals)
+            write_signals(&g, signals);
+    }
     return failed;
 }
 
@@ -314,7 +367,7 @@ int64_t lanes_check(const batch *of)
         group g;
         read_group(&g, of, block, N_GEOMETRY);
         mask ran = g.running;
-        check(&g, 0);
+        check(&g, (lanes)0.0);
         failed += settle(&g, ran);
     }
     return failed;

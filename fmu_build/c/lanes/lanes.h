@@ -23,24 +23,26 @@ typedef struct {
     double *side;             /* (M), sign of det J; 0 if not yet known */
     int64_t *failure;         /* (M), a FAILURE of lanes_table.h */
     double *reached;          /* (N_STATES, M), state at the failure */
-    int64_t *failed_at;       /* (M), substep of the failure, from 1 */
-    double *difference;       /* (M), largest difference of the stages of a repeated step so far */
-    double *allowed;          /* (M), steps that may be repeated before a new record */
+    double *failed_after;     /* (M), time of the failure since the begin of the step [s] */
     double *error;            /* (M), largest estimate of the error of a step so far */
+    double *proposed;         /* (M), size of the next internal step of `lanes_advance` [s]; 0 before the first */
+    double *internal_steps;   /* (M), internal steps so far, with those that were too large */
 } batch;
 
 /* `substeps` steps of classical RK4, each of `size` [s], under constant inputs. Returns the number of members that
-   fail; their states do not change, and `failure` has the reason. Poses are checked at the end of each substep, and
-   errors estimated; neither if `plain`. Writes the signals at the end (N_SIGNALS, M) unless NULL; computing them here is
+   fail; their states do not change, and `failure` has the reason. Poses are checked at the end of each substep.
+   Writes the signals at the end (N_SIGNALS, M) unless NULL; computing them here is
    cheap.
 
-   The error is max |x - x'| / (1 + |x|), x' with twice as many substeps, which only some steps are repeated with. The
-   stages k1 to k4 of all substeps tell which: the differences size |k2 - k3| and size |k1 - k2 - k3 + k4|, relative to
-   1 + |x|, are of lower order than the error; in all trials they were at least four times as large. A step is repeated where
-   ERROR_OF_DIFFERENCE of them is more than the member's largest error so far, if they exceed their own largest by the
-   factor RECORD; and below that as long as the member has repeated no more than REPEATED_FIRST steps and REPEATED_SHARE
-   of all: the fewer are allowed, the nearer to the largest. Each member decides by its own numbers alone. */
-OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, int64_t plain, double *signals);
+   The error is max |x - x5| / (1 + |x|) with x5 from the solution of order 5 of `lanes_advance` from the begin of each
+   substep, the sum over the substeps. */
+OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, double *signals);
+/* A step of `duration` [s] under constant inputs with error-controlled internal steps, each member's own, that end at its
+   end: Cash-Karp 5(4), continued with the solution of order 5 (ACM Trans. Math. Softw. 16, 1990, 201-222). The error of
+   an internal step is max |x5 - x4| / (1 + |x|), at most `tolerance`; that of a step the sum of its internal ones. Poses
+   are checked at the end of each internal step. A member that needs more than MOST_LANE_STEPS fails. Returns and
+   writes as `lanes_step`. */
+OFFERED int64_t lanes_advance(const batch *of, double duration, double tolerance, double *signals);
 /* Checks the current poses: like `lanes_step` of zero duration. */
 OFFERED int64_t lanes_check(const batch *of);
 /* (N_SIGNALS, M) */

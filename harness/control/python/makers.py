@@ -18,7 +18,7 @@ MAKE = "make(platform, sample_time, **parameters)"
 class Maker(ABC):
     """Makes controllers of one design; a host asks it once for each real member, at that member's first sample.
 
-    Copies that fill a vector of members, pilots and records never ask.
+    Copies that fill a vector of members and records never ask.
     """
 
     @abstractmethod

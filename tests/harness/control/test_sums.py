@@ -39,3 +39,16 @@ def test_one_matrix_may_be_that_of_all(n_members: int) -> None:
     y = np.zeros_like(x)
     Product(matrix, n_members).of(x, y)()
     assert (y == matrix @ x).all()
+
+
+def test_channels_side_by_side_take_one_operation_for_each_kind_of_element() -> None:
+    """Expected: NumPy's product, and the sums by hand with columns ascending, to the bit; two outputs read the same."""
+    rng = np.random.default_rng(3)
+    p, q, r, s, t = (np.diag(rng.normal(size=6)) for _ in range(5))
+    matrix = np.block([[p, q, r], [s, np.zeros((6, 6)), t]])
+    x, y = rng.normal(size=(18, 2)), np.full((12, 2), np.nan)
+    Product(matrix, 2).of(x, y)()
+    np.testing.assert_allclose(y, matrix @ x, rtol=1e-14)
+    for i in range(12):
+        terms = [matrix[i, j] * x[j] for j in range(18) if matrix[i, j]]
+        np.testing.assert_array_equal(y[i], sum(terms[1:], start=terms[0]))

@@ -8,10 +8,13 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.chunk import SIZE, Chunk, chunk
-from gough_stewart.harness.ensemble.columns import INTEGRATION_ERROR
+from gough_stewart.harness.ensemble.columns import INTEGRATION_ERROR, INTERNAL_STEPS
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
+from gough_stewart.harness.loop.run import simulate
+from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import MOST_MEMBERS, MOST_TIMES
 from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.harness.sampling.choice import EnsembleChoice
@@ -153,17 +156,48 @@ def test_noise_is_of_the_member_and_not_of_its_batch() -> None:
     assert abs(np.corrcoef(noise(a), noise(other))[0, 1]) < 0.4
 
 
-def test_substeps_hold_the_tolerance_and_the_estimate_is_kept(whole: Chunk) -> None:
-    """Expected: the pilot's members below the tolerance; where the motion is fast, more substeps for a finer one."""
-    error = whole.rows[INTEGRATION_ERROR].drop_nulls().to_numpy()
-    assert (error[:8] <= 1e-8).all()
-    assert (error > 0).any()
-    coarse, fine = (
-        plan_of(gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "ensemble.tolerance": tolerance}))
-        for tolerance in (1e-6, 1e-12)
-    )
-    assert coarse.substeps < fine.substeps
-    assert plan_of(experiment_of(small(), {"plant.fixed_step_size": 2.5e-4})).substeps == 4
+def test_internal_steps_hold_the_tolerance_and_are_those_that_each_member_needs(whole: Chunk) -> None:
+    """Expected: one for each of 60 rows; more where legs reverse, other ones of each machine; errors below them."""
+    table = {"members": 40, "platform_mass": {"factor": {"uniform": [0.8, 1.2]}}}
+    settings = {"loop.duration": 0.1, "reference.at": 0.02, "plant.parameters.leg_friction_velocity": 1e-4}
+    stiff = chunk(plan_of(gs.load_experiment("heave_step", {**settings, "ensemble": table})), 0, 40)
+    for found, rows in ((whole, 60), (stiff, 100)):
+        ran = found.rows.filter(polars.col("outcome") == "completed")
+        error, steps = ran[INTEGRATION_ERROR].to_numpy(), ran[INTERNAL_STEPS].to_numpy()
+        assert (steps >= rows).all()
+        assert (error > 0).all()
+        assert (error <= 1e-10 * (steps - rows + 1)).all()
+    assert len(set(steps.tolist())) > 10
+    assert steps.min() > rows + 5
+
+
+def test_a_fixed_step_of_the_plant_is_that_of_all_members() -> None:
+    """Expected: four in a plant step of 1 ms; three of at most 0.4 ms; no internal steps of an error control."""
+    for size, number in ((2.5e-4, 4), (4e-4, 3), (1e-3, 1)):
+        experiment = experiment_of(small(), {"plant.fixed_step_size": size})
+        assert Members(experiment).stepping.substeps == number
+    rows = chunk(plan_of(experiment), 0, 8).rows
+    assert set(rows[INTERNAL_STEPS].drop_nulls()) == {0.0}
+    assert (rows[INTEGRATION_ERROR].drop_nulls() > 0).all()
+    assert Members(small(tolerance=3e-9)).stepping == (3e-9, None)
+
+
+@pytest.mark.parametrize("name", ["heave_tolerances", "heave_step"])
+def test_runs_with_internal_steps_of_their_own_are_those_with_very_small_ones(name: str) -> None:
+    """Expected: every result of eight machines with 64 fixed steps a row, within 1e-8; without encoders' steps."""
+    table = {"members": 8, "seed": 5, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
+    settings = {"loop.duration": 0.25, "sensors.quantisation": {}, "reference.at": 0.05} if name == "heave_step" else {}
+    settings |= {"loop.duration": 0.25, "ensemble": table}
+    members = Members(gs.load_experiment(name, settings))
+    batch = members.prepared(0, 8).batch
+    found = []
+    for stepping in (members.stepping, Stepping(substeps=64)):
+        running = batch.in_parallel(stepping)
+        with running.plant:
+            found.append(simulate(running.plant, running.law_from, running.loop).results[..., :24])
+    own, fixed = found
+    assert np.abs(own - fixed).max() < 1e-8 * (1 + np.abs(fixed).max())
+    assert np.ptp(fixed, axis=0).max() > 1e-3
 
 
 @pytest.mark.parametrize("member", [-1, 40, 1000])
@@ -180,7 +214,7 @@ def test_an_impossible_member_cannot_be_run(whole: Chunk) -> None:
 
 def test_an_ensemble_of_which_nobody_can_run_says_why() -> None:
     with pytest.raises(ExperimentError, match=r"none of the first 40 members is possible; the first: .*platform_mass"):
-        plan_of(small(platform_mass={"uniform": [-3, -1]}))
+        gs.ensemble(small(platform_mass={"uniform": [-3, -1]}), workers=1)
 
 
 def test_the_documentation_states_the_sizes_that_the_code_has() -> None:

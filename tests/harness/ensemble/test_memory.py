@@ -50,7 +50,6 @@ def test_a_member_has_the_same_bits_among_any_number(way: str, among: gs.Ensembl
     for members in (1, 4, 8, 4):
         found = gs.ensemble(EXPERIMENT, SHORT, controller=controller, members=members, workers=1)
         assert found.members.equals(among.members.head(members), null_equal=True)
-        assert found.metadata["substeps"] == among.metadata["substeps"]
 
 
 def test_a_member_has_the_same_bits_among_600_from_two_processes() -> None:
@@ -66,7 +65,6 @@ def test_a_member_has_the_same_bits_among_600_from_two_processes() -> None:
     many = gs.ensemble(EXPERIMENT, short, controller=local, members=600, workers=2)
     assert set(many.members["outcome"]) == {"completed"}
     assert many.members.head(4).equals(few.members, null_equal=True)
-    assert many.metadata["substeps"] == few.metadata["substeps"]
 
 
 def test_what_cannot_go_to_workers_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,7 +138,7 @@ class Counts(Pid):
 
 @pytest.mark.parametrize("members", [1, 3, 9])
 def test_each_member_calls_its_own_controller_once_a_sample_in_order(members: int) -> None:
-    """Expected: as many controllers as members and 30 calls of each: none for copies, none for the pilot."""
+    """Expected: as many controllers as members and 30 calls of each: none for copies."""
     CALLS.clear()
     MADE.clear()
     gs.ensemble(EXPERIMENT, SHORT, controller=Counts, members=members, workers=1)

@@ -68,7 +68,7 @@ def test_parameters_vary_in_an_ensemble_and_by_set(file: Path) -> None:
 
 
 def test_the_file_is_executed_once_for_each_member(file: Path) -> None:
-    """Expected: as many lines as members, runs or candidates: not for the pilot, copies, checks, or twice for one."""
+    """Expected: as many lines as members, runs or candidates: not for copies, checks, or twice for one."""
     pid, log = file.parent / "pid.py", file.parent / "log"
     pid.write_text(f"{pid.read_text()}\nwith open('log', 'a') as opened:\n    print('executed', file=opened)\n")
 

@@ -353,3 +353,13 @@ def test_a_plant_of_one_platform_has_no_members(open_one: Open) -> None:
             plant.freeze(np.array([True]))
         with pytest.raises(PlantError, match=text):
             plant.set_parameters_of(np.array([True]), {"platform_mass": 3.0})
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_plant_that_is_closed_refuses_calls(version: str, fmus: dict[str, Fmu]) -> None:
+    """Expected: an error, not a crash of the process, since the library works on freed memory."""
+    plant = FmuPlant(fmus[version].path, UNEVEN)
+    plant.close()
+    for call in (plant.results, plant.signals, lambda: plant.set_inputs(np.zeros(12))):
+        with pytest.raises(PlantError, match="has been freed"):
+            call()
