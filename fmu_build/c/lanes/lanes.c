@@ -331,8 +331,8 @@ static void advance(group *g, double duration, double tolerance)
         lanes after = duration - left;
         if (any(passes))
             check(g, after);
-        mask ends = g->running & active & ~passes &
-                    ((taken - begin >= MOST_LANE_STEPS) | (proposed < SMALLEST_SHARE * duration));
+        mask ends = g->running & (left > 0) &
+                    ((taken - begin >= MOST_LANE_STEPS) | (~passes & (proposed < SMALLEST_SHARE * duration)));
         for (int lane = 0; any(ends) && lane < WIDTH; lane++)
             if (ends[lane])
                 fail(g, lane, error[lane] == error[lane] ? FAILURE_TOO_MANY_STEPS : FAILURE_NOT_FINITE, after[lane], end);
