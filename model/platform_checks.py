@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
+from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, PlatformFields
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import Array, FloatArray, dot, transpose, without_warnings
+from gough_stewart.model.vectors import Array, FloatArray, dot, transpose
 
 # Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.
 INERTIA_SLACK = 1e-9
@@ -38,9 +38,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> None:
         value = getattr(platform, name) if name in changed else None
         if value is not None:
             check_bound(name, value)
-    for wrong, error in _conditions(platform, changed):
-        if wrong:
-            raise error()
+    _raise_first(_conditions(platform, changed))
 
 
 def doubtful(platforms: PlatformFields, changed: Collection[str]) -> NDArray[np.bool_]:
@@ -51,7 +49,7 @@ def doubtful(platforms: PlatformFields, changed: Collection[str]) -> NDArray[np.
         if value is not None:
             wrong.append(np.asarray(_beyond_bound(name, value.reshape(len(value), -1)).any(axis=-1)))
     with np.errstate(all="ignore"):
-        wrong += [np.asarray(each) for each, _ in _conditions(platforms, changed)]
+        wrong += [np.asarray(each) for each, _, _ in _conditions(platforms, changed)]
     return np.asarray(np.logical_or.reduce(wrong))
 
 
@@ -70,9 +68,7 @@ def check_bound(name: str, value: float | FloatArray) -> None:
 
 def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) -> None:
     """The centres of mass of both parts are on the leg, also on the shortest one [m] of a pose."""
-    for wrong, error in _leg_com_offsets(platform, shortest, pose):
-        if wrong:
-            raise error()
+    _raise_first(_leg_com_offsets(platform, shortest, pose))
 
 
 def _beyond_bound(name: str, numbers: FloatArray) -> NDArray[np.bool_]:
@@ -80,32 +76,27 @@ def _beyond_bound(name: str, numbers: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(~within)
 
 
-# Whether a condition is violated (...), and the error of a single platform.
-_Conditions = Iterator[tuple[Any, Callable[[], PlatformError]]]
+# Whether a condition is violated (...), the name of the parameter, and what is wrong with that of a single platform.
+_Conditions = Iterator[tuple[Any, str, Callable[[], str]]]
 
 
 class _Home:
-    """The home pose of platforms, evaluated if a check needs it."""
+    """The legs of platforms in their home pose, evaluated if a check needs them."""
 
     def __init__(self, platform: PlatformFields) -> None:
         self._platform = platform
 
     @cached_property
-    def _legs(self) -> Any:
+    def legs(self) -> LegGeometry:
+        """Of all that the geometry needs."""
         p = self._platform
-        joints: Any = Joints(p.base_points, p.platform_points)  # all that the geometry needs
+        joints: Any = Joints(p.base_points, p.platform_points)
         return leg_geometry(joints, p.home_position, p.home_orientation)
 
     @property
     def lengths(self) -> FloatArray:
         """Leg lengths (..., 6) [m]."""
-        return np.asarray(self._legs.length)
-
-    @property
-    @without_warnings
-    def condition_number(self) -> FloatArray:
-        """Of the leg Jacobian (...)."""
-        return np.asarray(conditioning_of_legs(self._legs).condition_number)
+        return np.asarray(self.legs.length)
 
 
 def _conditions(platform: PlatformFields, changed: Collection[str]) -> _Conditions:
@@ -116,36 +107,39 @@ def _conditions(platform: PlatformFields, changed: Collection[str]) -> _Conditio
             yield from conditions(platform, home)
 
 
+def _raise_first(conditions: _Conditions) -> None:
+    for wrong, field, text in conditions:
+        if wrong:
+            raise PlatformError(field, text())
+
+
 def _inertia(platform: PlatformFields, _home: _Home) -> _Conditions:
     """The platform's inertia is symmetric, positive definite and satisfies the triangle inequality."""
     J, field = platform.platform_inertia, "platform_inertia"
     asymmetry = np.abs(J - transpose(J))
 
-    def not_symmetric() -> PlatformError:
+    def not_symmetric() -> str:
         a, b = (int(i) + 1 for i in np.unravel_index(asymmetry.argmax(), (3, 3)))
-        return PlatformError(
-            field,
+        return (
             f"is not symmetric: [{a},{b}] = {J[a - 1, b - 1]:g} but [{b},{a}] = {J[b - 1, a - 1]:g} kg m²; "
-            "set both to the same value (minus the product of inertia)",
+            "set both to the same value (minus the product of inertia)"
         )
 
-    yield asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1)), not_symmetric
+    yield asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1)), field, not_symmetric
     moments = np.linalg.eigvalsh(J)
     least, middle, most = np.moveaxis(moments, -1, 0)
-    yield (
-        ~np.greater(least, 0),
-        lambda: PlatformError(
-            field, f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0"
-        ),
-    )
-    yield (
-        most > (least + middle) * (1 + INERTIA_SLACK),
-        lambda: PlatformError(
-            field,
+
+    def not_positive() -> str:
+        return f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0"
+
+    def unphysical() -> str:
+        return (
             f"is unphysical: principal moments {_list(moments)} kg m², the largest exceeds the sum of the others "
-            "(triangle inequality); check the units and that they are about the centre of mass",
-        ),
-    )
+            "(triangle inequality); check the units and that they are about the centre of mass"
+        )
+
+    yield ~np.greater(least, 0), field, not_positive
+    yield most > (least + middle) * (1 + INERTIA_SLACK), field, unphysical
 
 
 def _joints(platform: PlatformFields, _home: _Home) -> _Conditions:
@@ -155,42 +149,43 @@ def _joints(platform: PlatformFields, _home: _Home) -> _Conditions:
         distance = np.linalg.norm(points[..., :, None, :] - points[..., None, :, :], axis=-1)
         apart = distance + np.diag(np.full(6, np.inf))
 
-        def coincide(field: str = field, points: FloatArray = points, apart: FloatArray = apart) -> PlatformError:
+        def coincide(points: FloatArray = points, apart: FloatArray = apart) -> str:
             i, j = divmod(int(apart.argmin()), 6)
-            return PlatformError(
-                field,
+            return (
                 f"joints {i + 1} and {j + 1} coincide at {_list(points[i])} m; expected six different points "
-                "(an idealised double joint needs a small offset)",
+                "(an idealised double joint needs a small offset)"
             )
 
-        yield apart.min(axis=(-2, -1)) <= COINCIDENCE * distance.max(axis=(-2, -1)), coincide
+        yield apart.min(axis=(-2, -1)) <= COINCIDENCE * distance.max(axis=(-2, -1)), field, coincide
 
 
 def _home_pose(platform: PlatformFields, home: _Home) -> _Conditions:
     """The home pose has legs of nonzero length, a pitch below 90° and a regular leg Jacobian."""
     pitch = platform.home_orientation[..., 1]
-    yield (
-        ~np.less(np.abs(pitch), LARGEST_PITCH),
-        lambda: PlatformError("home_orientation", f"has pitch {pitch:g} rad; expected less than ±90°"),
-    )
+
+    def pitched() -> str:
+        return f"has pitch {pitch:g} rad; expected less than ±90°"
+
+    yield ~np.less(np.abs(pitch), LARGEST_PITCH), "home_orientation", pitched
     lengths = home.lengths
-    yield (
-        lengths.min(axis=-1) <= COINCIDENCE * np.abs(platform.base_points).max(axis=(-2, -1)),
-        lambda: PlatformError(
-            "home_position",
-            f"base joint and platform joint {int(lengths.argmin()) + 1} coincide in the home pose; raise home_position",
-        ),
-    )
-    number = home.condition_number
-    yield (
-        ~np.less(number, SINGULAR_CONDITION_NUMBER),
-        lambda: PlatformError(
-            "base_points, platform_points, home_position, home_orientation",
+
+    def coincide() -> str:
+        leg = int(lengths.argmin()) + 1
+        return f"base joint and platform joint {leg} coincide in the home pose; raise home_position"
+
+    largest = np.abs(platform.base_points).max(axis=(-2, -1))
+    yield lengths.min(axis=-1) <= COINCIDENCE * largest, "home_position", coincide
+    with np.errstate(divide="ignore", invalid="ignore"):
+        number = conditioning_of_legs(home.legs).condition_number
+
+    def singular() -> str:
+        return (
             f"the leg Jacobian is singular at the home pose (condition number {number:.3g}, expected below "
             f"{SINGULAR_CONDITION_NUMBER:g}): the legs cannot hold the platform there; choose different azimuths for "
-            "base and platform joints or another home pose",
-        ),
-    )
+            "base and platform joints or another home pose"
+        )
+
+    yield ~np.less(number, SINGULAR_CONDITION_NUMBER), ", ".join(_GEOMETRY), singular
 
 
 def _com_offsets(platform: PlatformFields, home: _Home) -> _Conditions:
@@ -198,54 +193,39 @@ def _com_offsets(platform: PlatformFields, home: _Home) -> _Conditions:
     yield from _leg_com_offsets(platform, home.lengths.min(axis=-1), "home")
     reach = np.sqrt(dot(platform.platform_points, platform.platform_points)).max(axis=-1)
     offset = np.sqrt(dot(platform.platform_com, platform.platform_com))
-    yield (
-        offset > 10 * reach,
-        lambda: PlatformError(
-            "platform_com",
-            f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units",
-        ),
-    )
+
+    def far() -> str:
+        return f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units"
+
+    yield offset > 10 * reach, "platform_com", far
 
 
 def _leg_com_offsets(platform: PlatformFields, shortest: Any, pose: str) -> _Conditions:
-    """The centres of mass of both parts are on the leg, also on the shortest one (...) [m] of a pose."""
-    for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
-        value = getattr(platform, name)
+    for field, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
+        value = getattr(platform, field)
 
-        def beyond(name: str = name, end: str = end, value: Any = value) -> PlatformError:
-            return PlatformError(
-                name,
+        def beyond(end: str = end, value: Any = value) -> str:
+            return (
                 f"is {value:g} m from the {end} joint; expected between 0 and the shortest leg of the {pose} pose, "
-                f"{shortest:g} m",
+                f"{shortest:g} m"
             )
 
-        yield value > shortest, beyond  # never below 0, by its bound
+        yield value > shortest, field, beyond  # never below 0, by its bound
 
 
 def _limits(platform: PlatformFields, home: _Home) -> _Conditions:
     """The home pose is within the stroke and joint limits."""
     low, high, angle = platform.leg_length_min, platform.leg_length_max, platform.joint_angle_max
     shortest, longest = home.lengths.min(axis=-1), home.lengths.max(axis=-1)
+    least, most, joints = "leg_length_min", "leg_length_max", "joint_angle_max"
     if low is not None and high is not None:
-        yield (
-            ~np.less(low, high),
-            lambda: PlatformError("leg_length_min", f"is {low:g} m; expected below leg_length_max = {high:g} m"),
-        )
+        yield ~np.less(low, high), least, lambda: f"is {low:g} m; expected below leg_length_max = {high:g} m"
     if low is not None:
-        yield (
-            shortest < low,
-            lambda: PlatformError("leg_length_min", f"is {low:g} m, but a home leg is {shortest:g} m long"),
-        )
+        yield shortest < low, least, lambda: f"is {low:g} m, but a home leg is {shortest:g} m long"
     if high is not None:
-        yield (
-            longest > high,
-            lambda: PlatformError("leg_length_max", f"is {high:g} m, but a home leg is {longest:g} m long"),
-        )
+        yield longest > high, most, lambda: f"is {high:g} m, but a home leg is {longest:g} m long"
     if angle is not None:
-        yield (
-            np.greater(angle, np.pi),
-            lambda: PlatformError("joint_angle_max", f"is {angle:g} rad; expected at most π (radians, not degrees)"),
-        )
+        yield angle > np.pi, joints, lambda: f"is {angle:g} rad; expected at most π (radians, not degrees)"
 
 
 # What a check depends on; bounds come first.

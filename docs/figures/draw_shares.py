@@ -2,8 +2,7 @@
 
 from saving import save_svg
 
-from gough_stewart.harness.experiment.check_files import check_files
-from gough_stewart.harness.experiment.checking import check
+from gough_stewart.harness.experiment.checking import check, check_files
 
 
 def main() -> None:

@@ -64,8 +64,7 @@ def check_command(
         folder = out or results_folder("check", experiment)
         with progress_bar() as bar:
             bar.add_task("shares of all limits", total=None)
-            from gough_stewart.harness.experiment.check_files import FILES, check_files
-            from gough_stewart.harness.experiment.checking import check
+            from gough_stewart.harness.experiment.checking import FILES, check, check_files
             from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)

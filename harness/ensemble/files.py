@@ -11,8 +11,8 @@ from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity,
 from gough_stewart.harness.ensemble.statistics import worst_members
 from gough_stewart.harness.ensemble.tables import ensemble_sheets
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.experiment.member_records import records_of
 from gough_stewart.harness.experiment.plan import plan_from
+from gough_stewart.harness.experiment.recording import records_of
 from gough_stewart.harness.output.tables import Sheet
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.process.files import write_files

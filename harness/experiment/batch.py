@@ -1,10 +1,10 @@
 """Members that are ready to run, in parallel or one by one."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from functools import partial
-from typing import Any, NamedTuple
+from operator import methodcaller
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,8 +146,8 @@ class Batch:
             feedforward=self.feedforward.arrays(np.asarray),
             start_force=self.start_force[0] if n == 1 else self.start_force,
             sensors=Sensors(
-                _by_signal(sensors, lambda each: each.noise),
-                _by_signal(sensors, lambda each: each.quantisation),
+                _by_signal(sensors.map(lambda each: each.noise)),
+                _by_signal(sensors.map(lambda each: each.quantisation)),
                 sensors[0].sample_time,
                 self._seeds(has_noise, sensors[0].seed),
             ),
@@ -185,21 +185,18 @@ class Batch:
         plant = lanes_plant(machines, list(filled.start), **stepping._asdict(), compiler=compiler)
         law_from, controllers = None, [each for each in self.controller if each is not None]
         if controllers:
+            flat = filled.planned.arrays(
+                lambda each: (_NO_JACOBIANS if each is None else each.jacobians).reshape(-1, 36)
+            )
             known = zip(self.platform, self.feedforward, self.injection, strict=True)
             law_from = laws_of(
                 controllers,
                 timing.sample_time,
-                filled.jacobians,
+                flat.reshape(*flat.shape[:-1], 6, 6),
                 [known_of(platform, timing, forces, injection) for platform, forces, injection in known],
                 copies,
             )
         return InParallel(plant, law_from, filled.loop, len(filled))
-
-    @property
-    def jacobians(self) -> FloatArray:
-        """Leg Jacobians of the reference at every sample, (m, 6, 6) if all are the same, else (m, N, 6, 6)."""
-        flat = self.planned.arrays(lambda each: (_NO_JACOBIANS if each is None else each.jacobians).reshape(-1, 36))
-        return np.asarray(flat.reshape(*flat.shape[:-1], 6, 6))
 
     def _seeds(self, own: Distinct[bool], common: Seeds) -> Seeds:
         """Of each member, the common one of those without random numbers; one if all are the same."""
@@ -210,10 +207,6 @@ class Batch:
         return found[0] if all(as_numbers(seed) == first for seed in found) else tuple(found)  # type: ignore[arg-type]
 
 
-def _by_signal(sensors: Distinct[Sensors], sizes: Callable[[Sensors], Mapping[str, PerMember]]) -> dict[str, PerMember]:
-    names = dict.fromkeys(name for each in sensors.values for name in sizes(each))
-    return {name: sensors.numbers(partial(_size, sizes, name)) for name in names}
-
-
-def _size(sizes: Callable[[Sensors], Mapping[str, PerMember]], name: str, sensors: Sensors) -> Any:
-    return sizes(sensors).get(name) or 0.0
+def _by_signal(sizes: Distinct[Mapping[str, PerMember]]) -> dict[str, PerMember]:
+    names = dict.fromkeys(name for each in sizes.values for name in each)
+    return {name: sizes.numbers(methodcaller("get", name, 0.0)) for name in names}

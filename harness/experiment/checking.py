@@ -1,13 +1,14 @@
 """Checks whether a platform can follow the motion of an experiment, and scales the motion until it can."""
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.errors import ExperimentError, MotionError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import ReferenceMotion, Stages, force_limit_of
@@ -19,6 +20,7 @@ from gough_stewart.harness.motion.motion import Motion, Scaled, centre_of
 from gough_stewart.model.platform import Platform
 
 Fit = Literal["time", "amplitude"]
+FILES = ("check.json", "needs.csv", "shares.png", "shares.svg")
 _DIGITS = 9
 _ROUNDING = 1e-9
 
@@ -228,7 +230,57 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     stages = Stages(chosen)
     nominal = stages.platform(chosen.platform)
     platform = stages.limited(nominal, force_limit_of(chosen.actuators.force_limit, nominal))
-    requested = stages.reference(chosen.reference, platform, stages.timing(chosen.loop.jitter, chosen.loop.delay))
+    timing = stages.timing(chosen.loop.jitter, chosen.loop.delay)
+    if chosen.reference is None:
+        raise ExperimentError(chosen.where, "reference", "is missing; add one, so that there is a motion")
+    requested = stages.reference(chosen.reference, platform, timing, True)
+    assert requested is not None
     time, motion = requested.timing.times, requested.motion
     shares = shares_along(platform, time, motion, chosen.limits.condition_number)
     return MotionCheck(chosen, platform, shares, needs_along(platform, time, motion), requested)
+
+
+def check_files(found: MotionCheck) -> dict[str, bytes]:
+    """Numbers, needs and figure by file name."""
+    import polars
+
+    from gough_stewart.harness.motion.limits.shares_figure import shares_pictures
+    from gough_stewart.harness.motion.limits.shares_tables import LEGS
+    from gough_stewart.harness.output.versions import versions
+
+    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in found.needs.of.items()}
+    numbers = {**as_dict(found), "versions": versions()}
+    return {
+        "check.json": (json.dumps(numbers, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
+        "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
+        **shares_pictures(found.shares, f"{found.experiment.title}: shares of the limits of {found.platform.name}"),
+    }
+
+
+def as_dict(found: MotionCheck) -> dict[str, Any]:
+    """The largest share of every limit, its time, and all needs, as plain numbers; None for what is not finite."""
+    from gough_stewart.harness.motion.limits.shares_tables import LEGS, finite
+
+    limits = {}
+    for name, share in found.shares.of.items():
+        peaks = [found.shares.peak(name, leg) for leg in LEGS] if share.ndim == 2 else [found.shares.peak(name)]
+        used, times = [finite(peak.share) for peak in peaks], [peak.time for peak in peaks]
+        limits[name] = {"share": used, "time": times} if share.ndim == 2 else {"share": used[0], "time": times[0]}
+    largest = found.shares.largest
+    return {
+        "title": found.experiment.title,
+        "platform": found.platform.name,
+        "within": found.within,
+        "margin": found.margin,
+        "keeps_margin": found.keeps_margin,
+        "not_stated": list(found.not_stated),
+        "largest": {**largest._asdict(), "share": finite(largest.share)},
+        "time_factor": found.time_factor,
+        "amplitude_factor": found.amplitude_factor,
+        "limits": limits,
+        "needs": {
+            name: {"unit": need.unit, "of_leg": [finite(float(value)) for value in need.of_leg]}
+            for name, need in found.needs.of.items()
+        },
+        "needs_notes": list(found.needs.notes),
+    }

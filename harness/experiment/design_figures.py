@@ -61,7 +61,8 @@ def _legs(gain: Axes, phase: Axes, L: Any, omega: FloatArray, margins: Margins) 
     for k in range(L.noutputs):
         loop = one_leg_open(everything, k)
         style: dict[str, Any] = {"color": COLOURS[k], "linestyle": DASHES[k], "label": f"leg {k + 1}"}
-        angle = _degrees(loop)
+        angle = np.degrees(np.unwrap(np.angle(loop)))
+        angle -= 360 * (angle[0] > 90.5)  # a loop that begins at 180° begins at −180°
         gain.loglog(hertz, np.abs(loop), **style)
         # at negligible gain the phase is meaningless
         phase.semilogx(hertz, np.where(np.abs(loop) > _BELOW, angle, np.nan), **style)
@@ -92,12 +93,6 @@ def _margins(
         phase.plot([hertz[at]] * 2, [edge, angle[at]], **mark)
         for axes in (gain, phase):
             axes.axvline(hertz[at], linestyle=":", **_THIN)
-
-
-def _degrees(loop: ComplexArray) -> FloatArray:
-    """Phase, unwrapped; a loop that begins at 180° begins at −180°."""
-    angle = np.degrees(np.unwrap(np.angle(loop)))
-    return np.asarray(angle - 360 if angle[0] > 90.5 else angle)
 
 
 def _phase_label(margins: Margins) -> str:

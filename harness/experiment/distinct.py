@@ -35,6 +35,11 @@ class Distinct(Generic[T]):
         of = [found.setdefault(identity(value), (len(found), value))[0] for value in each]
         return cls([value for _, value in found.values()], np.array(of, dtype=np.intp))
 
+    @classmethod
+    def common(cls, value: T, n: int) -> "Distinct[T]":
+        """One value of all n members."""
+        return cls([value], np.zeros(n, dtype=np.intp))
+
     def __len__(self) -> int:
         """N."""
         return len(self.of)
@@ -48,7 +53,7 @@ class Distinct(Generic[T]):
         """The value of one member after the other."""
         return (self.values[k] for k in self.of.tolist())
 
-    def take(self, members: NDArray[np.intp]) -> "Distinct[T]":
+    def take(self, members: NDArray[np.intp] | list[int]) -> "Distinct[T]":
         """Those of some members (M,)."""
         used, of = np.unique(self.of[members], return_inverse=True)
         values = self.values

@@ -33,7 +33,12 @@ def write_results(record: Record, folder: Path, report: bool = False) -> tuple[l
         file_set(folder, names_of_files() if report else _FILES, [PAGE]) as files,
         ThreadPoolExecutor(1) as aside,  # polars releases the GIL
     ):
-        written = aside.submit(_add, files, _record_files(record))
+        first: dict[str, Content] = {
+            "record.parquet": record.write_parquet,
+            "record.csv": record.write_csv,
+            "metadata.json": record.to_metadata(),
+        }
+        written = aside.submit(_add, files, first)
         more, measured = _result_files(record, report)
         written.result()
         _add(files, more)
@@ -43,14 +48,6 @@ def write_results(record: Record, folder: Path, report: bool = False) -> tuple[l
 def _add(files: FileSet, contents: Mapping[str, Content]) -> None:
     for name, content in contents.items():
         files.add(name, content)
-
-
-def _record_files(record: Record) -> dict[str, Content]:
-    return {
-        "record.parquet": record.write_parquet,
-        "record.csv": record.write_csv,
-        "metadata.json": record.to_metadata(),
-    }
 
 
 def _result_files(record: Record, report: bool) -> tuple[dict[str, bytes], Metrics]:

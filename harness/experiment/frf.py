@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import polars
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gough_stewart.harness.control.frequency_response import Response, response_of_periods
 from gough_stewart.harness.control.laws import Controller, controller_of, linear_of
@@ -16,9 +18,10 @@ from gough_stewart.harness.control.margins import is_stable, response
 from gough_stewart.harness.control.structured import ComplexArray
 from gough_stewart.harness.errors import ControllerError, RecordError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.frf_figure import frf_figure
 from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.output.plotting import entitle, label, pictures
 from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.results.record import Record, platform_of, read_record
 from gough_stewart.model.errors import GoughStewartError
@@ -149,7 +152,9 @@ def frf(
         if controller is None:
             notes += _doubts_of_controller(record, own, is_given=experiment is not None)
         L = _linear_loop(record, own, controller)
-        predicted = _loop_seen(response(L, 2 * np.pi * frequency), a, b)
+        # of one channel, the others closed: 1/(b S a) − 1 with S = (1 + L)⁻¹ (n, 6, 6)
+        S = np.linalg.inv(np.eye(6) + response(L, 2 * np.pi * frequency))
+        predicted = np.asarray(1 / (S @ a @ b) - 1)
         if not is_stable(L):
             notes.append("the linear loop is unstable; `gough-stewart margins` shows the cause")
     except GoughStewartError as error:
@@ -240,12 +245,6 @@ def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any
     )
 
 
-def _loop_seen(L: ComplexArray, a: FloatArray, b: FloatArray) -> ComplexArray:
-    """L of one channel, the others closed: 1/(b S a) − 1 with S = (1 + L)⁻¹ (n, 6, 6)."""
-    S = np.linalg.inv(np.eye(6) + L)
-    return np.asarray(1 / (S @ a @ b) - 1)
-
-
 def _notes(record: Record) -> list[str]:
     notes = []
     limited = float(record["flag.force_limited"].any(axis=1).mean())
@@ -285,3 +284,55 @@ def frf_sheet(found: FrequencyResponse) -> Sheet:
                 cells.append(f"{np.degrees(np.angle(loop[k])):.0f}")
         sheet.add(f"{found.frequency[k]:.4g}", *cells, f"{seen.coherence[k]:.4f}")
     return sheet
+
+
+_THIN: dict[str, Any] = {"color": "#555555", "linewidth": 0.9}
+
+
+def frf_figure(
+    frequency: FloatArray, measured: Response, predicted: ComplexArray | None, title: str
+) -> dict[str, bytes]:
+    """`frf.png` and `frf.svg`: points with 95 % confidence bars, lines for the linear model."""
+
+    def draw(figure: Figure) -> None:
+        entitle(figure, title)
+        (gain, both), (phase, coherence) = figure.subplots(2, 2, sharex=True)
+        _points(gain, frequency, np.abs(measured.L), measured.loop_radius, 0, "run")
+        angle = np.degrees(np.unwrap(np.angle(measured.L)))
+        spread = np.degrees(np.arcsin(np.minimum(1.0, measured.loop_radius / np.abs(measured.L))))
+        _points(phase, frequency, angle, spread, 0, "")
+        _points(both, frequency, np.abs(measured.S), measured.radius, 0, "S")
+        _points(both, frequency, np.abs(measured.T), measured.radius, 1, "T")
+        if predicted is not None:
+            S = 1 / (1 + predicted)
+            style: dict[str, Any] = {"linewidth": 1.1, "zorder": 1}
+            gain.plot(frequency, np.abs(predicted), color=COLOURS[0], label="linear model", **style)
+            # shift by full turns to the nearest phase
+            line = np.degrees(np.unwrap(np.angle(predicted)))
+            line += 360 * np.round(np.median(angle - line) / 360)
+            phase.plot(frequency, line, color=COLOURS[0], **style)
+            both.plot(frequency, np.abs(S), color=COLOURS[0], **style)
+            both.plot(frequency, np.abs(1 - S), color=COLOURS[1], linestyle="--", **style)
+        coherence.semilogx(frequency, measured.coherence, ".", color=COLOURS[0])
+        coherence.set_ylim(min(0.9, float(measured.coherence.min())) - 0.02, 1.01)
+        for axes in (gain, both):
+            axes.set_xscale("log")
+            axes.set_yscale("log")
+            axes.axhline(1.0, **_THIN)
+            axes.legend()
+        phase.set_xscale("log")
+        phase.axhline(-180.0, **_THIN)
+        label(gain, "gain of L", "1", "")
+        label(phase, "phase of L", "°", "frequency [Hz]")
+        label(both, "|S| and |T|", "1", "")
+        label(coherence, "coherence", "1", "frequency [Hz]")
+        for axes in (gain, phase, both, coherence):
+            axes.margins(x=0.02)
+
+    return pictures("frf", draw, 9.0, 5.4)
+
+
+def _points(axes: Axes, x: FloatArray, y: FloatArray, radius: FloatArray, colour: int, name: str) -> None:
+    axes.errorbar(
+        x, y, radius, fmt="s^"[colour], markersize=3, color=COLOURS[colour], elinewidth=0.8, label=name or None
+    )

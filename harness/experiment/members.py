@@ -183,7 +183,10 @@ class Members:
 
     def prepared_with(self, values: Sequence[Values], numbers: Sequence[int | None]) -> PreparedMembers:
         """Members with these values, and the noise and jitter of these numbers; of the nominal one without."""
-        seeds = [self.nominal.sensors.seed if k is None else self.seed_of(k) for k in numbers]
+        seeds = [
+            self.nominal.sensors.seed if k is None else np.random.SeedSequence(self.seed, spawn_key=(k,))
+            for k in numbers
+        ]
         return self.preparation.members(values, seeds)
 
     def possible(self) -> Batch:
@@ -209,10 +212,6 @@ class Members:
         """How its members are stepped."""
         fixed, step = self.nominal.plant.fixed_step_size, self.nominal.loop.plant_step or self.nominal.loop.sample_time
         return Stepping(self.choice.tolerance, max(1, ceil(step / fixed - 1e-9)) if fixed else None)
-
-    def seed_of(self, member: int) -> np.random.SeedSequence:
-        """The seed of a member's noise and jitter."""
-        return np.random.SeedSequence(self.seed, spawn_key=(member,))
 
     def _inputs(self) -> tuple[Input, ...]:
         """Inputs in order of their places, independent of the order in the file."""

@@ -50,7 +50,8 @@ def names_from(experiment: Experiment, folder: Path) -> dict[tuple[str, ...], st
 def _name_from(experiment: Experiment, key: tuple[str, ...], name: Path, folder: Path) -> str:
     if name.is_absolute():
         return str(name)
-    if _is_shipped(experiment, key, name):
+    is_recording = key[0] == "reference" and isinstance(experiment.reference, FromFile)
+    if is_recording and recording_path(experiment.folder, str(name)) != experiment.folder / name:  # a shipped one
         if (folder / name).exists():
             raise ExperimentError(
                 experiment.where,
@@ -65,8 +66,3 @@ def _name_from(experiment: Experiment, key: tuple[str, ...], name: Path, folder:
         return Path(os.path.relpath(target, there)).as_posix()
     except ValueError:  # on another drive
         return target.as_posix()
-
-
-def _is_shipped(experiment: Experiment, key: tuple[str, ...], name: Path) -> bool:
-    is_recording = key[0] == "reference" and isinstance(experiment.reference, FromFile)
-    return is_recording and recording_path(experiment.folder, str(name)) != experiment.folder / name

@@ -6,28 +6,25 @@ drops out there. A single run is one member.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.drive import ActuatorChoice
 from gough_stewart.harness.control.laws import Controller
-from gough_stewart.harness.control.sensor import SensorChoice
-from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.distinct import Distinct, T, identity
 from gough_stewart.harness.experiment.hints import hints_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.stages import Injection, Planned, Stages, force_limit_of
+from gough_stewart.harness.experiment.stages import Injection, Stages, force_limit_of
 from gough_stewart.harness.experiment.varied import VariedTable
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change
 from gough_stewart.harness.loop.seeds import Seed
 from gough_stewart.harness.loop.sensors import Sensors
-from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, SingularPoseError
 from gough_stewart.model.platform import Platform
@@ -107,38 +104,35 @@ class Preparation:
         injection
             As in `prepare`.
         """
-        stage, stages, n = _Evaluation(len(values), self._results), Stages(self.experiment), len(values)
-        tables = self._tables(stage, values)
-        given: Distinct[Any] = _common(self.controller, n)
-        platform = stage("platform", stages.platform, tables["platform"])
-        machine = self._machine(stage, stages, stage("base of machine", stages.base_of_machine, platform), values)
-        jitter = tables["loop"].map(lambda each: each.jitter)
-        delay = tables["loop"].map(lambda each: each.delay)
-        stage("clocks", stages.timing, jitter, delay)
-        timing = stage("timing", stages.timing, _common(0.0, n), _common(0, n))
-        force_limit = stage(
-            "force limit", force_limit_of, tables["actuators"].map(lambda each: each.force_limit), platform
-        )
-        planned, warnings = self._planned(stage, stages, tables, platform, force_limit, timing)
-        start = stage("start", stages.start, tables["start"], platform, planned)
-        choice = tables["controller"]
-        kind = choice.map(lambda each: each.feedforward)
-        forces = stage("feedforward", stages.feedforward, kind, delay, platform, planned, timing)
-        controller = stage("controller", stages.controller, choice, platform, timing, given)
-        stage("delay", stages.delay, controller, delay)
-        forces = stage("forces", self._forces, choice, controller, forces)
+        n, stages, stage = len(values), Stages(self.experiment), _Evaluation(len(values), self._results)
+        tables, of, is_given = self._tables(stage, values), attrgetter, self.controller is not None
+        loop, drives, limits, choice = (tables[name] for name in ("loop", "actuators", "limits", "controller"))
+        given: Distinct[Any] = Distinct.common(self.controller, n)
+        delay, jitter = loop.map(of("delay")), loop.map(of("jitter"))
+        is_closed = choice.map(lambda each: is_given or each.is_closed)
+        without = choice.map(lambda each: is_given or each.is_closed or each.feedforward != "none")
+        platform = stage(stages.platform, tables["platform"])
+        machine = self._machine(stage, stages, platform, values)
+        stage(stages.timing, jitter, delay)
+        timing = stage(stages.timing, Distinct.common(0.0, n), Distinct.common(0, n))
+        force_limit = stage(force_limit_of, drives.map(of("force_limit")), platform)
+        limited = stage(stages.limited, platform, force_limit)
+        requested = stage(stages.reference, tables["reference"], limited, timing, without)
+        reach = (limits.map(of("condition_number")), limits.map(of("reference")))
+        warnings = stage(stages.warnings, limited, requested, *reach)
+        planned = stage(stages.planned, platform, requested)
+        start = stage(stages.start, tables["start"], platform, planned)
+        forces = stage(stages.feedforward, choice.map(of("feedforward")), delay, platform, planned, timing)
+        controller = stage(stages.controller, choice, platform, timing, given)
+        forces = stage(stages.forces, choice, controller, delay, forces, given)
         start_force = _start_forces(stage, machine, start, controller, forces, force_limit)
-        is_closed = choice.map(lambda each: self.controller is not None or each.is_closed)
-        bound = tables["limits"].map(lambda each: each.position_error)
-        limits = stage("limits", stages.limits, bound, platform, is_closed)
-        changes: Distinct[tuple[Change, ...]] = _common((), n)
+        actuators = stage(_actuators, drives, force_limit, delay)
+        ends = stage(stages.limits, limits.map(of("position_error")), platform, is_closed)
+        changes: Distinct[tuple[Change, ...]] = Distinct.common((), n)
         if self.experiment.change or self.experiment.disturbance:
-            changes = stage("changes", stages.changes, tables["change"], tables["disturbance"], machine, timing)
-        added = stage(
-            "injection", stages.injection, tables["injection"], platform, planned, timing, _common(injection, n)
-        )
-        self._results = stage.repeated
-        going = np.flatnonzero(stage.going)
+            changes = stage(stages.changes, tables["change"], tables["disturbance"], machine, timing)
+        added = stage(stages.injection, tables["injection"], platform, planned, timing, Distinct.common(injection, n))
+        self._results = {name: found for name, found in stage.results.items() if len(found) <= _REPEATED}
         every = Batch(
             timing=timing,
             platform=platform,
@@ -150,36 +144,37 @@ class Preparation:
             feedforward=forces,
             injection=added,
             start_force=start_force,
-            sensors=tables["sensors"].map(_sensors),
-            actuators=stage("actuators", _actuators, tables["actuators"], force_limit, delay),
-            limits=limits,
+            sensors=tables["sensors"].map(lambda each: Sensors(**dict(each))),
+            actuators=actuators,
+            limits=ends,
             changes=changes,
             jitter=jitter,
             seeds=Distinct.among(seeds or [self.experiment.sensors.seed] * n),
         )
+        going = np.flatnonzero(stage.going)
         return PreparedMembers(going, every.take(going), stage.errors, self.experiment.where)
 
     def _tables(self, stage: "_Evaluation", values: Sequence[Values]) -> dict[str, Distinct[Any]]:
         """The tables of the experiment, with each member's values, but without those of the machine."""
         n = len(values)
-        tables: dict[str, Distinct[Any]] = {name: _common(table, n) for name, table in self.experiment}
+        tables: dict[str, Distinct[Any]] = {name: Distinct.common(table, n) for name, table in self.experiment}
         for name in dict.fromkeys(path[0] for each in values for path in each if path[0] != "plant"):
             own = [{path[1:]: value for path, value in each.items() if path[0] == name} for each in values]
             texts = ["; ".join(f"{'.'.join(path)} = {value!r}" for path, value in each.items()) for each in own]
             of_text, table = dict(zip(texts, own, strict=True)), VariedTable(self.experiment, name)
             tables[name] = stage(
-                f"[{name}]", lambda text, table=table, of=of_text: table.having(of[text]), Distinct.among(texts)
+                lambda text, table=table, of=of_text: table.having(of[text]), Distinct.among(texts), name=f"[{name}]"
             )
         return tables
 
     def _machine(
-        self, stage: "_Evaluation", stages: Stages, base: Distinct[Platform], values: Sequence[Values]
+        self, stage: "_Evaluation", stages: Stages, nominal: Distinct[Platform], values: Sequence[Values]
     ) -> Distinct[Platform]:
         """The simulated platforms."""
-        common = self.experiment.plant.parameters
+        base, common = stage(stages.base_of_machine, nominal), self.experiment.plant.parameters
         own = [{path[-1]: value for path, value in each.items() if path[0] == "plant"} for each in values]
         if not any(own) or not stage.going.any():
-            return stage("machine", stages.machine, base, _common(common, len(values)))
+            return stage(stages.machine, base, Distinct.common(common, len(values)))
         going = np.flatnonzero(stage.going)
         of = np.zeros(len(values), dtype=np.intp)
         of[going] = np.arange(len(going))
@@ -188,38 +183,6 @@ class Preparation:
         for k, error in errors.items():
             stage.fail([going[k]], ExperimentError(self.experiment.where, "plant", str(error)))
         return Distinct(platforms, of)
-
-    def _planned(
-        self,
-        stage: "_Evaluation",
-        stages: Stages,
-        tables: Mapping[str, Distinct[Any]],
-        platform: Distinct[Platform],
-        force_limit: Distinct[float | None],
-        timing: Distinct[Timing],
-    ) -> tuple[Distinct[Planned | None], Distinct[tuple[str, ...]]]:
-        """What is planned from the reference, and the limits that it exceeds with permission."""
-        if self.experiment.reference is None:
-            stage("no reference", self._refuse_without_reference, tables["controller"])
-            return _common(None, len(platform)), _common((), len(platform))
-        limited = stage("limited", stages.limited, platform, force_limit)
-        requested = stage("reference", stages.reference, tables["reference"], limited, timing)
-        condition_number = tables["limits"].map(lambda each: each.condition_number)
-        when = tables["limits"].map(lambda each: each.reference)
-        warnings = stage("warnings", stages.warnings, limited, requested, condition_number, when)
-        return stage("planned", stages.planned, platform, requested), warnings
-
-    def _refuse_without_reference(self, choice: ControllerChoice) -> None:
-        if self.controller is not None or choice.is_closed or choice.feedforward != "none":
-            raise ExperimentError(
-                self.experiment.where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
-            )
-
-    def _forces(self, choice: ControllerChoice, controller: Controller | None, feedforward: FloatArray) -> FloatArray:
-        """What is known in advance; an FMU that is given contains its feedforward."""
-        if self.controller is None:
-            return choice.planned(feedforward)
-        return np.zeros_like(feedforward) if isinstance(controller, UnitController) else feedforward
 
 
 # Results of a stage, and what they were made from, by its identity.
@@ -237,9 +200,9 @@ class _Evaluation:
 
     def __init__(self, n: int, known: Mapping[str, _Results]) -> None:
         self.going, self.errors = np.ones(n, dtype=bool), dict[int, GoughStewartError]()
-        self._known, self._results = known, dict[str, _Results]()
+        self._known, self.results = known, dict[str, _Results]()
 
-    def __call__(self, name: str, make: Callable[..., T], *parts: Distinct[Any]) -> Distinct[T]:
+    def __call__(self, make: Callable[..., T], *parts: Distinct[Any], name: str = "") -> Distinct[T]:
         """The results of a stage, of which each is made once from the same parts; errors end its members."""
         going = np.flatnonzero(self.going)
         key = np.zeros(len(going), dtype=np.intp)
@@ -247,7 +210,8 @@ class _Evaluation:
             if len(part.values) > 1:
                 key = np.unique(key * len(part.values) + part.of[going], return_inverse=True)[1]
         _, first, of_going = np.unique(key, return_index=True, return_inverse=True)
-        known, results = self._known.get(name, {}), self._results.setdefault(name, {})
+        name = name or make.__qualname__
+        known, results = self._known.get(name, {}), self.results.setdefault(name, {})
         made, of_combination = list[T](), np.zeros(len(first), dtype=np.intp)
         for k, member in enumerate(going[first].tolist()):
             values = [part[member] for part in parts]
@@ -270,19 +234,6 @@ class _Evaluation:
         for member in members:
             self.errors[int(member)], self.going[member] = error, False
 
-    @property
-    def repeated(self) -> dict[str, _Results]:
-        """The results of stages that other members may need, too."""
-        return {name: results for name, results in self._results.items() if len(results) <= _REPEATED}
-
-
-def _common(value: T, n: int) -> Distinct[T]:
-    return Distinct([value], np.zeros(n, dtype=np.intp))
-
-
-def _sensors(choice: SensorChoice) -> Sensors:
-    return Sensors(choice.noise, choice.quantisation, choice.sample_time, choice.seed)
-
 
 def _actuators(choice: ActuatorChoice, force_limit: float | None, delay: int) -> Actuators:
     return Actuators(force_limit, choice.rate_limit, choice.lag, delay)
@@ -297,24 +248,23 @@ def _start_forces(
     force_limit: Distinct[float | None],
 ) -> FloatArray:
     """Forces (N, 6) before the first command: of an open loop its own, else those that hold the machine at rest."""
-    found = np.zeros((len(machine), 6))
-    if not stage.going.any():
-        return found
-    is_open = controller.numbers(lambda each: each is None)
-    for k in np.flatnonzero(stage.going & is_open).tolist():
-        found[k] = forces[k][0]
-    closed = np.flatnonzero(stage.going & np.logical_not(is_open))
-    if len(closed):
+    found, going = np.zeros((len(machine), 6)), np.flatnonzero(stage.going).tolist()
+    closed = [k for k in going if controller[k] is not None]
+    for k in going:
+        if controller[k] is None:
+            found[k] = forces[k][0]
+    if closed:
         machines, starts = machine.take(closed), start.take(closed)
         platforms = Platforms.of(machines.values)[machines.of].parameters
         position, orientation = (np.stack([each[k] for each in starts.values])[starts.of] for k in range(2))
         try:
             found[closed] = static_leg_forces(platforms, position, orientation)
         except SingularPoseError:
-            for k in closed.tolist():
+            for k in closed:
                 try:
                     found[k] = static_leg_forces(machine[k], start[k].position, start[k].orientation)
                 except SingularPoseError as error:
                     stage.fail([k], error)
-    limit = force_limit.numbers(lambda each: each, np.inf)
-    return found if limit is None else np.clip(found.T, -limit, limit).T
+    limit = np.array([np.inf if force_limit[k] is None else force_limit[k] for k in going])[:, None]
+    found[going] = np.clip(found[going], -limit, limit)
+    return found

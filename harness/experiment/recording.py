@@ -1,18 +1,26 @@
-"""The record of a run: columns by name, and metadata."""
+"""The records of runs: columns by name, and metadata; of single members bit for bit as in their ensemble."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
 
-from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.harness.loop.run import Run
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.batch import Batch, Prepared
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.varied import experiment_with
+from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.seeds import as_numbers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.results.record import Record, columns, plain
 from gough_stewart.model import interface
+from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.experiment.plan import Plan
 
 FORMAT = 1
 _INPUT_COLUMNS = [name for v in interface.INPUTS for name in v.scalar_names]
@@ -97,3 +105,60 @@ def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> di
         "machine": plain(prepared.machine),
         "versions": versions(),
     }
+
+
+def member_of(plan: "Plan", member: int) -> tuple[Experiment, Prepared]:
+    """The experiment of a member, and the same prepared.
+
+    Raises
+    ------
+    ExperimentError
+        No member of that number, or one that is impossible.
+    """
+    (own,), batch = _members_of(plan, [member])
+    return own, batch.member(0)
+
+
+def _members_of(plan: "Plan", numbers: Sequence[int]) -> tuple[list[Experiment], Batch]:
+    for member in numbers:
+        if not 0 <= member < plan.members:
+            raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
+    members = plan.prepared
+    values = [members.draws(member, member + 1).values[0] for member in numbers]
+    found = members.prepared_with(values, numbers)
+    for k, reason in found.reasons.items():
+        raise ExperimentError(plan.where, f"member {numbers[k]}", f"is impossible: {reason}")
+    own = [experiment_with(members.nominal, each) for each in values]
+    titles = [f"{plan.title}, member {member}" for member in numbers]
+    return [each.model_copy(update={"title": title}) for each, title in zip(own, titles, strict=True)], found.batch
+
+
+def records_of(plan: "Plan", members: Sequence[int], progress: TimeProgress | None = None) -> list[Record]:
+    """The records of members, which run in parallel.
+
+    Raises
+    ------
+    ExperimentError
+        As `member_of`.
+    """
+    if not members:
+        return []
+    experiments, batch = _members_of(plan, members)
+    running = batch.in_parallel(plan.prepared.stepping)
+    with running.plant:
+        run = simulate(running.plant, running.law_from, running.loop, progress)
+    return [
+        record_of(
+            run.of_member(k),
+            batch.member(k),
+            {
+                "title": own.title,
+                "plant": "lanes",
+                "member": member,
+                "experiment": own.model_dump(mode="json"),
+                **({"files": plan.files} if plan.files else {}),
+                **({"replaced": ["controller"]} if plan.controller else {}),
+            },
+        )
+        for k, (member, own) in enumerate(zip(members, experiments, strict=True))
+    ]

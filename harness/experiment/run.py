@@ -13,7 +13,7 @@ from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.recording import record_of
+from gough_stewart.harness.experiment.recording import member_of, record_of, records_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import Injection
 from gough_stewart.harness.loop.run import simulate
@@ -91,7 +91,6 @@ def run(
     if member is not None:
         if injection is not None:
             raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
-        from gough_stewart.harness.experiment.member_records import member_of, records_of
         from gough_stewart.harness.experiment.plan import plan_of
 
         plan = plan_of(chosen, controller)

@@ -119,11 +119,17 @@ class Stages:
         """A nominal model with the force limit of the experiment's actuators [N]: no motion may use more force."""
         return platform if limit == platform.actuator_force_max else replace(platform, actuator_force_max=limit)
 
-    def reference(self, choice: ReferenceChoice | None, limited: Platform, timing: Timing) -> ReferenceMotion:
-        """The reference motion."""
+    def reference(
+        self, choice: ReferenceChoice | None, limited: Platform, timing: Timing, is_needed: bool
+    ) -> ReferenceMotion | None:
+        """The reference motion, if there is one."""
         where, folder = self.experiment.where, self.experiment.folder
         if choice is None:
-            raise ExperimentError(where, "reference", "is missing; add one, so that there is a motion")
+            if is_needed:
+                raise ExperimentError(
+                    where, "reference", "is missing; a controller needs one, for instance type = 'hold'"
+                )
+            return None
         with part_of(where, "reference"):
             reference = choice.about(limited, folder)
             if not choice.highest_frequency < 0.5 / timing.sample_time:
@@ -134,15 +140,19 @@ class Stages:
             return ReferenceMotion(reference, timing, reference(timing.times))
 
     def warnings(
-        self, limited: Platform, requested: ReferenceMotion, condition_number: float, when: WhenBeyond
+        self, limited: Platform, requested: ReferenceMotion | None, condition_number: float, when: WhenBeyond
     ) -> tuple[str, ...]:
         """Limits that the motion exceeds with permission; refuses a motion that the platform cannot follow."""
+        if requested is None:
+            return ()
         centre, times = centre_of(requested.reference), requested.timing.times
         with part_of(self.experiment.where, "reference"):
             return tuple(check_reach(limited, times, requested.motion, condition_number, centre=centre, dynamic=when))
 
-    def planned(self, platform: Platform, requested: ReferenceMotion) -> Planned:
+    def planned(self, platform: Platform, requested: ReferenceMotion | None) -> Planned | None:
         """The legs' motion, and what the loop reads at rows and samples."""
+        if requested is None:
+            return None
         reference, timing, motion = requested
         with part_of(self.experiment.where, "reference"):
             legs = legs_of(platform, motion)
@@ -178,8 +188,10 @@ class Stages:
                 return choice.controller(platform, timing.sample_time, self.experiment.folder)
             return controller_of(given, choice.design(platform, timing.sample_time))
 
-    def delay(self, controller: Controller | None, delay: int) -> None:
-        """Refuse a delay [samples] that the controller cannot have."""
+    def forces(
+        self, choice: ControllerChoice, controller: Controller | None, delay: int, feedforward: FloatArray, given: Any
+    ) -> FloatArray:
+        """All that is known in advance at every sample (m, 6) [N]; an FMU that is given contains its feedforward."""
         if isinstance(controller, UnitController) and not delay:
             raise ExperimentError(
                 self.experiment.where,
@@ -187,6 +199,9 @@ class Stages:
                 f"{controller.path} outputs the forces of a sample after a step over it; expected a loop.delay "
                 "of at least 1, for instance by --set loop.delay=1",
             )
+        if given is None:
+            return choice.planned(feedforward)
+        return np.zeros_like(feedforward) if isinstance(controller, UnitController) else feedforward
 
     def limits(self, position_error: float | None, platform: Platform, is_closed: bool) -> Limits:
         """Conditions that end a run."""
@@ -222,7 +237,13 @@ class Stages:
     ) -> FloatArray | None:
         """Forces that are added to the command at every sample (m, 6) [N]."""
         if given is not None:
-            return _injected(given, timing.samples)
+            forces = np.zeros((len(timing.samples), 6))
+            for k, time in enumerate(timing.samples.tolist()):
+                try:
+                    forces[k] = real_array(given(time), (6,))
+                except ValueError as error:
+                    raise ControllerError(f"the injection at time {time:g} s {error}") from None
+            return forces
         if choice is None:
             return None
         J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
@@ -249,16 +270,6 @@ def force_limit_of(choice: float | str, platform: Platform) -> float | None:
     if choice == "platform":
         return platform.actuator_force_max
     return None if choice == "none" else float(choice)
-
-
-def _injected(injection: Injection, times: FloatArray) -> FloatArray:
-    forces = np.zeros((len(times), 6))
-    for k, time in enumerate(times.tolist()):
-        try:
-            forces[k] = real_array(injection(time), (6,))
-        except ValueError as error:
-            raise ControllerError(f"the injection at time {time:g} s {error}") from None
-    return forces
 
 
 def _parameter_changes(choices: Sequence[schema.ChangeChoice], platform: Platform) -> list[Change]:

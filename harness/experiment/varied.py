@@ -67,7 +67,7 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
         value = getattr(machine if section == "plant" else nominal, name)
         bare = name if section == "plant" else f"platform.{name}"
         return Place(path, _of_parameter(bare, name, value))
-    return Place(path, _found(".".join(path), getattr(experiment, section), rest, section))
+    return Place(path, _target_of(".".join(path), getattr(experiment, section), rest, section))
 
 
 class VariedTable:
@@ -148,7 +148,7 @@ def _of_parameter(name: str, parameter: str, value: Any) -> Target:
     return Target(name, unit, row.shape, nominal, parameter == "platform_inertia")
 
 
-def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
+def _target_of(key: str, table: Any, path: Sequence[str], above: str) -> Target:
     """The value at the end of a path through tables."""
     name, *rest = path
     if isinstance(table, list):
@@ -156,7 +156,7 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
             raise ValueError(
                 f"expected {above}.1 to {above}.{len(table)} and a key of it" if table else f"no [[{above}]]"
             )
-        return _found(key, table[int(name) - 1], rest, f"{above}.{name}")
+        return _target_of(key, table[int(name) - 1], rest, f"{above}.{name}")
     if not isinstance(table, Section):
         raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - the key is wrong, not a type
     field = type(table).model_fields.get(name)
@@ -167,8 +167,9 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
         return _of_controller(key, name, value, rest)
     if isinstance(value, Mapping):
         return _of_mapping(key, name, value, rest)
-    if rest and (isinstance(value, Section) or (value is None and any(map(_is_section, get_args(field.annotation))))):
-        return _found(key, value, rest, f"{above}.{name}")
+    may_be = [isinstance(kind, type) and issubclass(kind, Section) for kind in get_args(field.annotation)]
+    if rest and (isinstance(value, Section) or (value is None and any(may_be))):
+        return _target_of(key, value, rest, f"{above}.{name}")
     if rest:
         raise ValueError(f"{above}.{name} is not a table")
     quantity = quantity_in(field.annotation, *field.metadata)
@@ -177,10 +178,6 @@ def _found(key: str, table: Any, path: Sequence[str], above: str) -> Target:
     shape = (quantity.size,) if isinstance(quantity, Vector) else ()
     nominal = None if value is None or isinstance(value, str) else np.asarray(value, dtype=float)
     return Target(key, quantity.unit, shape, nominal)
-
-
-def _is_section(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Section)
 
 
 def _of_controller(key: str, name: str, table: Mapping[str, Any], rest: Sequence[str]) -> Target:

@@ -311,7 +311,7 @@ def test_check(notes: Notes, kind: str) -> None:
     results = [first, second]
     Path("beside").mkdir()
     notes.replace("harness.experiment.checking.check", act=lambda *_: results.pop(0))
-    notes.replace("harness.experiment.check_files.check_files", {"check.json": b"x" * 50})
+    notes.replace("harness.experiment.checking.check_files", {"check.json": b"x" * 50})
     notes.replace("harness.motion.limits.shares_tables.shares_sheets", [sheet("shares")])
     notes.replace("harness.experiment.checking.verdict", act=lambda found: "first" if found is first else "second")
     notes.replace("harness.experiment.setting_file.text_with_settings", "fitted text")

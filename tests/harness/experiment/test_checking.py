@@ -10,8 +10,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError, MotionError, ReachError
-from gough_stewart.harness.experiment.check_files import as_dict
-from gough_stewart.harness.experiment.checking import Fit, check, verdict
+from gough_stewart.harness.experiment.checking import Fit, as_dict, check, verdict
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run

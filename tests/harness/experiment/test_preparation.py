@@ -98,7 +98,7 @@ def test_a_member_is_its_own_experiment_whoever_else_is_there(everything: Member
         assert_equal(member, everything.prepared(k, k + 1).batch.member(0))
         assert_equal(member, reversed_.member(11 - k))
         own = experiment_with(everything.nominal, values[k])
-        seeds = [everything.seed_of(k)]
+        seeds = [SeedSequence(3, spawn_key=(k,))]
         assert_equal(member, Preparation(own).members([{}], seeds).batch.member(0))
         assert member.loop.start_force.tolist() == prepare(own).loop.start_force.tolist()
 
