@@ -48,7 +48,7 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
         experiment={
             "startTime": "0",
             "stopTime": repr(float(controller.stop_time)),
-            "stepSize": repr(float(controller.sample_time)),
+            "stepSize": repr(float(controller.sample_time / controller.steps_a_sample)),
         },
         code=Code(
             {**own.units, **controller.code.units},
@@ -86,11 +86,13 @@ def _terminals(layout: Layout, fmi_version: str) -> tuple[Terminal, ...]:
 def controller_header(controller: Controller) -> str:
     """`controller_table.h`."""
     rows = controller.layout.by_name
-    named = ("actuator_force", "force_limited", "output_delay", "input_status", "input_bad_time")
-    slots = {name.upper(): rows[name].first for name in named}
+    named = ("actuator_force", "force_limited", "rate_limited", "output_delay", "input_status", "input_bad_time")
+    slots = {name.upper(): rows[name].first for name in named if name in rows}
     limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
     facts = {
         "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),
+        "HAS_RATE_LIMITED": int(controller.has_rate_limit),
+        "STEPS_A_SAMPLE": controller.steps_a_sample,
         "MOST_SAMPLES": MOST_SAMPLES,
         "START_OUTPUT_DELAY": controller.output_delay,
         "MOST_OUTPUT_DELAY": controller.most_output_delay,

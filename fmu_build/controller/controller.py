@@ -17,6 +17,8 @@ OUTPUTS = (
     Variable("force_limited", (6,), "", "output", "continuous", "1 if the force limit is active, else 0"),
 )
 
+RATE_LIMITED = Variable("rate_limited", (6,), "", "output", "continuous", "1 if the rate limit is active, else 0")
+
 # What the plain C says about its inputs; added later than the other outputs.
 REPORTS = (
     Variable(
@@ -62,6 +64,8 @@ class Controller:
     icon: Icon
     output_delay: int = 1  # start value of the unit's parameter [samples]
     notes: tuple[str, ...] = ()  # paragraphs about its loop
+    steps_a_sample: int = 1  # calls of the plain C in a sample
+    has_rate_limit: bool = False  # whether it carries drives, with the memory `rate_limited`
 
     @property
     def most_output_delay(self) -> int:
@@ -83,7 +87,8 @@ class Controller:
             f"{self.most_output_delay}",
             lower_bound="> 0",
         )
-        return laid_out((*inputs, *OUTPUTS, *map(_described, self.parameters)), {}, (delay, *REPORTS))
+        outputs = (*OUTPUTS, RATE_LIMITED) if self.has_rate_limit else OUTPUTS
+        return laid_out((*inputs, *outputs, *map(_described, self.parameters)), {}, (delay, *REPORTS))
 
 
 def _input(variable: Variable, name: str, description: str) -> Variable:

@@ -51,6 +51,7 @@ def _time(controller: Controller, fmi_version: str) -> str:
 <ul>
 <li>Samples are taken at the start time + k · <code>sample_time</code>, {controller.sample_time:.6g} s by design, and
 at no other time. A sample at a communication point reads the inputs that were set there before the step.</li>
+{_steps(controller)}
 <li>The forces of sample k are the outputs from sample k + <code>output_delay</code> on, {controller.output_delay} by
 design; before them the outputs are <code>start_force</code>. Outputs have no direct feedthrough from the inputs, so the
 delay is the same with every importer. <code>output_delay</code> is a whole number from 1 to
@@ -69,6 +70,15 @@ is watched, the forces are safe ones, and the controller's state does not change
 no continuous states, no events and no derivatives of outputs.</li>
 </ul>
 """
+
+
+def _steps(controller: Controller) -> str:
+    """What happens between samples, if anything."""
+    n = controller.steps_a_sample
+    if n == 1:
+        return ""
+    return f"""<li>Between samples the unit takes steps, {n} in a sample: drives move on, and sensors may be read. These
+are at the start time + k · <code>sample_time</code> / {n}.</li>"""
 
 
 def notes_section(notes: Iterable[str]) -> str:

@@ -83,6 +83,14 @@ def export_command(
             metavar=choices(RealChoice),
         ),
     ] = RealChoice.double,
+    parts: Annotated[
+        str | None,
+        typer.Option(
+            "--with",
+            help="Parts of the machine that the controller carries: drives, sensors, or both with a comma.",
+            metavar="PARTS",
+        ),
+    ] = None,
     settings: SetOption = None,
     out: FolderOption = Path(),
     no_python: NoPythonOption = False,
@@ -103,15 +111,19 @@ def export_command(
     - `gough-stewart export heave_step --as c,fmu,ssp --target all --out exported`
 
     - `gough-stewart export mine.toml --as fmu --fmi 2.0 --reference inputs`
+
+    - `gough-stewart export mine.toml --as ssp --with drives,sensors`
     """
     with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.builder import number_of_steps
+            from gough_stewart.harness.export.carried import chosen_parts
             from gough_stewart.harness.export.export import chosen_forms, export
 
         chosen = chosen_experiment(experiment, settings, no_python)
         with wrong_use_if(ExportError):
             chosen_as = chosen_forms(form.strip() for form in forms.split(","))
+            inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
         versions = [v.value for v in fmi] if fmi else ("2.0", "3.0")
         targets = chosen_targets(target)
         steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * number_of_steps(["2.0"], targets)}
@@ -129,6 +141,7 @@ def export_command(
                 reference=reference.value,
                 safe_force=safe_force.value,
                 real=real.value,
+                parts=inside,
                 frozen=None if frozen is None else _frozen(frozen),
                 anyway=anyway,
                 progress=lambda what: progress.update(task, advance=1, description=what),

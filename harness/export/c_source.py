@@ -1,7 +1,7 @@
 """The C source of a controller: NAME.c, NAME.h, and an example program."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from textwrap import fill
@@ -112,7 +112,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
     # a motion at rest does not depend on time
     is_timed = functions.motion is not None and functions.motion.n_in() > 0
     has_constant = any(s.variable.name == "constant_force" for s in settings)
-    safe = designed.faults.safe_force
+    safe, parts = designed.faults.safe_force, designed.carried
     written = "".join(_functions(designed, functions, prefix, home))
     is_table = is_table and is_moving
     table = _table(designed.reference, functions, home) if is_table else ""  # type: ignore[arg-type]
@@ -147,6 +147,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
         "CALL_EXTRAPOLATED": "extrapolated(reference, &coefficients->ahead, ahead);",
         "CALL_START": call(functions.start, {"states_at_rest": "states", "states": "memory->states"}),
         "CALL_EXPECTED": call(functions.expected, {}),
+        **_steps(designed, functions, call),
         "CALL_LAW": call(law, {"force": "command", "next": "next"}),
         "CALL_FEEDFORWARD": call(functions.feedforward, {"force": "known", "motion": "ahead"}),
     }
@@ -172,6 +173,12 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
         "inputs_ahead": designed.reference_inputs and forward,
         "constant": has_constant,
         "excess": uses_excess,
+        "between": "between(" in table,
+        "drives": functions.drives is not None,
+        "sensors": functions.sensors is not None,
+        "steps": parts.has_steps,
+        "reads_at_steps": functions.sensors is not None and parts.steps_a_reading is not None,
+        "reads_at_samples": functions.sensors is not None and parts.steps_a_reading is None,
         "table": is_table,
         "fixed_sample_time": any("DEFAULT_SAMPLE_TIME" in c for s in settings for c in s.conditions),
         "sees": designed.zeros_are_no_measurement,
@@ -187,6 +194,69 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
     if facts["pairs"]:
         facts["PAIRS"] = pairs_source(filled(SOURCE, {**facts, "PAIRS": ""}))
     return facts
+
+
+def _steps(designed: Designed, functions: Traced, call: Callable[..., str]) -> dict[str, str]:
+    """What is done at a sample or a step beside the law: limits, and what is carried of the machine."""
+    parts, n = designed.carried, designed.carried.steps_a_sample
+    limits, drives, sensors = functions.limits, functions.drives, functions.sensors
+    at_steps = sensors is not None and parts.steps_a_reading is not None
+    reading = parts.steps_a_reading or n
+    facts = {
+        "WHEN": "At each step:  " if parts.has_steps else "At each sample:",
+        "SAMPLE_OR_STEP": "step" if parts.has_steps else "sample",
+        "PERIOD": f"step of sample_time / {n}" if parts.has_steps and n > 1 else "sample_time",
+        "PER_SAMPLE": f" / {n}" if n > 1 else "",
+        "WORK_IS": "in one with a sample" if n > 1 else "constant",
+        "STEP": f"{designed.step:g}",
+        "STEPS_IN_WORDS": f"every {_ordinal(n)} takes a sample"
+        + (f", every {_ordinal(reading)} a reading" if at_steps else ""),
+        "STEPS_A_SAMPLE": str(n),
+        "STEPS_A_READING": str(reading),
+        "READING": "memory->reading" if at_steps else "measured",
+        "CALL_COEFFICIENTS_OF_LIMITS": call(limits.coefficients, {"force_limits": "coefficients->force_limits"}),
+        "CALL_LIMITS": call(
+            limits.step,
+            {
+                **_of_component("force_limits", "memory->planned", "planned"),
+                **{"command": "command", "allowed": "allowed", "force_limited": "cut", "excess": "excess"},
+            },
+        ),
+        "N_LIMITS": str(limits.coefficients.numel_out(0)),
+    }
+    if drives is not None:
+        facts |= {
+            "CALL_COEFFICIENTS_OF_DRIVES": call(drives.coefficients, {"drives": "coefficients->drives"}),
+            "CALL_DRIVES": call(
+                drives.step,
+                {
+                    **_of_component("drives", "memory->drives", "next"),
+                    **{"target": "memory->target", "actuator_force": "mean", "rate_limited": "memory->rate_limited"},
+                },
+            ),
+            "N_DRIVES": str(drives.coefficients.numel_out(0)),
+        }
+    if sensors is not None:
+        place = "memory->reading" if at_steps else "reading"
+        facts |= {
+            "CALL_COEFFICIENTS_OF_SENSORS": call(sensors.coefficients, {"sensors": "coefficients->sensors"}),
+            "CALL_SENSORS": call(
+                sensors.step, {**_of_component("sensors", "", ""), "true": "measured", "reading": place}
+            ),
+            "N_SENSORS": str(sensors.coefficients.numel_out(0)),
+        }
+    return facts
+
+
+def _of_component(name: str, states: str, following: str) -> dict[str, str]:
+    """The places of a component's vectors."""
+    return {f"{name}_coefficients": f"coefficients->{name}", f"{name}_states": states, f"{name}_next": following}
+
+
+def _ordinal(n: int) -> str:
+    """In words for a comment: `step`, `3rd step`."""
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(n % 10 if n % 100 not in (11, 12, 13) else 0, "th")
+    return "step" if n == 1 else f"{n}{ending} step"
 
 
 def _uses(function: casadi.Function | None, name: str) -> bool:
@@ -207,6 +277,7 @@ def _functions(designed: Designed, functions: Traced, prefix: str, home: Home | 
         (functions.start, doubles),
         (functions.expected, doubles),
         (functions.law, doubles),
+        *((each, doubles) for component in functions.components for each in component[:2]),
     ]
     if functions.feedforward is None and not any(
         _uses(each, "motion") for each in (functions.law, functions.start, functions.expected)

@@ -16,6 +16,7 @@ from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.c_source import REALS, Real, controller_sources
+from gough_stewart.harness.export.carried import Part, chosen_parts
 from gough_stewart.harness.export.designed import Designed, ReferenceFrom, designed
 from gough_stewart.harness.export.deviation import deviation_of
 from gough_stewart.harness.export.faults import SafeForce, faults_of
@@ -45,6 +46,7 @@ def export(
     safe_force: SafeForce = "feedforward",
     frozen: tuple[int, float] | None = None,
     real: Real = "double",
+    parts: Iterable[Part] | Part = (),
     anyway: bool = False,
     progress: StepProgress | None = None,
     judging: MemberProgress | None = None,
@@ -82,6 +84,10 @@ def export(
     real
         "float": the C is in single precision, with poses and lengths relative to home, and its header states by how
         much its forces deviate from the harness in a run, measured with the code compiled here.
+    parts
+        Of the machine, which the controller carries: "drives", so that its forces are those that act, behind rate limit
+        and lag; "sensors", with their quantisation and sample time, so that it takes true signals. Their settings
+        become parameters. The step function, and the unit, then run at the `plant_step` where drives or readings do.
     anyway
         Export a loop that is unstable in one of the forms; its documentation says so.
     progress
@@ -107,8 +113,8 @@ def export(
     ControllerError
         A controller that cannot be exported, is unstable by itself, or has the wrong size.
     ExportError
-        An unknown form, safe force or precision, nothing to watch for, single precision without the form c, or an SSP
-        with external reference.
+        An unknown form, part, safe force or precision, nothing to watch for, single precision without the form c or
+        with parts, or an SSP with external reference.
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 
@@ -124,36 +130,40 @@ def export(
         raise ExportError(
             "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
         )
-    if real not in REALS:
-        raise ExportError(f"real is {real!r}; expected {' or '.join(map(repr, REALS))}")
-    if real == "float" and "c" not in requested:
-        raise ExportError("real = 'float' is of the form c alone, units compute in double precision; expected form c")
+    inside = chosen_parts(parts)
+    _check_real(real, requested, inside)
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
     report = progress or (lambda _text: None)
     prepared = prepare(chosen, controller)
-    law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared)
-    found = stability_of(chosen, prepared, requested, progress=judging)
+    law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared, inside)
+    found = stability_of(chosen, prepared, requested, parts=inside, progress=judging)
     refused = refusal(chosen, found.items())
     if refused is not None and not anyway:
         raise refused
-    notes = {host: notes_of(chosen, host, each) for host, each in found.items()}
+    notes = {host: notes_of(chosen, host, each, law.carried) for host, each in found.items()}
     files: dict[str, bytes] = {}
     if "c" in requested:
         report("C")
         in_c = replace(law, notes=notes["c"].inside)
         deviation = "" if real == "double" else str(deviation_of(chosen, in_c, controller))
         files |= c_files(in_c, f"{name}_controller", real, deviation)
-    # the forces of a unit act at least one sample late; only in an SSP all of the delay is the unit's
+    # the forces of a unit act at least one sample late; all of the delay is the unit's only in an SSP, or with drives
     late, duration = replace(law, delay=output_delay_of(chosen)), chosen.loop.duration
     if "fmu" in requested:
-        unit = component_of(replace(late, notes=notes["fmu"].inside), f"{name}_controller", duration)
+        unit = component_of(
+            replace(late, notes=notes["fmu"].inside),
+            f"{name}_controller",
+            duration,
+            # behind the drives there is nothing else that could have the rest of the delay
+            output_delay=output_delay_of(chosen) if law.carried.drives else 1,
+        )
         files |= unit_archives(unit, versions, systems, report)
     if "ssp" in requested:
-        inside = notes["ssp"].inside
+        said_inside = notes["ssp"].inside
         unit = component_of(
-            replace(late, notes=inside), f"{name}_controller", duration, output_delay=output_delay_of(chosen)
+            replace(late, notes=said_inside), f"{name}_controller", duration, output_delay=output_delay_of(chosen)
         )
         plant = plant_component(
             prepared.machine,
@@ -165,7 +175,7 @@ def export(
             is_in_a_system=True,
         )
         report("SSP")
-        files[f"{name}.ssp"] = loop_archive(name, plant, unit, duration, law.sample_time, systems, inside, report)
+        files[f"{name}.ssp"] = loop_archive(name, plant, unit, duration, law.step, systems, said_inside, report)
     write_files(folder, files)
     for each in notes.values():
         for said, texts in ((warn, each.warnings), (verdict, each.verdicts)):
@@ -173,6 +183,19 @@ def export(
                 for text in texts:
                     said(text)
     return [folder / file for file in files]
+
+
+def _check_real(real: str, forms: Iterable[Form], parts: Iterable[Part]) -> None:
+    """Refuse a precision that there is not, or not for these."""
+    if real not in REALS:
+        raise ExportError(f"real is {real!r}; expected {' or '.join(map(repr, REALS))}")
+    if real == "float" and "c" not in forms:
+        raise ExportError("real = 'float' is of the form c alone, units compute in double precision; expected form c")
+    if real == "float" and parts:
+        raise ExportError(
+            f"real = 'float' is of the controller alone, without {' and '.join(parts)}; expected real = 'double', or "
+            "no parts"
+        )
 
 
 def around(function: casadi.Function) -> Experiment:

@@ -29,6 +29,8 @@ def component_of(
         icon=Icon(icon_png(designed.platform), icon_svg(designed.platform)),
         output_delay=output_delay,
         notes=designed.notes,
+        steps_a_sample=designed.carried.steps_a_sample,
+        has_rate_limit=designed.carried.drives,
     )
     return controller_component(controller, name)
 

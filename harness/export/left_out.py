@@ -1,9 +1,10 @@
 """What an export leaves out of its experiment."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.carried import Part
 from gough_stewart.harness.export.stability import Host
 from gough_stewart.harness.section import Kind
 
@@ -18,6 +19,11 @@ _HAS = frozenset(
         *("limits.reference", "limits.condition_number"),
     }
 )
+# What it carries of the machine, by part; noise is left out, since its random streams are the harness's.
+_CARRIES: dict[Part, tuple[str, ...]] = {
+    "drives": ("actuators.rate_limit", "actuators.lag"),
+    "sensors": ("sensors.quantisation", "sensors.sample_time"),
+}
 # Values that mean nothing more than the default does.
 _HARMLESS = {"limits.stroke": ("warn", "ignore")}
 # A controller alone has no plant, of whichever kind.
@@ -25,13 +31,14 @@ _OF_PLANT = ("plant",)
 _OTHER_MACHINES = "ensemble (its other machines)"
 
 
-def left_out(experiment: Experiment, host: Host) -> list[str]:
-    """Keys that are set in an experiment, and that a form does not include: `actuators.lag`, `injection`.
+def left_out(experiment: Experiment, host: Host, parts: Iterable[Part] = ()) -> list[str]:
+    """Keys that are set in an experiment, and that a form with these parts does not include: `injection`.
 
     Of an `[ensemble]`, the keys that vary are named, since a form holds one value of each; an SSP holds one machine.
     """
     around = () if host == "ssp" else _OF_PLANT
-    found = [key for key in _set(experiment) if key not in _HAS and key.split(".")[0] not in (*_HAS, *around)]
+    carried = {key for part in parts for key in _CARRIES[part]}
+    found = [key for key in _set(experiment) if key not in _HAS | carried and key.split(".")[0] not in (*_HAS, *around)]
     if experiment.ensemble is not None:
         for key, path in _varied(experiment):
             is_named = any(".".join(path).startswith(each) for each in found)

@@ -46,7 +46,7 @@ def loop_archive(
     duration
         Of the experiment [s].
     step
-        Of the master, the controller's sample time [s].
+        Of the master, the controller's clock [s].
     notes
         Paragraphs about the loop, for the page and the description of the system.
     """

@@ -8,6 +8,7 @@ import numpy as np
 from gough_stewart.harness.control.margins import Margins
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.carried import NOTHING, Carried
 from gough_stewart.harness.export.left_out import left_out
 from gough_stewart.harness.export.stability import (
     NO_FEEDBACK,
@@ -18,12 +19,8 @@ from gough_stewart.harness.export.stability import (
     output_delay_of,
 )
 
+_NAMES_OF = {"sensors": "sensors", "actuators": "drives"}
 NAMES: dict[Host, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit"}
-_HOLDS: dict[Host, str] = {
-    "c": "it is the controller alone, not the machine around it",
-    "fmu": "it is the controller alone, not the machine around it",
-    "ssp": "it holds the plant and the controller, not the machine's sensors and actuators",
-}
 
 
 @dataclass(frozen=True)
@@ -35,16 +32,17 @@ class Notes:
     verdicts: tuple[str, ...]  # on each loop, in one line
 
 
-def notes_of(experiment: Experiment, host: Host, found: StabilityReport) -> Notes:
-    """The notes of a form of an experiment, as judged."""
-    delay, changed = _delay(experiment, host), _changed_delay(experiment, host)
-    missing = [] if host == "run" else left_out(experiment, host)
-    without = f"without {', '.join(missing)}: {_HOLDS.get(host, '')}" if missing else ""
+def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried: Carried = NOTHING) -> Notes:
+    """The notes of a form of an experiment, as judged, with what it carries of the machine."""
+    delay, changed = _delay(experiment, host, carried), _changed_delay(experiment, host)
+    missing = [] if host == "run" else left_out(experiment, host, carried.parts)
+    without = f"without {', '.join(missing)}: {_holds(host, carried)}" if missing else ""
     title = f"the {NAMES[host]} is"
-    stability = _stability(experiment, host, found)
+    stability = _stability(experiment, host, found, carried)
     unstable = [f"{'run' if host == 'run' else 'exported'} anyway: {text}" for text in map(complaint, found.unstable)]
     not_judged = f"the stability of the loop of the {NAMES[host]} is not judged: {found.reason}"
     inside = [
+        *_inside(experiment, carried),
         f"Delay: {delay}",
         *stability,
         f"Left out: {', '.join(missing)}." if missing else "Nothing of the experiment is left out.",
@@ -53,7 +51,7 @@ def notes_of(experiment: Experiment, host: Host, found: StabilityReport) -> Note
         *([f"{title} {without}"] if without else []),
         *([f"{title} {changed}"] if changed else []),
         *([not_judged] if found.reason and found.reason != NO_FEEDBACK else []),
-        *_slower(experiment, host),
+        *_slower(experiment, host, carried),
         *unstable,
     ]
     return Notes(tuple(inside), tuple(warnings), tuple(map(_in_short, found.loops)))
@@ -83,15 +81,48 @@ def complaint(loop: LoopStability) -> str:
     return text
 
 
-def _delay(experiment: Experiment, host: Host) -> str:
+def _holds(host: Host, carried: Carried) -> str:
+    """What a form is, for which something is left out."""
+    if host == "ssp":
+        others = " and ".join(part for part in ("sensors", "actuators") if _NAMES_OF[part] not in carried.parts)
+        own = f", with its {carried.words}" if carried.parts else ""
+        return f"it holds the plant and the controller{own}, not the machine's {others or 'disturbances'}"
+    if not carried.parts:
+        return "it is the controller alone, not the machine around it"
+    return f"it is the controller with its {carried.words}, not the machine around it"
+
+
+def _inside(experiment: Experiment, carried: Carried) -> list[str]:
+    """What is carried of the machine, and when."""
+    found, T = [], experiment.loop.sample_time
+    step = T / carried.steps_a_sample
+    if carried.drives:
+        found.append(
+            "Drives: the forces are those that act, behind the force limit, the rate limit and the lag: their means "
+            f"over each step of {1000 * step:g} ms."
+        )
+    if carried.sensors:
+        often = (
+            "at each sample"
+            if carried.steps_a_reading is None
+            else f"every {1000 * step * carried.steps_a_reading:g} ms"
+        )
+        found.append(f"Sensors: measurements are read {often}, and quantised; their noise is not part of it.")
+    return found
+
+
+def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
     own, late = _delay_of(experiment.loop.delay), output_delay_of(experiment)
     if host == "c":
         return (
             f"a step computes its forces at once; the experiment has {own} from measurement to force, and the machine "
             "should have the same."
         )
-    steps = " This holds for communication steps of a sample or less; longer ones add delay."
-    if host == "fmu":
+    long = (
+        f"of {1000 * experiment.loop.sample_time / carried.steps_a_sample:g} ms" if carried.has_steps else "of a sample"
+    )
+    steps = f" This holds for communication steps {long} or less; longer ones add delay."
+    if host == "fmu" and not carried.drives:
         around = f" The other {_samples(late - 1)} have to be around the unit." if late > 1 else ""
         return (
             f"the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has {own}; "
@@ -110,23 +141,30 @@ def _changed_delay(experiment: Experiment, host: Host) -> str:
     return "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
 
 
-def _stability(experiment: Experiment, host: Host, found: StabilityReport) -> list[str]:
+def _stability(experiment: Experiment, host: Host, found: StabilityReport, carried: Carried) -> list[str]:
     if not found.loops:
         return [f"Stability: not judged, since {found.reason}."]
     return [
         *(_verdict(loop) for loop in found.loops),
         *dict.fromkeys(text for loop in found.loops for text in _margins(loop)),
-        "Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. Of "
-        "what is left out, only a lag that is named here was part of it.",
-        *(f"But {text}." for text in _slower(experiment, host)),
+        "Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. "
+        + (
+            "The lag of the drives was part of it, quantisation was not."
+            if carried.drives
+            else "Of what is left out, only a lag that is named here was part of it."
+        ),
+        *(f"But {text}." for text in _slower(experiment, host, carried)),
     ]
 
 
-def _slower(experiment: Experiment, host: Host) -> list[str]:
+def _slower(experiment: Experiment, host: Host, carried: Carried) -> list[str]:
     """What makes the machine's loop later than the judged one."""
     times = {"sensors.sample_time": experiment.sensors.sample_time, "loop.jitter": experiment.loop.jitter}
     late = [name for name, value in times.items() if value]
-    if not late or host == "ssp":
+    if host == "ssp":
+        late = late[:1] if carried.steps_a_reading is not None else []
+        return [f"with {late[0]} the loop in the SSP is later than was judged"] if late else []
+    if not late:
         return []
     return [f"with {' and '.join(late)} the machine's loop around the {NAMES[host]} is later than was judged"]
 

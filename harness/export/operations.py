@@ -19,9 +19,9 @@ SIMPLE, DIVISIONS, OTHERS = (
     "divisions and square roots",
     "other functions",
 )
-# Of the hand-written code for six forces: limits, excess, checks for finite values, of which there may be many of
-# inputs and states; and the search in a table.
-_A_FORCE, _A_CHECK, _A_SEARCH, _A_PIECE = 16, 2, 40, 6 * (5 + 4 + 3) * 2
+# Of the hand-written code for six forces: sums and checks for finite values, of which there may be many of inputs and
+# states; and the search in a table.
+_A_FORCE, _A_CHECK, _A_SEARCH, _A_PIECE = 8, 2, 40, 6 * (5 + 4 + 3) * 2
 _A_LAW = 25
 
 
@@ -45,6 +45,7 @@ def operations_of(functions: Traced) -> dict[str, int]:
         functions.start,
         functions.expected,
         functions.law,
+        *(each.step for each in functions.components),
         *[functions.motion] * motions,
         *[functions.path] * 2 * motions,
     ]

@@ -29,6 +29,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import platforms_of
 from gough_stewart.harness.experiment.varied import experiment_with
+from gough_stewart.harness.export.carried import Part
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -54,6 +55,7 @@ class LoopAround:
     least: int  # samples from measurement to force, at least
     fixed: int | None  # if it does not depend on the experiment
     has_drives: bool  # whether the machine is that of the experiment, with its lag and its changes
+    own_lag: float | None = None  # of the drives that the controller carries, if it does [s]
 
     def delay(self, experiment: Experiment) -> int:
         """From measurement to force [samples]."""
@@ -61,6 +63,8 @@ class LoopAround:
 
     def lag(self, experiment: Experiment) -> float:
         """Time constant of the drives [s]."""
+        if self.own_lag is not None:
+            return self.own_lag
         return experiment.actuators.lag if self.has_drives else 0.0
 
 
@@ -69,13 +73,19 @@ def output_delay_of(experiment: Experiment) -> int:
     return max(1, experiment.loop.delay)
 
 
-def loops_around(host: Host, experiment: Experiment) -> tuple[LoopAround, ...]:
-    """The loops that a form is made for; an FMU may meet a machine with its own delay, or a plant directly."""
+def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ()) -> tuple[LoopAround, ...]:
+    """The loops that a form is made for; an FMU may meet a machine with its own delay, or a plant directly.
+
+    One that carries the drives has their delay too, and there is no other loop for it.
+    """
+    lag = experiment.actuators.lag if "drives" in parts else None
     if host == "ssp":
-        return (LoopAround("in the SSP", 1, output_delay_of(experiment), has_drives=False),)
+        return (LoopAround("in the SSP", 1, output_delay_of(experiment), has_drives=False, own_lag=lag),)
     if host in ("c", "run"):
         where = "in C" if host == "c" else "with the unit in the run"
-        return (LoopAround(where, 0 if host == "c" else 1, None, has_drives=True),)
+        return (LoopAround(where, 0 if host == "c" else 1, None, has_drives=True, own_lag=lag),)
+    if lag is not None:
+        return (LoopAround("with the FMU", 1, output_delay_of(experiment), has_drives=True, own_lag=lag),)
     found = (
         LoopAround("with the FMU", 1, None, has_drives=True),
         LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False),
@@ -151,6 +161,7 @@ def stability_of(
     prepared: Prepared,
     hosts: Iterable[Host],
     *,
+    parts: Iterable[Part] = (),
     margins: bool = True,
     progress: MemberProgress | None = None,
 ) -> dict[Host, StabilityReport]:
@@ -158,6 +169,8 @@ def stability_of(
 
     Parameters
     ----------
+    parts
+        Of the machine, which the controller carries.
     margins
         Compute stability margins, too.
     progress
@@ -176,7 +189,8 @@ def stability_of(
         reason = NO_FEEDBACK if controller is None else f"{kind} has no linear form"
         return dict.fromkeys(hosts, StabilityReport(reason=reason))
     loops = _Loops(prepared, controller)
-    around = {host: loops_around(host, experiment) for host in hosts}
+    parts = tuple(parts)
+    around = {host: loops_around(host, experiment, parts) for host in hosts}
     try:
         own = {s: _NominalCases(loops, experiment, s) for found in around.values() for s in found}
     except ControllerError as error:

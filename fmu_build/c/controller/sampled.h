@@ -1,9 +1,10 @@
 /* A sampled controller as a component: shared declarations. The controller itself is generated plain C,
    controller.h and controller.c; controller_table.h has the slots of its variables.
 
-   Samples are due at start_time + k sample_time. The inputs at sample k determine the forces from sample
-   k + output_delay on, independent of the communication steps: output_delay is at least 1, so outputs have no direct
-   feedthrough. A sample at a communication point belongs to the step that begins there, after the importer has set the
+   The controller is called at start_time + k sample_time / STEPS_A_SAMPLE; a step is a sample, unless it carries drives
+   or sensors of its machine, with shorter steps. The inputs of a step determine the forces from output_delay samples
+   later on, independent of the communication steps: output_delay is at least 1, so outputs have no direct feedthrough.
+   A step at a communication point belongs to the communication step that begins there, after the importer has set the
    inputs. */
 #ifndef SAMPLED_H
 #define SAMPLED_H
@@ -16,8 +17,9 @@
 #include "model.h"
 
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
-/* The outputs that wait in the delay line: actuator_force and force_limited. */
-#define N_DELAYED 12
+/* The outputs that wait in the delay line: actuator_force, force_limited, and rate_limited if there is one. */
+#define N_DELAYED (HAS_RATE_LIMITED ? 18 : 12)
+#define MOST_STEPS_LATE (MOST_OUTPUT_DELAY * STEPS_A_SAMPLE)
 
 /* The complete state. It has doubles only, since a saved state is a copy of them in this order. */
 typedef struct {
@@ -27,11 +29,11 @@ typedef struct {
     double inputs[AT_LEAST_ONE(N_INPUTS)];
     double input_rates[AT_LEAST_ONE(N_INPUTS)]; /* du/dt from the current time on */
     double output_delay;                        /* samples from the inputs to the outputs, 1 to MOST_OUTPUT_DELAY */
-    double acting[N_DELAYED];                   /* the outputs since the last sample */
-    double planned[MOST_OUTPUT_DELAY][N_DELAYED]; /* the outputs of sample k at k modulo MOST_OUTPUT_DELAY */
-    double input_status;                        /* of the last sample but the one that is due, like the forces */
+    double acting[N_DELAYED];                   /* the outputs since the last step */
+    double planned[MOST_STEPS_LATE][N_DELAYED]; /* the outputs of step k at k modulo MOST_STEPS_LATE */
+    double input_status;                        /* of the last step but the one that is due, like the forces */
     double input_bad_time;
-    controller_memory memory;                   /* with the number of samples taken */
+    controller_memory memory;                   /* with the number of steps taken, `samples` */
     controller_parameters p;
 } controller_state;
 

@@ -6,17 +6,23 @@
 #include "communication.h"
 #include "sampled.h"
 
-/* Time of the next sample. */
+/* Time from step to step of the controller. */
+static double period(const component *c)
+{
+    return c->s.p.sample_time / STEPS_A_SAMPLE;
+}
+
+/* Time of its next step. */
 static double next_sample(const component *c)
 {
-    return c->s.start_time + c->s.memory.samples * c->s.p.sample_time;
+    return c->s.start_time + c->s.memory.samples * period(c);
 }
 
 /* Tolerance for the accumulated rounding of an importer's clock. */
 static double slack_at(const component *c, double time)
 {
-    double rounding = fmax(1e-6 * c->s.p.sample_time, 1e-9 * fmax(1, fabs(time)));
-    return fmin(rounding, 0.05 * c->s.p.sample_time);
+    double rounding = fmax(1e-6 * period(c), 1e-9 * fmax(1, fabs(time)));
+    return fmin(rounding, 0.05 * period(c));
 }
 
 static int is_due(const component *c)
@@ -27,14 +33,14 @@ static int is_due(const component *c)
 static outcome check_samples(component *c, double end)
 {
     double sample_time = c->s.p.sample_time, latest = fmax(fabs(c->s.start_time), end);
-    if (sample_time < 1e3 * DBL_EPSILON * latest) {
+    if (period(c) < 1e3 * DBL_EPSILON * latest) {
         write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
                       sample_time, latest);
         return NOT_POSSIBLE;
     }
-    if (!((end - next_sample(c)) / sample_time < MOST_SAMPLES)) {
+    if (!((end - next_sample(c)) / period(c) < MOST_SAMPLES)) {
         write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
-                                  "use shorter steps", end, MOST_SAMPLES, sample_time);
+                                  "use shorter steps", end, MOST_SAMPLES, period(c));
         return NOT_POSSIBLE;
     }
     return DONE;
@@ -48,10 +54,10 @@ static outcome check_inputs(component *c)
     return NOT_POSSIBLE;
 }
 
-/* The outputs that a sample determines; samples count from 0. */
-static double *planned_at(component *c, double sample)
+/* The outputs that a step determines; steps count from 0. */
+static double *planned_at(component *c, double step)
 {
-    return c->s.planned[(size_t)fmod(sample, MOST_OUTPUT_DELAY)];
+    return c->s.planned[(size_t)fmod(step, MOST_STEPS_LATE)];
 }
 
 static outcome take_sample(component *c)
@@ -78,6 +84,9 @@ static outcome take_sample(component *c)
     for (int k = 0; k < 6; k++) {
         planned[k] = force[k];
         planned[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];
+#if HAS_RATE_LIMITED
+        planned[RATE_LIMITED - ACTUATOR_FORCE + k] = c->s.memory.rate_limited[k];
+#endif
     }
     return DONE;
 }
@@ -92,8 +101,9 @@ static void advance(component *c, double time)
         c->s.input_bad_time = c->s.memory.input_bad_time;
     }
     /* until the first command has passed the delay line, the start forces act */
-    if (c->s.memory.samples >= c->s.output_delay && is_due(c))
-        memcpy(c->s.acting, planned_at(c, c->s.memory.samples - c->s.output_delay), sizeof c->s.acting);
+    double late = c->s.output_delay * STEPS_A_SAMPLE;
+    if (c->s.memory.samples >= late && is_due(c))
+        memcpy(c->s.acting, planned_at(c, c->s.memory.samples - late), sizeof c->s.acting);
 }
 
 static outcome run(component *c, double end, const step_observer *observer)

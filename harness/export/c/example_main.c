@@ -1,5 +1,5 @@
-/* Example of @p@.h: five samples of a platform that rests in the first reference pose. On a machine, a timer calls
-   @p@_step once per sample_time with the measurements. */
+/* Example of @p@.h: five @SAMPLE_OR_STEP@s of a platform that rests in the first reference pose. On a machine, a timer
+   calls @p@_step once per @PERIOD@ with the measurements. */
 #include "@p@.h"
 
 #include <stdio.h>
@@ -25,7 +25,7 @@ int main(void)
     @p@_start(&parameters, &memory);
     for (k = 0; k < 5; ++k) {
         @p@_step(&parameters, &coefficients, &memory, measured, @REFERENCE@force, limited);
-        printf("%g s:", k * (double)parameters.sample_time);
+        printf("%g s:", k * (double)parameters.sample_time@PER_SAMPLE@);
         for (leg = 0; leg < 6; ++leg)
             printf(" %.6g N%s", (double)force[leg], limited[leg] ? " (limited)" : "");
         printf("\n");

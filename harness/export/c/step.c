@@ -76,10 +76,12 @@ static double sign(double x)
 @if pairs
 @PAIRS@
 @end
+@if between
 static double between(double low, double value, double high)
 {
     return value < low ? low : value > high ? high : value;
 }
+@end
 @TABLE@@FUNCTIONS@
 @if table
 /* The motion at a time; after its end the platform is at rest. */
@@ -108,6 +110,13 @@ int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients
 @if coefficients
     @CALL_COEFFICIENTS@
 @end
+    @CALL_COEFFICIENTS_OF_LIMITS@
+@if drives
+    @CALL_COEFFICIENTS_OF_DRIVES@
+@end
+@if sensors
+    @CALL_COEFFICIENTS_OF_SENSORS@
+@end
     return 0;
 }
 
@@ -119,6 +128,13 @@ void @p@_start(const @p@_parameters *parameters, @p@_memory *memory)
 @end
 @if inputs_ahead
     memcpy(memory->known, parameters->start_force, sizeof memory->known);
+@end
+@if steps
+    memcpy(memory->target, parameters->start_force, sizeof memory->target);
+@end
+@if drives
+    memcpy(memory->drives, parameters->start_force, sizeof memory->target);
+    memcpy(memory->drives + 6, parameters->start_force, sizeof memory->target);
 @end
     (void)parameters;
 }
@@ -187,18 +203,23 @@ static int is_frozen(@p@_memory *memory, const double *measured, const double *r
 }
 
 @end
+@if steps
+/* A sample of the controller, as target of the next steps: its command within the force limit. */
+static void take_sample(const @p@_parameters *parameters, const @p@_coefficients *coefficients, @p@_memory *memory,
+@if inputs
+    const double *measured, const double *reference)
+@else
+    const double *measured)
+@end
+@else
 void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coefficients, @p@_memory *memory,
 @if inputs
     const double *measured, const double *reference, @p@_real *force, unsigned char *limited)
 @else
     const double *measured, @p@_real *force, unsigned char *limited)
 @end
-{
-    const double limit = parameters->force_limit > 0 ? (double)parameters->force_limit : HUGE_VAL;
-@if excess
-    const double rate_limit = parameters->force_rate_limit > 0 ? (double)parameters->force_rate_limit : HUGE_VAL;
-    const double change = rate_limit * parameters->sample_time;
 @end
+{
 @if single
 @if uses_time
     const pair sample_time = pair_of(parameters->sample_time, coefficients->sample_time_low);
@@ -209,10 +230,20 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @end
 @else
 @if uses_time
+@if steps
+    const double time = memory->samples / @P@_STEPS_A_SAMPLE * parameters->sample_time;
+@else
     const double time = memory->samples * parameters->sample_time;
 @end
 @end
-    double command[6], safe[6];
+@end
+    double command[6], safe[6], allowed[6], cut[6];
+@if excess
+    double planned[6], excess[6];
+@end
+@if reads_at_samples
+    double reading[@P@_N_MEASURED];
+@end
 @if states
     double states[@P@_N_STATES], next[@P@_N_STATES];
 @if single
@@ -237,12 +268,19 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
     (void)at;
 @end
 
+@if steps
+@else
     for (k = 0; k < 6; ++k) {
         force[k] = 0;
         limited[k] = 0;
     }
     if (!(coefficients->ahead > 0)) return; /* not prepared */
     memory->samples += 1;
+@end
+@if reads_at_samples
+    @CALL_SENSORS@
+    measured = reading;
+@end
 @if sees
 @if measures
 @if inputs
@@ -253,8 +291,12 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @else
     if (!(memory->started > 0) && @ZERO_REFERENCE@) {
 @end
+@if steps
+        memcpy(memory->target, parameters->start_force, sizeof memory->target);
+@else
         for (k = 0; k < 6; ++k)
             force[k] = (@p@_real)parameters->start_force[k];
+@end
         return;
     }
 @end
@@ -388,13 +430,62 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
 @end
     }
     memory->input_status = (double)status;
-    for (k = 0; k < 6; ++k) {
-        const double cut = between(-limit, command[k], limit);
-        force[k] = (@p@_real)cut;
-        limited[k] = cut < command[k] || cut > command[k];
+    @CALL_LIMITS@
 @if excess
-        memory->planned[k] = between(memory->planned[k] - change, cut, memory->planned[k] + change);
-        if (status == @P@_INPUT_GOOD) memory->excess[k] = memory->planned[k] - command[k];
+    memcpy(memory->planned, planned, sizeof planned);
+    if (status == @P@_INPUT_GOOD) memcpy(memory->excess, excess, sizeof excess);
 @end
+@if steps
+    memcpy(memory->target, allowed, sizeof allowed);
+    memcpy(memory->force_limited, cut, sizeof cut);
+}
+
+void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coefficients, @p@_memory *memory,
+@if inputs
+    const double *measured, const double *reference, @p@_real *force, unsigned char *limited)
+@else
+    const double *measured, @p@_real *force, unsigned char *limited)
+@end
+{
+@if drives
+    double next[12], mean[6];
+@end
+    int k;
+
+    for (k = 0; k < 6; ++k) {
+        force[k] = 0;
+        limited[k] = 0;
+    }
+    if (!(coefficients->ahead > 0)) return; /* not prepared */
+@if reads_at_steps
+    /* until there is a first measurement, it is looked for at every step */
+    if (fmod(memory->samples, @P@_STEPS_A_READING) < 0.5 || !(memory->started > 0))
+        @CALL_SENSORS@
+@end
+    if (fmod(memory->samples, @P@_STEPS_A_SAMPLE) < 0.5)
+@if inputs
+        take_sample(parameters, coefficients, memory, @READING@, reference);
+@else
+        take_sample(parameters, coefficients, memory, @READING@);
+@end
+    memory->samples += 1;
+@if drives
+    @CALL_DRIVES@
+    memcpy(memory->drives, next, sizeof next);
+@end
+    for (k = 0; k < 6; ++k) {
+@if drives
+        force[k] = (@p@_real)mean[k];
+@else
+        force[k] = (@p@_real)memory->target[k];
+@end
+        limited[k] = memory->force_limited[k] > 0;
     }
 }
+@else
+    for (k = 0; k < 6; ++k) {
+        force[k] = (@p@_real)allowed[k];
+        limited[k] = cut[k] > 0;
+    }
+}
+@end

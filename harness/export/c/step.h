@@ -4,9 +4,13 @@
 
    Once:            @p@_prepare(&parameters, &coefficients), again after each change of a parameter;
                     @p@_start(&parameters, &memory).
-   At each sample:  @p@_step(&parameters, &coefficients, &memory, measured, @REFERENCE@force, limited).
+   @WHEN@  @p@_step(&parameters, &coefficients, &memory, measured, @REFERENCE@force, limited).
 
-   Work per step, constant: @WORK@.
+@if steps
+   A step is @STEP@ s, by design; @STEPS_IN_WORDS@.
+
+@end
+   Work per step, @WORK_IS@: @WORK@.
    Constants in flash: @CONSTANTS@.
 @if notes
 
@@ -46,6 +50,12 @@ enum { @P@_N_MEASURED = @N_MEASURED@, @P@_N_REFERENCE = @N_REFERENCE@, @P@_N_STA
 @if watches
 enum { @P@_N_WATCHED = @N_WATCHED@ };
 @end
+@if steps
+enum { @P@_STEPS_A_SAMPLE = @STEPS_A_SAMPLE@ };
+@end
+@if reads_at_steps
+enum { @P@_STEPS_A_READING = @STEPS_A_READING@ };
+@end
 
 /* Values of `input_status`. */
 enum {
@@ -81,6 +91,13 @@ typedef struct {
 @if coefficients
     double law[@N_COEFFICIENTS@];
 @end
+    double force_limits[@N_LIMITS@];
+@if drives
+    double drives[@N_DRIVES@];
+@end
+@if sensors
+    double sensors[@N_SENSORS@];
+@end
 } @p@_coefficients;
 
 /* The complete state. */
@@ -88,7 +105,11 @@ typedef struct {
 @if single
     unsigned long long samples; /* since the start */
 @else
+@if steps
+    double samples; /* steps since the start */
+@else
     double samples; /* since the start */
+@end
 @end
     double started; /* 0 until measurements arrive */
 @if states
@@ -100,6 +121,17 @@ typedef struct {
 @if excess
     double planned[6]; /* [N] forces after the last command has acted for one sample */
     double excess[6];  /* [N] force allowed by the limits minus the command */
+@end
+@if reads_at_steps
+    double reading[@P@_N_MEASURED]; /* the latest */
+@end
+@if steps
+    double target[6];        /* [N] forces of the last sample, within the force limit */
+    double force_limited[6]; /* 1 where that limit was active */
+@end
+@if drives
+    double drives[12];      /* [N] forces at the end of the last step, behind the rate limit and behind the lag */
+    double rate_limited[6]; /* 1 where the rate limit was active in the last step */
 @end
 @if inputs_ahead
     double known[6]; /* [N] feedforward of the last good reference */
@@ -121,12 +153,15 @@ int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients
 /* Sets the memory before the first sample. */
 void @p@_start(const @p@_parameters *parameters, @p@_memory *memory);
 
-/* Computes a sample. `measured`: @MEASURED@@RELATIVE@.
+/* Computes a @SAMPLE_OR_STEP@. `measured`: @MEASURED@@RELATIVE@.
 @if inputs
    `reference`: position [m], orientation [rad]@RELATIVE@, velocity [m/s], angular_velocity [rad/s], acceleration [m/s2],
    angular_acceleration [rad/s2], three of each, world components; orientation is roll, pitch, yaw about fixed axes.
 @end
    `force`: of the six actuators [N], positive extends the leg. `limited`: 1 where the force limit is active, else 0.
+@if drives
+   The force is that behind the drives, its mean over the step. A delay around the code may be before or after it.
+@end
 @if sees
    As long as all inputs are @ZERO@, no measurements have arrived: the force is `start_force`.
 @end

@@ -238,7 +238,7 @@ def test_operations_are_counted_by_kind(name: str, of_motion: int) -> None:
     bodies = re.findall(r"^static void (\w+)\([^)]*\)\n\{\n(.*?)\n\}", sources.units["controller.c"], re.M | re.S)
     divisions = others = simple = 0
     for function, body in bodies:
-        times = {"motion": of_motion, "coefficients_of_law": 0}.get(function, 1)
+        times = 0 if function.startswith("coefficients_of_") else of_motion if function == "motion" else 1
         for right in re.findall(r"^  \w+=(.*);$", body, re.M):
             called = re.findall(r"\b(\w+)\)?\(", right.replace("REAL(", ""))
             if "/" in right or "sqrt" in called:
@@ -255,8 +255,8 @@ def test_operations_are_counted_by_kind(name: str, of_motion: int) -> None:
     )
     assert stated is not None
     assert (int(stated[2]), int(stated[3])) == (divisions, others)
-    # and code by hand: limits and excess of six forces, checks
-    assert divisions + others + simple + 6 * 16 <= int(stated[1]) == sources.operations
+    # and code by hand: sums and checks of six forces
+    assert divisions + others + simple + 6 * 8 <= int(stated[1]) == sources.operations
 
 
 # --- what single precision costs -------------------------------------------------------------------------------------
