@@ -130,7 +130,7 @@ def test_export(notes: Notes, is_default: bool) -> None:
     more = () if is_default else (
         *("--as", "c, ssp,fmu", "--fmi", "3.0", "--target", "x86_64-windows", "--target", "aarch64-linux"),
         *("--reference", "inputs", "--safe-force", "zero", "--frozen", "50,1.5 mm", "--anyway", "--real", "float"),
-        *("--set", "loop.duration=0.7", "--set", "loop.delay=2", "--out", "there"),
+        *("--with", "sensors, drives", "--set", "loop.duration=0.7", "--set", "loop.delay=2", "--out", "there"),
     )  # fmt: skip
     done = invoke("export", "heave_step", *more)
     (chosen,), given = notes.one("export")
@@ -140,12 +140,12 @@ def test_export(notes: Notes, is_default: bool) -> None:
     if is_default:
         assert (loop, versions, targets) == ((2.0, 1), ["2.0", "3.0"], ["native"])
         other: dict[str, Any] = {"out": Path(), "reference": "inside", "safe_force": "feedforward", "real": "double"}
-        assert given == {**other, "frozen": None, "anyway": False}
+        assert given == {**other, "frozen": None, "anyway": False, "parts": ()}
         total = number_of_steps(versions, targets)
     else:
         assert (loop, versions, targets) == ((0.7, 2), ["3.0"], ["x86_64-windows", "aarch64-linux"])
         other = {"out": Path("there"), "reference": "inputs", "safe_force": "zero", "real": "float"}
-        assert given == {**other, "frozen": (50, 0.0015), "anyway": True}
+        assert given == {**other, "frozen": (50, 0.0015), "anyway": True, "parts": ("drives", "sensors")}
         # the C at once; the FMUs; an SSP with two FMUs of version 2.0, and itself
         total = 1 + number_of_steps(["3.0"], targets) + 1 + 2 * number_of_steps(["2.0"], targets)
     assert done.stderr == "warning: take care\n"
