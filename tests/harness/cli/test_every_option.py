@@ -353,7 +353,9 @@ def members(*outcomes: str) -> Any:
         AMPLITUDE: polars.Float64,
         FREQUENCY: polars.Float64,
     }
-    return SimpleNamespace(members=polars.DataFrame(table, schema_overrides=schema), metadata={"tolerance": 1e-9})
+    return SimpleNamespace(
+        members=polars.DataFrame(table, schema_overrides=schema), metadata={"tolerance": 1e-9, "substeps": 4}
+    )
 
 
 @pytest.mark.parametrize("kind", ["default", "all", "scheduler", "none", "grows"])
