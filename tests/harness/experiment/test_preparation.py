@@ -142,7 +142,7 @@ def test_the_loop_of_members_has_what_each_has(everything: Members) -> None:
 
 
 def test_stages_are_evaluated_once_per_distinct_value(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: of 12 members with three delays and two amplitudes two references, six feedforwards, one controller.
+    """Expected: of 30 members with three delays and two amplitudes two references, six feedforwards, one controller.
 
     Other members with the same values take no new ones.
     """
@@ -164,17 +164,23 @@ def test_stages_are_evaluated_once_per_distinct_value(monkeypatch: pytest.Monkey
         "reference": {"amplitude_scale": {"grid": [0.5, 1.0]}},
         "platform_mass": {"factor": {"uniform": [0.8, 1.3]}},
     }
-    members = Members(gs.load_experiment("heave_tolerances", {**SHORT, "ensemble": {**grid, "members": 24}}))
+    members = Members(gs.load_experiment("heave_tolerances", {**SHORT, "ensemble": {**grid, "members": 60}}))
     counts |= dict.fromkeys(counts, 0)
-    for first in (0, 12):
-        batch = members.prepared(first, first + 12).batch
-        assert len({each.platform_mass for each in batch.machine}) == 12
+    for first in (0, 30):
+        batch = members.prepared(first, first + 30).batch
+        assert len({each.platform_mass for each in batch.machine}) == 30
         assert counts == {
             "platform": 1, "reference": 2, "planned": 2, "warnings": 2, "feedforward": 6, "controller": 1, "limits": 1,
         }  # fmt: skip
     loop = batch.in_parallel(Stepping()).loop
     assert len(batch.controller.values) == 1
-    assert loop.feedforward.shape[1:] == (16, 6)
+    assert loop.reference is not None
+    assert loop.feedforward.shape[1:] == (32, 6)
+    for k in range(30):
+        own = batch.member(k).loop
+        assert np.array_equal(loop.feedforward[:, k], own.feedforward)
+        assert own.reference is not None
+        assert np.array_equal(loop.reference[:, k], own.reference)
     assert loop.limits.largest_position_error == batch.member(3).loop.limits.largest_position_error
 
 
