@@ -4,7 +4,7 @@ import numpy as np
 
 from gough_stewart.harness.loop.loop import LENGTHS, Limits, Loop
 from gough_stewart.harness.loop.outcomes import Outcomes
-from gough_stewart.harness.loop.rows import CHECKED, Observer, Rows
+from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
@@ -32,7 +32,7 @@ class Watch:
         self.outcomes.rows += 1
         if self.outcomes.rows % self.every == 0:
             self.check()
-            if self.rows.count + CHECKED > self.rows.most:
+            if self.rows.count + self.every > self.rows.most:
                 self._pass_on()
 
     def finish(self) -> None:

@@ -23,6 +23,9 @@ _NEARBY = {
         "tests/harness/control/test_controllers_at_work.py",
         "tests/harness/experiment/test_options_together.py",
         "tests/harness/experiment/test_truth_and_belief.py",
+        # of the folds over rows
+        "tests/harness/results/test_folds.py",
+        "tests/harness/results/test_bands.py",
     ),
     "harness/control": (
         "tests/harness/loop",
