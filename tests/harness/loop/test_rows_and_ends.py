@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gough_stewart.harness.control.laws import controller_of
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
@@ -116,7 +117,8 @@ def test_the_distance_from_the_reference_ends_members_with_bounds_of_their_own(o
         row = int((error > bound).argmax())
         assert row > 15
         expected = f"the platform is {error[row]:.3g} m from its reference; the limit is {bound:g} m"
-        assert run.outcomes[k] == ("diverged", pytest.approx(row * STEP), expected)
+        assert (run.outcomes[k].status, run.outcomes[k].cause) == ("diverged", expected)
+        assert run.outcomes[k].time == pytest.approx(row * STEP)
 
 
 def test_a_bound_itself_is_allowed() -> None:
@@ -134,7 +136,7 @@ def test_a_bound_itself_is_allowed() -> None:
     ):
         assert run_with(constant(np.zeros(6)), replace(still, limits=limits)).outcome.time == 0.0
     for ignored in ("ignore", "warn"):
-        only_told = replace(still, limits=Limits((0.0, LENGTHS.max() - 1e-12), ignored))  # type: ignore[arg-type]
+        only_told = replace(still, limits=Limits((0.0, LENGTHS.max() - 1e-12), ignored))
         run = run_with(constant(np.zeros(6)), only_told)
         assert run.outcome.status == "completed"
         np.testing.assert_array_equal(run.stroke_exceeded, np.tile(LENGTHS.max() == LENGTHS, (len(run.time), 1)))
@@ -146,7 +148,7 @@ class Blocks(Observer):
     def __init__(self) -> None:
         self.first: list[int] = []
         self.parts: list[tuple[FloatArray, ...]] = []
-        self.counting: list[FloatArray] = []
+        self.counting: list[NDArray[np.intp]] = []
 
     def block(self, rows: Rows) -> None:
         names = ("signals", "forces", "force_limited", "rate_limited")
@@ -155,7 +157,7 @@ class Blocks(Observer):
         self.counting.append(rows.counting.copy())
 
 
-@pytest.mark.parametrize("members", [1, 3, 700, 9000])
+@pytest.mark.parametrize("members", [1, 3, 700, 1500])
 def test_blocks_follow_each_other_and_bring_the_row_before(members: int) -> None:
     """Expected: each row once and in order; the first row of a block is the last one before; sizes that fit a cache."""
     blocks, n = Blocks(), 251
@@ -165,7 +167,7 @@ def test_blocks_follow_each_other_and_bring_the_row_before(members: int) -> None
     assert blocks.first == np.cumsum([0, *counts[:-1]]).tolist()
     assert sum(counts) == n
     assert max(counts) <= max(CHECKED, 8192 // members)
-    assert len(counts) == {1: 1, 3: 1, 700: 16, 9000: 16}[members]  # 251 rows, at least 16 at a time
+    assert len(counts) == {1: 1, 3: 1, 700: 16, 1500: 16}[members]  # 251 rows, at least 16 at a time
     for before, after in zip(blocks.parts, blocks.parts[1:], strict=False):
         for last, first in zip(before, after, strict=True):
             np.testing.assert_array_equal(last[-1], first[0])
