@@ -4,7 +4,7 @@ Conditions broadcast over leading axes, so that they hold for one platform and f
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from functools import cached_property
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,32 +76,16 @@ def _beyond_bound(name: str, numbers: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(~within)
 
 
+# The legs in the home pose, evaluated if a check needs them.
+_Home = Callable[[], LegGeometry]
 # Whether a condition is violated (...), the name of the parameter, and what is wrong with that of a single platform.
 _Conditions = Iterator[tuple[Any, str, Callable[[], str]]]
 
 
-class _Home:
-    """The legs of platforms in their home pose, evaluated if a check needs them."""
-
-    def __init__(self, platform: PlatformFields) -> None:
-        self._platform = platform
-
-    @cached_property
-    def legs(self) -> LegGeometry:
-        """Of all that the geometry needs."""
-        p = self._platform
-        joints: Any = Joints(p.base_points, p.platform_points)
-        return leg_geometry(joints, p.home_position, p.home_orientation)
-
-    @property
-    def lengths(self) -> FloatArray:
-        """Leg lengths (..., 6) [m]."""
-        return np.asarray(self.legs.length)
-
-
 def _conditions(platform: PlatformFields, changed: Collection[str]) -> _Conditions:
     """The conditions that concern one of these parameters, in the order in which they are reported."""
-    home = _Home(platform)
+    joints: Any = Joints(platform.base_points, platform.platform_points)  # all that the geometry needs
+    home = cache(lambda: leg_geometry(joints, platform.home_position, platform.home_orientation))
     for conditions, names in _CHECKS:
         if not names.isdisjoint(changed):
             yield from conditions(platform, home)
@@ -167,7 +151,7 @@ def _home_pose(platform: PlatformFields, home: _Home) -> _Conditions:
         return f"has pitch {pitch:g} rad; expected less than ±90°"
 
     yield ~np.less(np.abs(pitch), LARGEST_PITCH), "home_orientation", pitched
-    lengths = home.lengths
+    lengths = home().length
 
     def coincide() -> str:
         leg = int(lengths.argmin()) + 1
@@ -176,7 +160,7 @@ def _home_pose(platform: PlatformFields, home: _Home) -> _Conditions:
     largest = np.abs(platform.base_points).max(axis=(-2, -1))
     yield lengths.min(axis=-1) <= COINCIDENCE * largest, "home_position", coincide
     with np.errstate(divide="ignore", invalid="ignore"):
-        number = conditioning_of_legs(home.legs).condition_number
+        number = conditioning_of_legs(home()).condition_number
 
     def singular() -> str:
         return (
@@ -190,7 +174,7 @@ def _home_pose(platform: PlatformFields, home: _Home) -> _Conditions:
 
 def _com_offsets(platform: PlatformFields, home: _Home) -> _Conditions:
     """Centres of mass are on the legs and near the platform."""
-    yield from _leg_com_offsets(platform, home.lengths.min(axis=-1), "home")
+    yield from _leg_com_offsets(platform, home().length.min(axis=-1), "home")
     reach = np.sqrt(dot(platform.platform_points, platform.platform_points)).max(axis=-1)
     offset = np.sqrt(dot(platform.platform_com, platform.platform_com))
 
@@ -216,7 +200,7 @@ def _leg_com_offsets(platform: PlatformFields, shortest: Any, pose: str) -> _Con
 def _limits(platform: PlatformFields, home: _Home) -> _Conditions:
     """The home pose is within the stroke and joint limits."""
     low, high, angle = platform.leg_length_min, platform.leg_length_max, platform.joint_angle_max
-    shortest, longest = home.lengths.min(axis=-1), home.lengths.max(axis=-1)
+    shortest, longest = home().length.min(axis=-1), home().length.max(axis=-1)
     least, most, joints = "leg_length_min", "leg_length_max", "joint_angle_max"
     if low is not None and high is not None:
         yield ~np.less(low, high), least, lambda: f"is {low:g} m; expected below leg_length_max = {high:g} m"

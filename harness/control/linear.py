@@ -6,7 +6,6 @@ need these slow imports.
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -163,7 +162,7 @@ def linearise(
 
     names, rows = _rows(outputs)
     if not coulomb_friction:
-        platform = replace(platform, leg_coulomb_friction=0.0)
+        platform = platform.with_parameters({"leg_coulomb_friction": 0.0})
     point = trim(platform, position, orientation)
     A, B, C, D = (block.copy() for block in Kernel().jacobians(*point, parameter_vector(platform)))
     return ss(A, B, C[rows], D[rows], states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")

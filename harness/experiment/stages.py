@@ -6,7 +6,7 @@ Platform, machine, clocks, reference motion, legs, start, feedforward, controlle
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,7 +117,7 @@ class Stages:
 
     def limited(self, platform: Platform, limit: float | None) -> Platform:
         """A nominal model with the force limit of the experiment's actuators [N]: no motion may use more force."""
-        return platform if limit == platform.actuator_force_max else replace(platform, actuator_force_max=limit)
+        return platform.with_parameters({"actuator_force_max": limit})
 
     def reference(
         self, choice: ReferenceChoice | None, limited: Platform, timing: Timing, is_needed: bool
@@ -285,7 +285,7 @@ def _parameter_changes(choices: Sequence[schema.ChangeChoice], platform: Platfor
         for name in values:
             if name not in _TUNABLE:
                 raise PlatformError(name, f"cannot change during a run{nearest(name, _TUNABLE)}")
-        platform = replace(platform, **values)
+        platform = platform.with_parameters(values)
         changes.append(Change(choice.at, {name: getattr(platform, name) for name in values}))
     return changes
 

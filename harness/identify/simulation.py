@@ -9,7 +9,6 @@ Identification, 1999, ch. 7]; multiple shooting would need twelve initial values
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -130,7 +129,7 @@ def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatAr
     for stem in PER_LEG:
         if any(name.startswith(f"{stem}[") for name in names):
             own |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
-    p = parameter_vector(replace(platform, **own) if own else platform)
+    p = parameter_vector(platform.with_parameters(own))
     return p, parameter_columns(names)
 
 

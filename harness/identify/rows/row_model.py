@@ -6,7 +6,6 @@ with gains g, offsets o, delay and tilt of the instruments; W is affine in gravi
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -94,6 +93,8 @@ class RowModel:
         """∂W/∂g (n, 6, SIZE, 3)."""
         motion = self.regression.motion
         state, acceleration = State.from_vector(motion[:, :12]), Acceleration(motion[:, 12:15], motion[:, 15:])
-        level = regressor(replace(self.platform, gravity=np.zeros(3)), state, acceleration)
-        turned = [regressor(replace(self.platform, gravity=axis), state, acceleration) for axis in np.eye(3)]
+        level = regressor(self.platform.with_parameters({"gravity": np.zeros(3)}), state, acceleration)
+        turned = [
+            regressor(self.platform.with_parameters({"gravity": axis}), state, acceleration) for axis in np.eye(3)
+        ]
         return np.stack([each - level for each in turned], axis=-1)

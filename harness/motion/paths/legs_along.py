@@ -1,6 +1,6 @@
 """What the legs do along a path: velocity, acceleration, force and power as functions of s, ṡ and s̈."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -91,9 +91,9 @@ class LegsAlong:
 
 def dry_friction(platform: Platform, velocity: FloatArray) -> FloatArray:
     """Coulomb friction (..., 6) [N] alone: odd in the velocity (..., 6) [m/s], and never decreasing."""
-    return friction_force(replace(platform, leg_viscous_friction=0.0), velocity)
+    return friction_force(platform.with_parameters({"leg_viscous_friction": 0.0}), velocity)
 
 
 def without_dry_friction(platform: Platform) -> Platform:
     """The platform without Coulomb friction."""
-    return replace(platform, leg_coulomb_friction=0.0)
+    return platform.with_parameters({"leg_coulomb_friction": 0.0})

@@ -258,3 +258,26 @@ def test_a_machine_that_cannot_hold_its_start_is_alone_impossible() -> None:
     assert [each.platform_mass for each in found.batch.machine] == [machine.platform_mass, 900.0]
     alone = Preparation(experiment).members(values[2:]).batch
     assert np.array_equal(found.batch.start_force[1], alone.start_force[0])
+
+
+def test_members_start_with_forces_within_their_own_limits() -> None:
+    """Expected: the forces that hold each machine without limits, cut off at each member's own."""
+    settings = {
+        **SHORT,
+        "limits.reference": "warn",
+        "ensemble": {
+            "members": 9,
+            "platform_com": {"normal": "0.2 m"},
+            "actuators": {"force_limit": {"choice": ["1.5 kN", "1.6 kN", "9 kN"]}},
+        },
+    }
+    members = Members(gs.load_experiment("heave_tolerances", settings))
+    batch = members.prepared(0, 9).batch
+    values = members.draws(0, 9).values
+    free = Preparation(gs.load_experiment("heave_tolerances", {**settings, "actuators.force_limit": "none"}))
+    held = free.members([{p: v for p, v in each.items() if p[0] == "plant"} for each in values]).batch.start_force
+    limits = np.array([each["actuators", "force_limit"] for each in values])[:, None]
+    beyond = np.abs(held) > limits
+    assert beyond.any()
+    assert not beyond.all()
+    assert np.array_equal(batch.start_force, np.where(beyond, np.sign(held) * limits, held))
