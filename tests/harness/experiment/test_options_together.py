@@ -18,6 +18,7 @@ from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from tests.support.documented_loop import Documented, simulate
+from tests.support.foreign_controller import NAMES, foreign_controller
 from tests.support.uneven import UNEVEN
 
 DURATION, SAMPLE_TIME = 0.15, 0.005
@@ -73,27 +74,31 @@ def _can_be(row: dict[str, Any]) -> bool:
     return not (row.get("jitter") and row.get("plant_step") == SAMPLE_TIME)
 
 
-# No two of its rows share all of their options; every pair of two options' values is in one of them.
-
-
-def _rows_of(options: dict[str, list[Any]]) -> Iterator[dict[str, Any]]:
-    rows = AllPairs(list(options.values()), filter_func=lambda row: _can_be(dict(zip(options, row, strict=False))))
-    return (dict(zip(options, row, strict=True)) for row in rows)
-
-
 def _rows() -> list[dict[str, Any]]:
     """Every pair of two options' values that can be; where the library leaves a pair out, one more row for it."""
-    rows = list(_rows_of(OPTIONS))
+    pairs = AllPairs(list(OPTIONS.values()), filter_func=lambda row: _can_be(dict(zip(OPTIONS, row, strict=False))))
+    rows = [dict(zip(OPTIONS, row, strict=True)) for row in pairs]
     for a, b in combinations(OPTIONS, 2):
         for x, y in product(OPTIONS[a], OPTIONS[b]):
             if _can_be({a: x, b: y}) and not any((row[a], row[b]) == (x, y) for row in rows):
-                turn = len(rows)
-                rest = {name: [*v[turn % len(v) :], *v[: turn % len(v)]] for name, v in OPTIONS.items()}
-                rows.append(next(_rows_of(rest | {a: [x], b: [y]})))
+                rows.append(next(new for row in rows[::-1] if _can_be(new := {**row, a: x, b: y})))
     return rows
 
 
 ROWS = _rows()
+# Of somebody else's controller, a unit with F = k (L_r − L): all but the options of a PD or PID, and ensembles, which
+# have many of a kind; its output is that of the sample before, so without a delay there is none.
+_OF_UNITS = (
+    *("plant_step", "sensor_time", "quantisation", "force_limit", "rate_limit", "lag", "reference", "machine"),
+    *("feedforward", "disturbance", "start", "scales", "about", "injection", "noise", "others"),
+)
+_UNIT_OPTIONS = {name: OPTIONS[name] for name in _OF_UNITS} | {"delay": [1, 3], "host": ["model", "fmu3"]}
+_UNIT_GAIN = 600.0
+_FIRST = {name: values[0] for name, values in OPTIONS.items()} | {"type": "fmu"}
+ROWS += [_FIRST | dict(zip(_UNIT_OPTIONS, row, strict=True)) for row in AllPairs(list(_UNIT_OPTIONS.values()))]
+_UNITS = [number for number, row in enumerate(ROWS) if row["type"] == "fmu"]
+# Two of these always run, all of them with the evidence.
+ALWAYS = [number for number in range(len(ROWS)) if number not in _UNITS[2:]]
 _MACHINE: dict[str, Any] = {
     "platform_mass": 13.9,
     "platform_com": [0.02, -0.07, 0.11],
@@ -152,19 +157,23 @@ def _expected(row: dict[str, Any], readings: FloatArray | None, samples: Sequenc
         "damping_ratio": 0.85,
         "integral_time": 0.31,
     }
-    if row["type"] == "pd":
+    if row["type"] != "pid":
         options["ki"] = [0.0] * 6
+    if row["type"] == "fmu":  # proportional; a derivative without gain needs some filter
+        options |= {"kp": [_UNIT_GAIN] * 6, "kd": [0.0] * 6, "derivative_filter": 1.0}
     start = _pose_about(row) + 0.3 * ALONG[::-1] if row["start"] else None
     return simulate(options, UNEVEN, lambda time: _machine(row["machine"], time), start, readings, samples)
 
 
-def _recorded(
-    row: dict[str, Any],
-    folder: Path,
-    parameters: dict[str, Any] | None = None,
-    limits: dict[str, Any] | None = None,
-) -> gs.Record:
-    gs.save_platform(UNEVEN, folder / "uneven.toml")
+def _unit(row: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The table of somebody else's controller, F = k (L_r − L), under its own names."""
+    unit = foreign_controller(folder / "theirs.fmu")
+    of_unit = {"type": "fmu", "file": unit.name, "names": NAMES, "parameters": {"gain": _UNIT_GAIN}}
+    return {**of_unit, "feedforward": row["feedforward"]}
+
+
+def _controller(row: dict[str, Any]) -> dict[str, Any]:
+    """The table of a PD or PID."""
     gains = TASK_GAINS if row["space"] == "task" else LEG_GAINS
     stated = row["gains"] == "stated"
     controller = {
@@ -187,6 +196,16 @@ def _recorded(
             controller["anti_windup_time"] = row["anti_windup_time"]
     notch = row["notch"] and dict(zip(("frequency", "damping", "depth"), row["notch"], strict=True))
     controller |= {"notch": notch} if notch else {}
+    return controller
+
+
+def _recorded(
+    row: dict[str, Any],
+    folder: Path,
+    parameters: dict[str, Any] | None = None,
+    limits: dict[str, Any] | None = None,
+) -> gs.Record:
+    gs.save_platform(UNEVEN, folder / "uneven.toml")
     change = {"position_change": ALONG[:3].tolist(), "orientation_change": ALONG[3:].tolist()}
     swing = {"position_amplitude": ALONG[:3].tolist(), "orientation_amplitude": ALONG[3:].tolist()}
     reference = {
@@ -202,7 +221,7 @@ def _recorded(
         "platform": {"file": "uneven.toml", "parameters": parameters or {}},
         "plant": {"tolerance": 1e-11},
         "reference": reference,
-        "controller": controller,
+        "controller": _unit(row, folder) if row["type"] == "fmu" else _controller(row),
         "loop": {
             "duration": DURATION,
             "sample_time": SAMPLE_TIME,
@@ -301,7 +320,13 @@ def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Iter
         yield made
 
 
-@pytest.mark.parametrize("number", range(len(ROWS)), ids=[_name(row) for row in ROWS])
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(number, id=_name(row), marks=() if number in ALWAYS else pytest.mark.evidence)
+        for number, row in enumerate(ROWS)
+    ],
+)
 def test_every_pair_of_options_does_what_the_documentation_says(number: int, both: Callable[[int], _Both]) -> None:
     """Expected: the loop written from docs/control.md around a Lagrangian's plant, without code of the harness."""
     row, record, expected = both(number).row, both(number).record, both(number).expected
@@ -380,7 +405,7 @@ def test_noise_has_its_size_on_every_leg(both: Callable[[int], _Both]) -> None:
     Two-sided, false alarm of 1 in 1000; of 15 correlations of legs the largest below 4.2/√n, 1 in 2500.
     """
     errors = []
-    for number, row in enumerate(ROWS):
+    for number, row in ((k, ROWS[k]) for k in ALWAYS):
         if row["noise"]:
             record = both(number).record
             clock = row["sensor_time"] or SAMPLE_TIME
@@ -403,7 +428,7 @@ def test_jitter_delays_samples_by_whole_steps_at_random(both: Callable[[int], _B
     Two-sided by χ² with three degrees of freedom, false alarm of 1 in 1000.
     """
     late = []
-    for number, row in enumerate(ROWS):
+    for number, row in ((k, ROWS[k]) for k in ALWAYS):
         if row["jitter"]:
             samples = np.array(_samples(both(number).record)) % _STEPS
             assert samples[0] == 0
@@ -417,16 +442,17 @@ def test_jitter_delays_samples_by_whole_steps_at_random(both: Callable[[int], _B
 
 def test_every_pair_of_values_is_in_a_row() -> None:
     """Expected: counted; a library that leaves pairs out would make the test above smaller unseen."""
-    names = list(OPTIONS)
-    for a, b in combinations(names, 2):
-        met = {(str(row[a]), str(row[b])) for row in ROWS}
-        assert met == {(str(x), str(y)) for x, y in product(OPTIONS[a], OPTIONS[b]) if _can_be({a: x, b: y})}
+    units = [row for row in ROWS if row["type"] == "fmu"]
+    for options, rows in ((OPTIONS, [row for row in ROWS if row not in units]), (_UNIT_OPTIONS, units)):
+        for a, b in combinations(options, 2):
+            met = {(str(row[a]), str(row[b])) for row in rows}
+            assert met == {(str(x), str(y)) for x, y in product(options[a], options[b]) if _can_be({a: x, b: y})}
 
 
 def test_the_limits_of_the_rows_are_reached(both: Callable[[int], _Both]) -> None:
     """A row in which a limit is never active says nothing of it: most of those that have one reach it."""
     for name, flag in (("force_limit", "flag.force_limited"), ("rate_limit", "flag.rate_limited")):
-        limited = [number for number, row in enumerate(ROWS) if np.isfinite(row[name])]
+        limited = [number for number in ALWAYS if np.isfinite(ROWS[number][name])]
         reached = [bool(both(number).record[flag].any()) for number in limited]
         assert sum(reached) >= 0.7 * len(limited)
 
