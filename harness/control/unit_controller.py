@@ -126,6 +126,7 @@ class ControllerUnit:
             self._limited = None if limited is None else Values(limited, 6, file.is_fmi2)
             self._set(parameters)
             self._check_output_delay(parameters)
+            self._check_parts(sample_time)
             self._is_initialised = False
             self._open = stack.pop_all()
 
@@ -171,6 +172,17 @@ class ControllerUnit:
             raise ControllerError(
                 f"{self._file.path}: its output_delay is {found:g} samples, which would be added to the loop's delay; "
                 "expected 1: set parameters = { output_delay = 1 } of [controller], and the loop's delay"
+            )
+
+    def _check_parts(self, sample_time: float) -> None:
+        """Of a unit of this project: the loop has drives and sensors itself."""
+        step = getattr(self._file.description.defaultExperiment, "stepSize", None)
+        has_steps = step is not None and float(step) < 0.999 * sample_time
+        has_drives = any(name.partition("[")[0] == "rate_limited" for name in self._variables)
+        if "output_delay" in self._variables and (has_steps or has_drives):
+            raise ControllerError(
+                f"{self._file.path}: it carries drives or sensors of its machine, which the loop has as well; expected "
+                "a controller that was exported without parts"
             )
 
     def _inputs(self, names: Mapping[str, str]) -> tuple[NDArray[np.intp], list[int]]:

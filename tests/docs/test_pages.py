@@ -39,7 +39,7 @@ from tests.support.snippets import (
     runner,
 )
 from tools.pages.blocks import ROOT, Block, text_of
-from tools.pages.metrics import PAGE, page_with_table
+from tools.pages.metrics import PAGE, page_with_tables
 from tools.pages.story import run_in_shell, run_page
 
 COMMANDS = {page: commands_of(page) for page in PAGES}
@@ -235,7 +235,7 @@ def test_the_environment_that_the_pages_activate_is_there() -> None:
 def test_the_table_of_metrics_is_what_the_metrics_declare() -> None:
     """Expected: the page as `python -m tools.pages` writes it; a metric of a run that is read back is in its table."""
     text = text_of(PAGE)
-    assert text == page_with_table(text)
+    assert text == page_with_tables(text)
     of_a_run = flattened(gs.metrics(gs.run("heave_step", {"loop.duration": 0.3, "reference.at": 0.02})))
     for path in of_a_run:
         assert f"| `{path.replace('step_response.z.', 'step_response.AXIS.')}` |" in text

@@ -24,8 +24,10 @@ class Outputs(NamedTuple):
     bad_time: FloatArray  # (n,)
 
 
-def run_unit(path: Path, inputs: Sequence[Values], step: float, start: float, parts: int = 1) -> tuple[Outputs, Values]:
-    """Outputs at the end of each sample's step, and the start values of all variables by name.
+def run_unit(
+    path: Path, inputs: Sequence[Values], step: float, start: float, parts: int = 1, more: Sequence[str] = ()
+) -> tuple[Outputs, Values]:
+    """Outputs at the end of each sample's step, and the start values of all variables by name; more outputs likewise.
 
     Inputs are set before a step, which is made in some parts; between these nobody looks at them.
     """
@@ -59,11 +61,12 @@ def run_unit(path: Path, inputs: Sequence[Values], step: float, start: float, pa
             for name, value in values.items():
                 put(name, value if part == 0 else 0 * value)
             unit.doStep(start + k * step + part * step / parts, step / parts)
-        found.append([get(name) for name in ("actuator_force", "force_limited", "input_status", "input_bad_time")])
+        names = ("actuator_force", "force_limited", "input_status", "input_bad_time", *more)
+        found.append([get(name) for name in names])
     unit.terminate()
     unit.freeInstance()
-    force, limited, status, bad = (np.array(each) for each in zip(*found, strict=True))
-    return Outputs(force, limited, status[:, 0], bad[:, 0]), begun
+    force, limited, status, bad, *others = (np.array(each) for each in zip(*found, strict=True))
+    return Outputs(force, limited, status[:, 0], bad[:, 0]), begun | dict(zip(more, others, strict=True))
 
 
 _CLIENT = """

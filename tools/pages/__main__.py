@@ -1,11 +1,11 @@
-"""`python -m tools.pages`: writes outputs, pictures and the table of metrics anew into the pages that show them."""
+"""`python -m tools.pages`: writes outputs, pictures, tables of metrics and components anew into their pages."""
 
 import argparse
 import tempfile
 from pathlib import Path
 
 from tools.pages.blocks import ROOT, blocks_of, text_of
-from tools.pages.metrics import rewrite_table
+from tools.pages.metrics import rewrite_tables
 from tools.pages.outputs import excerpt, shown_below, up_to_date, with_outputs
 from tools.pages.pictures import draw, pictures_of
 from tools.pages.story import printed_in_shell, run_page
@@ -19,7 +19,7 @@ def main() -> None:
     parser.add_argument("pages", nargs="*", default=PAGES, metavar="PAGE", help="by default %(default)s")
     parser.add_argument("--durations", action="store_true", help="also where nothing but durations and sizes differ")
     options = parser.parse_args()
-    rewrite_table()
+    rewrite_tables()
     for page in options.pages:
         with tempfile.TemporaryDirectory() as folder:
             rewrite(page, Path(folder), durations=options.durations)

@@ -1,12 +1,12 @@
-"""The table of metrics in a page, written from their declarations."""
+"""The tables of metrics and of components in a page, written from their declarations."""
 
 from gough_stewart.harness.results.metric import Metric
 from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.step_fold import AXES
 from tools.pages.blocks import ROOT, text_of
+from tools.pages.components import components_table
 
 PAGE = "docs/control.md"
-_BEGIN, _END = "<!-- metrics: begin -->\n", "<!-- metrics: end -->\n"
 
 
 def metrics_table() -> str:
@@ -25,15 +25,18 @@ def metrics_table() -> str:
     return "\n".join(rows) + "\n"
 
 
-def page_with_table(text: str) -> str:
-    """The page with its table written anew."""
-    before, rest = text.split(_BEGIN)
-    return f"{before}{_BEGIN}\n{metrics_table()}\n{_END}{rest.split(_END)[1]}"
+def page_with_tables(text: str) -> str:
+    """The page with its tables written anew, between the marks of their names."""
+    for name, table in (("metrics", metrics_table()), ("components", components_table())):
+        begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->\n"
+        before, rest = text.split(begin)
+        text = f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}"
+    return text
 
 
-def rewrite_table() -> None:
-    """Write the table into its page."""
-    (ROOT / PAGE).write_text(page_with_table(text_of(PAGE)), encoding="utf-8")
+def rewrite_tables() -> None:
+    """Write the tables into their page."""
+    (ROOT / PAGE).write_text(page_with_tables(text_of(PAGE)), encoding="utf-8")
 
 
 def _unit(metric: Metric) -> str:

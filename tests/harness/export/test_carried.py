@@ -13,7 +13,7 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExportError, UnstableLoopError
+from gough_stewart.harness.errors import ControllerError, ExportError, UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
@@ -219,11 +219,37 @@ def test_units_give_the_forces_that_act_in_a_run(
     run = run_in_python(experiment)
     (path,) = (file for file in files if f"fmi{version}" in file.name)
     true = true_signals(run, ["leg_length"])[:-1]
-    outputs, begun = run_unit(path, [{"leg_length": row} for row in true], 0.0005, 0.0, parts_of_step)
+    inputs = [{"leg_length": row} for row in true]
+    outputs, begun = run_unit(path, inputs, 0.0005, 0.0, parts_of_step, ["rate_limited"])
     assert begun["output_delay"] == 2
     # outputs are those of the next row
     assert np.abs(outputs.force[:-1] - run.inputs[1:-1, :6]).max() < 1e-9 * np.abs(run.inputs[:, :6]).max()
     assert np.abs(run.inputs[:-1, :6] - run.inputs[0, :6]).max() > 10
+    np.testing.assert_array_equal(begun["rate_limited"][:-1], run.rate_limited[1:-1])
+    commanded = run.force_limited[run.sample_of_row][:-1]
+    np.testing.assert_array_equal(outputs.limited[5:], commanded[: len(commanded) - 5])
+
+
+def test_a_unit_takes_its_steps_by_itself(written: tuple[Experiment, list[Path], list[str]]) -> None:
+    """Expected: for inputs that stay, the forces of short communication steps, at the ends of longer ones."""
+    _, files, _ = written
+    (path,) = (file for file in files if "fmi3" in file.name)
+    lengths = np.array([2.81, 2.92, 2.77, 2.88, 2.97, 2.84])
+    short, *others = (
+        run_unit(path, [{"leg_length": lengths}] * round(0.06 / step), step, 1.7)[0].force
+        for step in (0.0005, 0.003, 0.0025)
+    )
+    assert np.abs(np.diff(short, axis=0)).max() > 1
+    for n, force in zip((6, 5), others, strict=True):
+        np.testing.assert_array_equal(force, short[n - 1 :: n])
+
+
+def test_a_loop_of_the_harness_refuses_a_unit_with_parts(written: tuple[Experiment, list[Path], list[str]]) -> None:
+    """Expected: its drives would act twice; what is wrong, and what to do."""
+    experiment, files, _ = written
+    table = {"type": "fmu", "file": str(files[0]), "parameters": {"output_delay": 1}}
+    with pytest.raises(ControllerError, match="carries drives or sensors of its machine, which the loop has as well"):
+        gs.run(experiment, {"controller": table})
 
 
 def test_a_unit_says_what_it_carries(written: tuple[Experiment, list[Path], list[str]]) -> None:
