@@ -26,6 +26,7 @@ _NEARBY = {
         # of the folds over rows
         "tests/harness/results/test_folds.py",
         "tests/harness/results/test_bands.py",
+        "tests/harness/results/test_metrics.py",
     ),
     "harness/control": (
         "tests/harness/loop",
