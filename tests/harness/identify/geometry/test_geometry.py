@@ -238,7 +238,9 @@ def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
     refused(log, "platform_mass with the method geometry", ["platform_mass", "base_points"])
     gap = log.leg_length.copy()
     gap[7, 3] = np.nan
-    refused(replace(log, leg_length=gap), "row 8 lacks a leg length")
+    pose = log.position.copy()
+    pose[2, 1] = np.nan  # which may be missing
+    refused(replace(log, leg_length=gap, position=pose), "row 8 lacks a leg length")
     refused(log.rows(slice(0, 2)), "expected more poses", nominal_error=1e-6)
     refused(log, "nominal_error is 0", nominal_error=0.0)
     refused(log, "expected standard errors > 0", accuracy=PoseAccuracy(position=-1.0))
