@@ -183,7 +183,7 @@ def test_the_reference_is_integrated_once_for_both_versions(tmp_path: Path, monk
         cases.append(case.name)
         return np.zeros((len(case.time), interface.size_of(interface.RESULTS)))
 
-    monkeypatch.setattr(reference_results, "reference_results", integrate)
+    monkeypatch.setattr(component, "reference_results", integrate)
     monkeypatch.setattr(builder, "compile_library", lambda *_: b"")
     assert len(build(tmp_path)) == 2
     assert cases == ["open_loop", "varying_inputs"]
