@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gough_stewart as gs
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import PHYSICAL, TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import platforms_with
+from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.uneven import UNEVEN
 
 BAD: list[dict[str, Any]] = [
@@ -83,16 +85,34 @@ def test_geometry_that_changes_is_held_against_limits_that_do_not(name: str, hei
         assert str(some.value) == str(whole.value)
 
 
+@pytest.mark.parametrize("name", ["leg_length_min", "leg_length_max"])
+def test_a_stroke_that_some_home_leg_leaves_is_refused(name: str) -> None:
+    """Expected: of limits at the quantiles of the home legs only those beyond the last leg, by the legs' formula."""
+    legs = np.linalg.norm(
+        UNEVEN.home_position
+        + UNEVEN.platform_points @ matrix_from_orientation(UNEVEN.home_orientation).T
+        - UNEVEN.base_points,
+        axis=1,
+    )
+    limits = [legs.min() * 0.99, *np.quantile(legs, [0.1, 0.5, 0.9]), legs.max() * 1.01]
+    fine = [(limit <= legs).all() if name.endswith("min") else (legs <= limit).all() for limit in limits]
+    assert fine.count(True) == 1
+    _, errors = platforms_with([replace(UNEVEN, **NONE)], np.zeros(5, dtype=int), [{name: limit} for limit in limits])
+    assert [k not in errors for k in range(5)] == fine
+
+
 def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(gs.GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
         UNEVEN.with_parameters({"platform_mas": 3.0})
 
 
 NONE: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None}
+# Between the shortest and the longest leg in the home pose.
+HOME_LEGS = np.quantile(leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length, [0.3, 0.7]).tolist()
 # Values of six members, and which of them are impossible, by the messages of a platform alone.
 VARIED: dict[str, list[Any]] = {
-    "platform_mass": [3.0, 4.0, 0.0, 5.0, np.nan, 2e30],
-    "leg_coulomb_friction_factor": [np.arange(6.0), np.ones(6), -np.ones(6), np.zeros(6), np.ones(5), np.ones(6)],
+    "platform_mass": [3.0, 4.0, 0.0, 5.0, -1.0, 2e30],
+    "leg_coulomb_friction_factor": [np.arange(6.0), np.ones(6), -np.eye(6)[4], np.zeros(6), -np.ones(6), np.ones(6)],
     "platform_inertia": [
         np.diag(each) for each in ([2.0, 2, 3], [2.0, 2, 3.9], [2.0, 2, 4.1], [1.0, 0, 1], [3.0, 3, 3], [9.0, 8, 16])
     ],
@@ -105,8 +125,12 @@ VARIED: dict[str, list[Any]] = {
     "home_orientation": [[0.0, pitch, 0.1] for pitch in (0.0, 0.1, 1.6, -1.57, 0.2, 3.0)],
     "leg_lower_com": [0.1, 0.2, 50.0, 3.0, 0.3, -0.1],
     "platform_com": [[0, 0, z] for z in (0.0, 0.5, 1e3, -1e3, 0.2, 9.0)],
-    "leg_length_max": [30.0, 40.0, 1e-3, 0.5, None, 31.0],
+    "leg_length_max": [30.0, 40.0, 1e-3, *HOME_LEGS, 31.0],
+    "leg_length_min": [0.1, 0.2, 30.0, *HOME_LEGS, 0.3],
     "joint_angle_max": [0.5, 3.1, 3.2, 1.0, 4.0, 2.0],
+    # of other kinds than numbers of one shape
+    "platform_com ": [[0, 0, 0.1], [0, np.inf, 0], [0, 0, "1 m"], [0, 0], [0, 0, 1e3], [0, 0, 0.2]],
+    "leg_length_max ": [30.0, 40.0, None, 1e-3, np.nan, 31.0],
     "leg_viscous_friction": [1.0, [1.0, 2, 3, 4, 5, 6], 2.0, 3.0, -1.0, 4.0],
     "platform_mas": [1.0] * 6,
 }
@@ -119,7 +143,7 @@ def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str
     """Expected: the same numbers, or the same message, as `with_parameters` of each base, one after the other."""
     bases = [UNEVEN, replace(UNEVEN, platform_mass=2.5, **NONE)]
     of = np.arange(number) % 3 // 2
-    parameters = [{**fixed, name: VARIED[name][k % 6]} for k in range(number)]
+    parameters = [{**fixed, name.strip(): VARIED[name][k % 6]} for k in range(number)]
     found, errors = platforms_with(bases, of, parameters)
     assert len(found) == number
     for k, each in enumerate(parameters):
