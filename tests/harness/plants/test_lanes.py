@@ -433,6 +433,26 @@ def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not(compiler: bo
         assert np.abs(plant.signals()[member, :12] - exact).max() < 3e-8
 
 
+@pytest.mark.usefixtures("quiet")
+@pytest.mark.parametrize("torque", [1e6, 1e9, 1e12])
+def test_a_first_size_that_gives_no_numbers_is_too_large(torque: float, compiler: bool) -> None:
+    """Expected: the singular pose that the stepping model reaches, not a motion without numbers.
+
+    The first internal step tries all of 0.1 s, in which angles are far beyond those whose sine is known.
+    """
+    start = State(UNEVEN.home_position, UNEVEN.home_orientation, np.zeros(3), np.zeros(3))
+    u = np.concatenate([UNEVEN.home_actuator_force, np.zeros(3), torque * np.array([0.3, 1.0, 0.2])])
+    with pytest.raises(StepError) as expected:
+        _after(UNEVEN, start, u, 0.1, 1e-9)
+    plant = lanes_plant([UNEVEN], [start], tolerance=1e-9, compiler=compiler)
+    plant.set_inputs(u[None])
+    with pytest.raises(MembersError) as caught:
+        plant.do_step(0.0, 0.1)
+    error = caught.value.failures[0]
+    assert error.quantity == expected.value.quantity == "condition number of the leg Jacobian"
+    assert error.time == pytest.approx(expected.value.time, rel=0.03)
+
+
 def test_a_member_that_needs_too_many_steps_says_so_and_others_go_on() -> None:
     """Expected: after 10,000 internal steps of one plant step: the cause in words; the others as without it."""
     u = np.concatenate([UNEVEN.home_actuator_force, np.zeros(6)]) + INPUTS.to_vector()
