@@ -226,11 +226,7 @@ class FoldsOfRows(Observer):
 
     def __init__(self, loop: "Loop", folds: Sequence[Fold], members: int = 1) -> None:
         self._folding = Folding(folds, members)
-        reference = loop.reference
-        # (n, 30, N), or (n, 30, 1) if common to all members
-        if reference is not None:
-            reference = reference[..., None] if reference.ndim == 2 else np.moveaxis(reference, 1, 2)
-        self._reference = reference
+        self._reference = loop.reference_rows
         self._scratch = Scratch()
 
     def block(self, rows: Rows) -> None:

@@ -71,6 +71,13 @@ class Loop:
     injection: FloatArray | None = None  # added to the command at every sample (m, 6) [N], to excite the loop
     shape: tuple[int, ...] = ()
 
+    @property
+    def reference_rows(self) -> FloatArray | None:
+        """The reference with the members last (n, 30, N), or (n, 30, 1) if common to all; None without one."""
+        if self.reference is None:
+            return None
+        return self.reference[..., None] if self.reference.ndim == 2 else np.moveaxis(self.reference, 1, 2)
+
 
 def changes_of_members(each: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:
     """The changes of N members as those of one loop, in order of time, and of each member's own at equal times.

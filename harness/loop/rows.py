@@ -29,17 +29,17 @@ class Rows:
         Sizes 24, 6, 6, 6; the forces act from the row on.
     """
 
-    def __init__(self, timing: Timing, members: int) -> None:
-        self._allocate(min(max(CHECKED, _SIZE // members), timing.steps + 1), members)
-
-    def _allocate(
-        self, most: int, members: int, signals_: FloatArray | None = None, forces: FloatArray | None = None
-    ) -> None:
+    def __init__(self, most: int, members: int, signals_: FloatArray, forces: FloatArray) -> None:
         self.most, self.first, self.count = most, 0, 0
         self.counting = np.zeros(members, dtype=np.intp)
-        self.signals = np.zeros((most + 1, signals.SIZE, members)) if signals_ is None else signals_
-        self.forces = np.zeros((most + 1, 6, members)) if forces is None else forces
+        self.signals, self.forces = signals_, forces
         self.force_limited, self.rate_limited = np.zeros((2, most + 1, 6, members), dtype=bool)
+
+    @classmethod
+    def of(cls, timing: Timing, members: int) -> "Rows":
+        """Blocks that fit into the processor's cache."""
+        most = min(max(CHECKED, _SIZE // members), timing.steps + 1)
+        return Rows(most, members, np.zeros((most + 1, signals.SIZE, members)), np.zeros((most + 1, 6, members)))
 
     def add(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
@@ -48,18 +48,6 @@ class Rows:
         self.signals[k] = now.T
         self.forces[k] = acting.T[:6]
         self.force_limited[k], self.rate_limited[k] = force_limited.T, rate_limited.T
-
-    def sample(
-        self,
-        j: int,
-        due: BoolArray | None,
-        measured: FloatArray,
-        state: FloatArray,
-        command: FloatArray,
-        force_limited: BoolArray,
-        used: tuple[str, ...],
-    ) -> None:
-        """Called before the row of a sample is added; see `AllRows`."""
 
     def clear(self) -> None:
         """Begin the next block."""
@@ -86,7 +74,8 @@ class AllRows(Rows):
         n, m, self._plant = timing.steps + 2, len(timing.samples), plant
         self.results = np.zeros((n, interface.size_of(interface.RESULTS), members))
         self.inputs = np.zeros((n, interface.size_of(interface.INPUTS), members))
-        self._allocate(n + CHECKED, members, self.results[:, : signals.SIZE], self.inputs[:, :6])
+        # more than there will be: they are passed on at the end
+        super().__init__(n + CHECKED, members, self.results[:, : signals.SIZE], self.inputs[:, :6])
         self.measured = np.zeros((m, signals.SIZE, members))
         self.command = np.zeros((m, 6, members))
         self.limited = np.zeros((m, 6, members), dtype=bool)
@@ -130,7 +119,7 @@ class Observer(Protocol):
 
     def start(self, timing: Timing, plant: Plant, members: int) -> Rows:  # noqa: ARG002
         """The rows to be filled."""
-        return Rows(timing, members)
+        return Rows.of(timing, members)
 
     def block(self, rows: Rows) -> None:
         """Called with each block; views, valid during the call only."""

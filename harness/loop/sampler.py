@@ -9,7 +9,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Drives
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.outcomes import Outcomes
-from gough_stewart.harness.loop.rows import Rows
+from gough_stewart.harness.loop.rows import AllRows, Rows
 from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
@@ -34,7 +34,8 @@ class Sampler:
         if law_from is not None and loop.reference is None:
             raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
-        self._every, self._plant_step, self._rows_of_run = timing.steps_a_sample, timing.plant_step, rows_of_run
+        self._every, self._plant_step = timing.steps_a_sample, timing.plant_step
+        self._kept = rows_of_run if isinstance(rows_of_run, AllRows) else None
         # a list if common to all members, since Python reads it faster; None where members differ
         self._rows = rows.tolist() if rows.ndim == 1 else None
         self._rows_of_members = rows
@@ -77,8 +78,9 @@ class Sampler:
                 due = self._without_failures(due)
             command = command + force
         self._command(j, command, due, law)
-        used = () if law is None else law.used
-        self._rows_of_run.sample(j, due, reading, state, self.command, self.force_limited, used)
+        if self._kept is not None:
+            used = () if law is None else law.used
+            self._kept.sample(j, due, reading, state, self.command, self.force_limited, used)
 
     @property
     def may_overrun(self) -> bool:

@@ -19,10 +19,7 @@ class Watch:
     def __init__(self, loop: Loop, rows: Rows, observer: Observer, outcomes: Outcomes) -> None:
         self.rows, self.outcomes = rows, outcomes
         self._limits, self._observer = loop.limits, observer
-        wanted = loop.reference
-        if wanted is not None:  # (n, 30, N), or (n, 30, 1) if common to all members
-            wanted = wanted[..., None] if wanted.ndim == 2 else np.moveaxis(wanted, 1, 2)
-        self._wanted = wanted
+        self._wanted = loop.reference_rows
         self._checked = 0  # rows of the run
         self.every = 1
 

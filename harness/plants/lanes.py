@@ -1,4 +1,4 @@
-"""A plant of many platforms, stepped together with fixed RK4 steps, vectorised over members, in machine code or NumPy.
+"""A plant of many platforms, stepped together with internal steps of their own, eight in a vector, or by NumPy.
 
 A member's bits depend only on its own numbers, not on the number or choice of the other members.
 """
