@@ -1,0 +1,103 @@
+"""How quantities are written, the same in the terminal, on pages and in figures: unit, significant digits, words.
+
+Numbers of a report are stored in SI units, a percentage in percent; `factor` converts one to the unit in which it is
+shown. Angles are shown in degrees.
+"""
+
+import math
+from dataclasses import dataclass
+
+from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to
+from gough_stewart.harness.quantities import UNITS
+
+_DEGREES = 180 / math.pi
+# A value that is not defined.
+NOTHING = "–"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A kind of number: its SI unit, as in `quantities.UNITS`, and how it is shown."""
+
+    si: str  # "" for a plain number
+    unit: str
+    factor: float = 1.0  # from the stored number to that in `unit`
+    name: str = ""  # of an axis without words of its own
+    symbol: str = ""
+    digits: int = 4  # significant
+
+    def __post_init__(self) -> None:
+        if self.si and self.si not in UNITS:
+            raise ValueError(f"the SI unit '{self.si}'; expected one of {', '.join(UNITS)}, or '' for a plain number")
+        if not (math.isfinite(self.factor) and self.factor > 0):
+            raise ValueError(f"the factor {self.factor}; expected a finite number > 0")
+        if self.digits < 1:
+            raise ValueError(f"{self.digits} significant digits; expected at least 1")
+
+    def text(self, value: float | None, *, unit: bool = True) -> str:
+        """A stored number as shown, with its unit; "< 0.001 mm" below the resolution of display."""
+        if value is None or math.isnan(value):
+            return NOTHING
+        digits = self.number(value)
+        return f"{digits} {self.unit}" if unit and self.unit else digits
+
+    def number(self, value: float | None) -> str:
+        """The same without unit."""
+        if value is None or math.isnan(value):
+            return NOTHING
+        if math.isinf(value):
+            return "∞" if value > 0 else "−∞"
+        shown, least = self.factor * value, LEAST_SPANS.get(self.unit, 0.0)
+        if shown and abs(shown) < least:
+            return f"< {least:g}"
+        text = f"{shown:.{self.digits}g}"
+        # large numbers in full: 18610 is shorter than 1.861e+04
+        text = f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
+        return text.replace("-", "−", 1) if text.startswith("-") else text
+
+    def headed(self, name: str = "") -> str:
+        """A heading: the name, or the quantity's own, with the unit in brackets."""
+        words = name or self.name
+        return f"{words} [{self.unit}]" if self.unit else words
+
+    def stored(self, number: float, unit: str) -> float:
+        """A number in any unit of this kind as it is stored: 1 mm of a length is 0.001.
+
+        Raises
+        ------
+        ValueError
+            A unit of another kind; names those that are known.
+        """
+        known = UNITS.get(self.si, {self.unit: 1.0})
+        if unit not in known:
+            expected = ", ".join(each for each in known if each) or "no unit"
+            raise ValueError(f"the unit '{unit}'; expected {expected}")
+        return number * known[unit] / known[self.unit] / self.factor
+
+
+def of_unit(unit: str) -> Quantity:
+    """The quantity of a unit in `quantities.UNITS`, in which it is shown; angles in degrees."""
+    shown = {"rad": "deg", "rad/s": "deg/s"}.get(unit, unit)
+    si = next((si for si, others in UNITS.items() if si == shown), None)
+    si = si or next((si for si, others in UNITS.items() if shown in others), "")
+    return Quantity(si, shown, factor_to(shown))
+
+
+LENGTH = Quantity("m", "mm", 1e3, "length")
+POSITION = Quantity("m", "m", 1.0, "position", digits=5)
+ANGLE = Quantity("rad", "deg", _DEGREES, "angle")
+VELOCITY = Quantity("m/s", "m/s", 1.0, "velocity", "v")
+ANGULAR_VELOCITY = Quantity("rad/s", "deg/s", _DEGREES, "angular velocity", "ω")
+FORCE = Quantity("N", "N", 1.0, "force", "F")
+TORQUE = Quantity("N.m", "N.m", 1.0, "torque")
+POWER = Quantity("W", "W", 1.0, "power", "P")
+ENERGY = Quantity("J", "J", 1.0, "energy")
+MASS = Quantity("kg", "kg", 1.0, "mass", "m")
+TIME = Quantity("s", "s", 1.0, "time", "t")
+FREQUENCY = Quantity("Hz", "Hz", 1.0, "frequency", "f")
+DECIBEL = Quantity("", "dB", 1.0, "magnitude")
+# A share is a number from 0 to 1, a percentage one in percent.
+SHARE = Quantity("1", "%", 100.0, "share")
+PERCENT = Quantity("1", "%", 1.0, "percentage")
+NUMBER = Quantity("", "", 1.0, "number")
+COUNT = Quantity("", "", 1.0, "count", digits=9)

@@ -1,0 +1,321 @@
+"""A report is plain data: it is checked when it is made, and JSON carries all of it."""
+
+import json
+import math
+import re
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.report import document
+from gough_stewart.harness.report.codec import from_data, from_json, to_data, to_json
+from gough_stewart.harness.report.document import (
+    Axis,
+    Chart,
+    Column,
+    File,
+    Flag,
+    Mark,
+    Note,
+    Number,
+    Report,
+    Requirement,
+    Scene,
+    Section,
+    Series,
+    Setting,
+    Table,
+    Value,
+    Verdict,
+    time_axis,
+)
+from gough_stewart.harness.report.quantities import (
+    ANGLE,
+    COUNT,
+    FORCE,
+    LENGTH,
+    NUMBER,
+    PERCENT,
+    POSITION,
+    SHARE,
+    Quantity,
+    of_unit,
+)
+
+_TIME: Any = [7.3, 7.4, 7.6]
+# Lists become arrays; wrong values are refused.
+_Axis: Any = Axis
+_Number: Any = Number
+_Series: Any = Series
+_Scene: Any = Scene
+_Chart: Any = Chart
+_Verdict: Any = Verdict
+
+
+def whole_report() -> Report:
+    """A report with every kind of part, and a value in every field."""
+    scene = _Scene(
+        name="heave",
+        base_points=np.arange(18.0).reshape(6, 3),
+        platform_points=-np.arange(18.0).reshape(6, 3),
+        lower=0.31,
+        upper=0.42,
+        time=_TIME,
+        pose=np.arange(21.0).reshape(3, 7),
+        leg_length=np.linspace(1, 2, 18).reshape(3, 6),
+        home=np.arange(7.0),
+        orientation=np.ones((3, 3)),
+        reference=2 * np.arange(21.0).reshape(3, 7),
+        actuator_force=np.arange(18.0).reshape(3, 6),
+        external_force=np.ones((3, 3)),
+        nearness=np.full((3, 6), 0.25),
+        nearness_of=("stroke", "force"),
+        flags=(Flag("force limited", "01"),),
+        rows=30,
+        run=1,
+    )
+    series = _Series(
+        "leg 4",
+        LENGTH,
+        [1e-3, math.nan, math.inf],
+        "measured",
+        leg=4,
+        run=1,
+        component="x",
+        low=[0, 1, -math.inf],
+        high=[1, 2, 3],
+        x=[0.0, 1.0, 2.0],
+        members=[5, 6, 9],
+    )
+    marks = (Mark(2e-3, "limit", "horizontal", "limit"), Mark(7.5, "worst", "vertical", "bad"))
+    chart = _Chart(
+        "errors", time_axis(_TIME), (series,), "step", _Axis("error", LENGTH, scale="log"), marks, "some", "e", True
+    )
+    heat = _Chart(
+        "reach",
+        _Axis("x", LENGTH, [0, 1]),
+        (_Series("volume", SHARE, [[0.1, 0.2], [math.nan, 1.0]]),),
+        "heat",
+        _Axis("y", LENGTH, [2, 3]),
+    )
+    bars = _Chart("causes", _Axis("cause", labels=("a", "b")), (_Series("members", COUNT, [3, 4]),), "bars")
+    table = Table(
+        "Legs",
+        (Column("", explanation="what"), Column("1", LENGTH), Column("all")),
+        (("peak", 1e-3, Value(3.5, FORCE)), ("ok", None, True), ("n", math.inf, 7)),
+        sortable=True,
+        first_shown=2,
+        group_ends=(1,),
+        note="of all",
+        detail=True,
+    )
+    number = _Number(
+        "tracking.position.norm_peak", "peak", 8e-4, LENGTH, 7e-4, 9e-4, 1e-3, 2e-4, "largest", [1.0, math.nan]
+    )
+    required = Requirement("a <= 1 mm", "a", "the a", "open", None, 1e-3, LENGTH, math.inf, "needs 60 members")
+    return Report(
+        "Heave",
+        _Verdict("Follows within 0.8 mm", "good", (number,)),
+        (
+            Section("Tracking", (table, chart, heat, bars, scene, Note("odd", "warning"))),
+            Section("More", (), detail=True),
+        ),
+        study="run",
+        lead="a step",
+        numbers=(number,),
+        requirements=(required,),
+        settings=(Setting("loop.delay", ("1", "2"), "0"),),
+        runs=("one", "two"),
+        notes=(Note("well"),),
+        files=(File("record.csv", "rows"),),
+    )
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Equality of all fields, by a walk of its own."""
+    if is_dataclass(one) and not isinstance(one, type):
+        return type(one) is type(other) and all(
+            _equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
+        )
+    if isinstance(one, np.ndarray):
+        return isinstance(other, np.ndarray) and np.array_equal(one, other, equal_nan=True)
+    if isinstance(one, tuple):
+        return isinstance(other, tuple) and len(one) == len(other) and all(map(_equal, one, other))
+    return type(one) is type(other) and one == other
+
+
+def test_json_carries_every_field_of_every_part() -> None:
+    report = whole_report()
+    text = to_json(report)
+    assert _equal(from_json(text), report)
+    # every field was given, so that none is equal by its default alone
+    seen = {kind: set(data) for kind, data in _objects(to_data(report))}
+    for kind in (Scene, Series, Table, Report, Requirement, Number, Mark):
+        assert seen[kind.__name__] >= {each.name for each in fields(kind)} - {"value"}, kind
+
+
+def _objects(data: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """The objects in the data of `whole_report` by class."""
+    parts = data["sections"][0]["parts"]
+    return [
+        ("Report", data),
+        ("Scene", parts[4]),
+        ("Table", parts[0]),
+        ("Series", parts[1]["series"][0]),
+        ("Mark", {**parts[1]["marks"][1], **parts[1]["marks"][0], "direction": 0, "role": 0}),
+        ("Requirement", data["requirements"][0]),
+        ("Number", data["numbers"][0]),
+    ]
+
+
+def test_json_has_neither_nan_nor_infinity() -> None:
+    def refuse(word: str) -> None:
+        raise AssertionError(word)
+
+    data = json.loads(to_json(whole_report()), parse_constant=refuse)
+    series = data["sections"][0]["parts"][1]["series"][0]
+    assert series["values"] == [1e-3, None, "Infinity"]
+    assert series["low"] == [0, 1, "-Infinity"]
+    assert data["sections"][0]["parts"][2]["series"][0]["values"] == [[0.1, 0.2], [None, 1.0]]
+
+
+def test_a_number_that_is_not_defined_is_none() -> None:
+    assert _Number("a", "a", math.nan).value is None
+    assert Value(math.nan, LENGTH).text == "–"
+    assert Table("", (Column("a", LENGTH),), ((math.nan,),)).rows == ((None,),)
+
+
+def test_arrays_are_read_only_copies() -> None:
+    values = np.zeros(3)
+    series = _Series("a", LENGTH, values)
+    values[0] = 1
+    assert series.values[0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        series.values[0] = 2
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: _Chart("c", time_axis([0, 1]), ()), "has no series"),
+        (
+            lambda: _Chart("c", time_axis([0, 1]), (_Series("a", LENGTH, [1, 2, 3]),)),
+            r"'a' of 'c' has \(3,\) values; expected \(2,\)",
+        ),
+        (
+            lambda: _Chart("c", time_axis([0, 1]), (_Series("a", LENGTH, [1, 2]), _Series("b", ANGLE, [1, 2]))),
+            "deg, mm; expected one unit",
+        ),
+        (lambda: _Chart("c", time_axis([0, 1, 2]), (_Series("a", COUNT, [1, 2, 3]),), "histogram"), r"expected \(2,\)"),
+        (
+            lambda: _Chart(
+                "c", time_axis([0, 1]), (_Series("a", COUNT, [[1, 2]]),), "heat", _Axis("y", LENGTH, [1, 2])
+            ),
+            r"expected \(2, 2\)",
+        ),
+        (
+            lambda: _Chart("c", time_axis([0, 1]), (_Series("a", COUNT, [1, 2]),), "pie"),
+            "'pie'; expected one of line, step",
+        ),
+        (lambda: _Series("a", LENGTH, [1.0], "best"), "the role 'best' of a; expected one of reference"),
+        (lambda: _Series("a", LENGTH, [1.0], leg=7), "the leg 7 of a; expected 1 to 6"),
+        (lambda: _Series("a", LENGTH, [1.0, 2.0], low=[1.0]), "1 values 'low' of a; expected 2"),
+        (lambda: _Series("a", LENGTH, ["x"]), "the series a: list; expected an array of numbers"),
+        (lambda: Mark(math.nan, "limit"), "the mark 'limit' at nan; expected a finite number"),
+        (lambda: Table("t", (Column("a"),), ((1, 2),)), "row 1 of 't' has 2 cells; expected 1"),
+        (lambda: _Verdict("two\nlines", "good"), "expected one line"),
+        (lambda: _Verdict("well", "fine"), "the status 'fine'; expected one of good, marginal"),
+        (lambda: Quantity("parsec", "pc"), "the SI unit 'parsec'; expected one of m, rad"),
+        (lambda: Quantity("m", "mm", 0.0), "the factor 0.0; expected a finite number > 0"),
+        (
+            lambda: Report("r", _Verdict("well", "told"), numbers=(_Number("a", "a", 1.0), _Number("a", "b", 2.0))),
+            "the number a is there twice",
+        ),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(make: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data.update(version=0), "version: 0; expected a report of version 1"),
+        (lambda data: data.update(colour="red"), "report.colour: unknown"),
+        (
+            lambda data: data["numbers"][0].update(quantity="pace"),
+            r"report.numbers\[0\].quantity: the quantity 'pace'; expected one of length",
+        ),
+        (
+            lambda data: data["sections"][0]["parts"][0].update(part="film"),
+            r"parts\[0\]: the part 'film'; expected one of table, chart",
+        ),
+        (lambda data: data["sections"][0].update(parts=3), "parts: int; expected a list"),
+        (lambda data: data["verdict"].pop("status"), "report.verdict: .*status"),
+    ],
+)
+def test_other_data_are_refused_by_the_place(change: Any, message: str) -> None:
+    data = to_data(whole_report())
+    change(data)
+    with pytest.raises(ValueError, match=message):
+        from_data(data)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "text"),
+    [
+        (LENGTH, 8.1234e-4, "0.8123 mm"),
+        (LENGTH, -8.1234e-4, "−0.8123 mm"),
+        (LENGTH, 2e-7, "< 0.001 mm"),
+        (LENGTH, 0.0, "0 mm"),
+        (LENGTH, None, "–"),
+        (LENGTH, math.inf, "∞ mm"),
+        (POSITION, 3.24591, "3.2459 m"),
+        (ANGLE, math.pi / 6, "30 deg"),
+        (FORCE, 18610.4, "18610 N"),
+        (SHARE, 0.125, "12.5 %"),
+        (PERCENT, 12.5, "12.5 %"),
+        (NUMBER, 2.5, "2.5"),
+    ],
+)
+def test_a_quantity_is_written_with_unit_and_digits(quantity: Quantity, value: float | None, text: str) -> None:
+    assert quantity.text(value) == text
+
+
+@pytest.mark.parametrize(
+    ("quantity", "number", "unit", "stored"),
+    [
+        (LENGTH, 2.0, "mm", 2e-3),
+        (LENGTH, 2.0, "m", 2.0),
+        (ANGLE, 90.0, "deg", math.pi / 2),
+        (ANGLE, 3.0, "mrad", 3e-3),
+        (PERCENT, 5.0, "%", 5.0),
+        (SHARE, 5.0, "%", 0.05),
+        (of_unit("rad/s"), 180.0, "deg/s", math.pi),
+    ],
+)
+def test_a_number_in_any_unit_is_stored_as_the_quantity_is(
+    quantity: Quantity, number: float, unit: str, stored: float
+) -> None:
+    assert quantity.stored(number, unit) == pytest.approx(stored, rel=1e-14)
+
+
+def test_a_unit_of_another_kind_is_refused() -> None:
+    with pytest.raises(ValueError, match="the unit 'deg'; expected m, cm, mm"):
+        LENGTH.stored(1.0, "deg")
+    with pytest.raises(ValueError, match="the unit 'mm'; expected no unit"):
+        NUMBER.stored(1.0, "mm")
+
+
+def test_the_documentation_lists_every_field() -> None:
+    """The classes themselves are the source; docs/report.md names each field of each in its tables."""
+    text = (Path(__file__).parents[3] / "docs/report.md").read_text(encoding="utf-8")
+    for kind in vars(document).values():
+        if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == document.__name__:
+            part = re.search(rf"^### {kind.__name__}\n(.*?)(?=^##|\Z)", text, re.DOTALL | re.MULTILINE)
+            assert part, kind.__name__
+            assert re.findall(r"^\| `(\w+)`", part[1], re.MULTILINE) == [each.name for each in fields(kind)], kind
