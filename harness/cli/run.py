@@ -21,7 +21,7 @@ from gough_stewart.harness.cli.options import (
     path,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import errors, progress_bar, show, warn
+from gough_stewart.harness.cli.terminal import errors, progress_bar, show_report, warn
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
 if TYPE_CHECKING:
@@ -109,7 +109,6 @@ def run_command(
             from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
             from gough_stewart.harness.experiment.run import run
             from gough_stewart.harness.results.oscillation import oscillation
-            from gough_stewart.harness.results.tables import metrics_sheets
             from gough_stewart.model.process.files import check_output_folder
 
             check_output_folder(folder, names_of_files())
@@ -131,7 +130,7 @@ def run_command(
             progress.update(task, total=None, description="files and figures")
             files, measured = write_results(record, folder, report)
         command.written.append(folder)
-        show(*metrics_sheets(measured))
+        show_report(record.report(measured=measured, charts=False))
         for warning in warnings_of(record):
             warn(warning)
         outcome = record.metadata["outcome"]

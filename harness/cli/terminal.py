@@ -21,6 +21,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from gough_stewart.harness.output.tables import Sheet
+    from gough_stewart.harness.report.document import Report
 
 # Control characters except newline and tab, and marks that change the writing direction.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -92,6 +93,23 @@ def show(*sheets: "Sheet") -> None:
 
     for sheet in sheets:
         Terminal().print(to_terminal(sheet))
+
+
+def show_report(report: "Report") -> None:
+    """Print a report: its verdict, its tables but those of details, its notes."""
+    from gough_stewart.harness.report.document import Note, Table
+    from gough_stewart.harness.report.sheets import sheet_of
+
+    Terminal().say(report.verdict.text)
+    for section in report.sections:
+        for part in () if section.detail else section.parts:
+            if isinstance(part, Table) and not part.detail and part.rows:
+                show(sheet_of(part))
+            elif isinstance(part, Note):
+                Terminal().say(part.text)
+    for note in report.notes:
+        if note.kind == "note":
+            Terminal().say(note.text)
 
 
 def warn(message: str) -> None:

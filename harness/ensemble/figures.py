@@ -29,7 +29,7 @@ _MOST_BANDS = 15
 _MOST_POINTS = 3000
 _MOST_BARS = 12
 # Smaller spans are rounding, or too small to measure.
-_LEAST_SPAN = {"m": 1e-5, "mm": 1e-2, "rad": 1e-5, "mrad": 1e-2, "N": 1.0, "m/s": 1e-4, "rad/s": 1e-4}
+_LEAST_SPAN = {"m": 1e-5, "mm": 1e-2, "rad": 1e-5, "deg": 1e-3, "N": 1.0, "m/s": 1e-4, "rad/s": 1e-4}
 
 
 def ensemble_figures(ensemble: Ensemble, by: str, found: Sensitivity | None = None) -> dict[str, bytes]:

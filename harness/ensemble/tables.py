@@ -1,5 +1,6 @@
 """An ensemble as tables for the terminal and for its page."""
 
+import math
 from collections.abc import Sequence
 
 import polars
@@ -80,7 +81,7 @@ def failure_sheet(members: polars.DataFrame, most: int = _MOST_CAUSES) -> Sheet:
 
 
 # Signals, with the displayed unit.
-_SIGNALS = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}
+_SIGNALS = {"m": ("mm", 1e3), "rad": ("deg", 180 / math.pi)}
 _AXES = {"position": "xyz", "orientation": ("roll", "pitch", "yaw")}
 
 

@@ -138,7 +138,7 @@ def _norm_rms(name: str) -> Callable[[Record], float]:
 _MEASURES: tuple[tuple[str, str, float, Callable[[Record], float]], ...] = (
     ("position error, RMS", "mm", 1e3, _norm_rms("error.position")),
     ("position error, peak", "mm", 1e3, lambda r: float(np.linalg.norm(r["error.position"], axis=1).max())),
-    ("orientation error, RMS", "mrad", 1e3, _norm_rms("error.orientation")),
+    ("orientation error, RMS", "deg", 180 / np.pi, _norm_rms("error.orientation")),
     ("leg length error, RMS", "mm", 1e3, _norm_rms("error.leg_length")),
     (
         "feedback's share of the force, RMS",

@@ -12,7 +12,7 @@ from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.results.tables import metrics_sheets
 
-_ERRORS = {"position": ("mm", 1e3), "orientation": ("mrad", 1e3), "leg_length": ("mm", 1e3)}
+_ERRORS = {"position": ("mm", 1e3), "orientation": ("deg", 180 / np.pi), "leg_length": ("mm", 1e3)}
 _MEASURED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
 
 

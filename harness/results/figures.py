@@ -103,12 +103,13 @@ def _pose(figure: Figure, record: RecordData) -> None:
 def _errors(figure: Figure, record: RecordData) -> None:
     parts = [
         ("position", "position [mm]", ("x", "y", "z")),
-        ("orientation", "orientation [mrad]", ("roll", "pitch", "yaw")),
+        ("orientation", "orientation [deg]", ("roll", "pitch", "yaw")),
         ("leg_length", "leg length [mm]", _LEGS),
     ]
     parts = [part for part in parts if f"error.{part[0]}" in record]
-    values = [_shown(record[f"error.{name}"], 1e3) for name, _, _ in parts]
-    least = [least_span("mrad" if name == "orientation" else "mm") for name, _, _ in parts]
+    scales = [180 / np.pi if name == "orientation" else 1e3 for name, _, _ in parts]
+    values = [_shown(record[f"error.{name}"], scale) for (name, _, _), scale in zip(parts, scales, strict=True)]
+    least = [least_span("deg" if name == "orientation" else "mm") for name, _, _ in parts]
     panels = [(title, _view(each, span)) for (_, title, _), each, span in zip(parts, values, least, strict=True)]
     all_axes = _panels(figure, record, "errors, reference − actual", panels, columns=1, right=1.25, foot=0.5)
     for axes, each, span, (_, _, names) in zip(all_axes, values, least, parts, strict=True):

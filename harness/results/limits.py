@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.results.metric import FORCE, POWER, VELOCITY, Quantity
+from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 

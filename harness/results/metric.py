@@ -5,20 +5,7 @@ Each is declared once, by the fold that computes it; `metric_folds` has all of t
 
 from typing import Literal, NamedTuple
 
-
-class Quantity(NamedTuple):
-    """A kind of number: its SI unit, and how it is displayed."""
-
-    si: str  # as in `quantities.UNITS`; "" for a plain number
-    unit: str
-    factor: float  # from the metric's number to that in `unit`
-
-
-LENGTH, ANGLE = Quantity("m", "mm", 1e3), Quantity("rad", "mrad", 1e3)
-FORCE, POWER, ENERGY = Quantity("N", "N", 1.0), Quantity("W", "W", 1.0), Quantity("J", "J", 1.0)
-VELOCITY, TIME = Quantity("m/s", "m/s", 1.0), Quantity("s", "s", 1.0)
-# A percentage is a number in percent, a share one from 0 to 1.
-SHARE, PERCENT, NUMBER = Quantity("1", "%", 100.0), Quantity("1", "%", 1.0), Quantity("", "", 1.0)
+from gough_stewart.harness.report.quantities import Quantity
 
 
 class Shown(NamedTuple):

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folds import FORCES, Block, Fold, State, add_rows
 from gough_stewart.harness.loop.loop import Limits, Loop, stroke_of
-from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit, limited_quantities
-from gough_stewart.harness.results.metric import (
+from gough_stewart.harness.report.quantities import (
     ANGLE,
     ENERGY,
     FORCE,
@@ -21,10 +20,10 @@ from gough_stewart.harness.results.metric import (
     POWER,
     SHARE,
     TIME,
-    Metric,
     Quantity,
-    Shown,
 )
+from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit, limited_quantities
+from gough_stewart.harness.results.metric import Metric, Shown
 from gough_stewart.harness.results.step_fold import STEP_METRICS, Steps
 from gough_stewart.model.vectors import FloatArray
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
@@ -14,6 +14,11 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet, readable, write_to
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.platform import Platform
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.report.document import Report
+    from gough_stewart.harness.results.metrics import Metrics
+    from gough_stewart.harness.results.run_report import Robustness
 
 _METADATA_KEY = "gough_stewart"
 # The first of these files that is there tells the kind.
@@ -60,6 +65,31 @@ class Record(RecordData):
         from gough_stewart.harness.results.display import record_html
 
         return record_html(self)
+
+    def report(
+        self, *, measured: "Metrics | None" = None, robustness: "Robustness | None" = None, charts: bool = True
+    ) -> "Report":
+        """What the run found: whether it follows its reference, what it uses of the drives, when it settles.
+
+        Parameters
+        ----------
+        measured
+            Its metrics, if they are known already.
+        robustness
+            The disk margin of its linear loop, if it is known.
+        charts
+            Also the signals over time and the platform in motion.
+
+        Returns
+        -------
+        Report
+            Verdict, numbers by the paths of `metrics`, tables, and charts.
+        """
+        from gough_stewart.harness.results.run_report import report_of_run
+
+        return report_of_run(
+            self, machine_of(self), platform_of(self), measured=measured, robustness=robustness, charts=charts
+        )
 
     def to_csv(self) -> bytes:
         """CSV; numbers have the fewest digits that read back to the same value."""

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folds import Block, Fold, State
-from gough_stewart.harness.results.metric import ANGLE, LENGTH, PERCENT, TIME, Metric
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, TIME
+from gough_stewart.harness.results.metric import Metric
 from gough_stewart.model.vectors import FloatArray
 
 # Axes of the pose: name, signal, and place in it.

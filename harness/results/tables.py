@@ -1,13 +1,20 @@
-"""Metrics as tables."""
+"""Metrics of a run as tables: tracking, step response, legs."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, to_terminal
-from gough_stewart.harness.results.metric_folds import shown_metric
+from gough_stewart.harness.output.tables import Sheet, to_terminal
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
+from gough_stewart.harness.report.sheets import sheet_of
+from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.outcome import is_sound, outcome_text
+
+_LEGS = tuple(Column(f"{i}") for i in range(1, 7))
+_POSE = (("position", ("x", "y", "z"), LENGTH), ("orientation", ("roll", "pitch", "yaw"), ANGLE))
 
 
 def metrics_table(metrics: dict[str, Any]) -> RenderableType:
@@ -19,69 +26,80 @@ def metrics_table(metrics: dict[str, Any]) -> RenderableType:
     return Group(*parts, *map(to_terminal, metrics_sheets(metrics)))
 
 
-def metrics_sheets(metrics: dict[str, Any]) -> list[Sheet]:
+def metrics_sheets(metrics: Mapping[str, Any]) -> list[Sheet]:
+    """The tables for notebooks and older pages."""
+    return [sheet_of(table) for table in metrics_tables(metrics)]
+
+
+def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:
     """Tables of tracking, step response and legs, where the record has their columns."""
     parts = (("tracking", _tracking), ("step_response", _steps))
-    sheets = [make(metrics[name]) for name, make in parts if metrics[name]]
-    return [*sheets, _legs(metrics)] if metrics["force"] else sheets
+    tables = [make(metrics[name]) for name, make in parts if metrics[name]]
+    return [*tables, _legs(metrics)] if metrics["force"] else tables
 
 
-def _tracking(tracking: dict[str, Any]) -> Sheet:
-    sheet = Sheet("Tracking error", ("", "RMS", "peak", ""))
-    for name, axes, unit in (("position", "xyz", "mm"), ("orientation", ("roll", "pitch", "yaw"), "mrad")):
-        if name in tracking:
-            part = tracking[name]
-            rows = [
-                *zip(axes, part["rms"], part["peak"], strict=True),
-                (f"|{name}|", part["norm_rms"], part["norm_peak"]),
-            ]
-            for what, rms, peak in rows:
-                sheet.add(what, _milli(rms, unit), _milli(peak, unit), unit, ends_group=what.startswith("|"))
-    return sheet
+def _tracking(tracking: Mapping[str, Any]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    ends = []
+    for name, axes, quantity in _POSE:
+        if name not in tracking:
+            continue
+        part = tracking[name]
+        of_axes = zip(axes, part["rms"], part["peak"], strict=True)
+        for what, *values in (*of_axes, (f"|{name}|", part["norm_rms"], part["norm_peak"])):
+            rows.append((what, *(Value(each, quantity) for each in values)))
+        ends.append(len(rows) - 1)
+    columns = (Column(""), Column("RMS"), Column("peak"))
+    return Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1]))
 
 
-def _steps(responses: list[dict[str, Any]]) -> Sheet:
-    heads = ("from", "to", "at s", "overshoot %", "rise s", "settling s", "final error")
-    sheet = Sheet("Step response", ("", *heads))
+def _steps(responses: Sequence[Mapping[str, Any]]) -> Table:
+    columns = (
+        Column(""),
+        Column("from"),
+        Column("to"),
+        Column("at", TIME),
+        Column("overshoot", PERCENT),
+        Column("rise", TIME, "from 10 to 90 % of the step"),
+        Column("settling", TIME, "until it stays within 2 % of the step"),
+        Column("final error"),
+    )
+    rows = []
     for r in responses:
-        unit = "m" if r["axis"] in "xyz" else "rad"
-        numbers = [number_text(r[key]) for key in ("at", "overshoot_percent", "rise_time", "settling_time")]
-        error = f"{_milli(r['final_error'], f'm{unit}')} m{unit}"
-        ends = [number_text(r[key]) for key in ("from", "to")]
-        sheet.add(Named(r["axis"], unit), *ends, *numbers, error)
-    return sheet
+        is_length = r["axis"] in "xyz"
+        pose, error = (POSITION, LENGTH) if is_length else (ANGLE, ANGLE)
+        times = (r[key] for key in ("at", "overshoot_percent", "rise_time", "settling_time"))
+        rows.append((r["axis"], Value(r["from"], pose), Value(r["to"], pose), *times, Value(r["final_error"], error)))
+    return Table("Step response", columns, tuple(rows))
 
 
-def _legs(metrics: dict[str, Any]) -> Sheet:
-    sheet = Sheet("Legs", ("", *(f"{i}" for i in range(1, 7)), "all"))
+def _legs(metrics: Mapping[str, Any]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
     energy, stroke = metrics["energy"], metrics["stroke"]
 
-    def row(what: str, unit: str, values: list[float | None], total: str = "") -> None:
-        sheet.add(Named(what, unit), *(quantity_text(value, unit) for value in values), total)
+    def row(what: str, quantity: Quantity, values: Sequence[float | None], total: float | str | None = "") -> None:
+        last: Cell = total if isinstance(total, str) else Value(total, quantity)
+        rows.append((what, *(Value(value, quantity) for value in values), last))
 
     if "leg_length" in (metrics["tracking"] or {}):
         error = metrics["tracking"]["leg_length"]
-        row("RMS error", "mm", [None if e is None else 1e3 * e for e in error["rms"]])
-        row("peak error", "mm", [None if e is None else 1e3 * e for e in error["peak"]])
-    row("shortest", "m", stroke["shortest"])
-    row("longest", "m", stroke["longest"])
+        row("RMS error", LENGTH, error["rms"])
+        row("peak error", LENGTH, error["peak"])
+    row("shortest", POSITION, stroke["shortest"])
+    row("longest", POSITION, stroke["longest"])
     for part, name in (("force", "peak"), ("force", "rms"), ("power", "peak"), ("power", "mean")):
-        shown = shown_metric(f"{part}.{name}")
-        row(shown.text, shown.unit, metrics[part][name])
-    row("net work", "J", energy["net"], number_text(energy["net_total"]))
-    row("work, absolute", "J", energy["absolute"], number_text(energy["absolute_total"]))
+        metric = metric_of(f"{part}.{name}")
+        row(metric.text, metric.quantity, metrics[part][name])
+    for name, what in (("net", "net work"), ("absolute", "work, absolute")):
+        row(what, metric_of(f"energy.{name}").quantity, energy[name], energy[f"{name}_total"])
     for name, part in (metrics["limits"] or {}).items():
-        used, first = (shown_metric(f"limits.{name}.{which}") for which in ("used", "first_exceeded"))
-        row(used.text, used.unit, [None if each is None else used.factor * each for each in part["used"]])
+        used, first = (metric_of(f"limits.{name}.{which}") for which in ("used", "first_exceeded"))
+        row(used.text, used.quantity, part["used"])
         if any(each is not None for each in part["first_exceeded"]):
-            row(first.text, first.unit, part["first_exceeded"])
+            row(first.text, first.quantity, part["first_exceeded"])
     shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
     for name, share in shares.items():
-        # skip rows of zeros
+        # rows of zeros say nothing
         if share and share["any"]:
-            row(name.replace("_", " "), "%", [100 * leg for leg in share["legs"]], number_text(100 * share["any"]))
-    return sheet
-
-
-def _milli(value: float | None, unit: str) -> str:
-    return quantity_text(None if value is None else 1e3 * value, unit)
+            row(name.replace("_", " "), SHARE, share["legs"], share["any"])
+    return Table("Legs", (Column(""), *_LEGS, Column("all")), tuple(rows))

@@ -9,7 +9,7 @@ import numpy as np
 from gough_stewart.harness.output.display_resolution import decimated, least_span
 from gough_stewart.harness.output.pages import packed
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.signals import SHOWN, Signal, signals_of
+from gough_stewart.harness.results.signals import SHOWN, Signal, signals_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

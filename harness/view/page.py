@@ -16,10 +16,11 @@ from gough_stewart.harness.output.three import three, three_licence
 from gough_stewart.harness.results.metrics import finite_part, metrics
 from gough_stewart.harness.results.outcome import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record import Record, machine_of, platform_of
+from gough_stewart.harness.results.scene import FRAMES, frame_rows
 from gough_stewart.harness.results.tables import metrics_sheets
 from gough_stewart.harness.view.charts import chart_of, points_of
 from gough_stewart.harness.view.comparison import comparison_table
-from gough_stewart.harness.view.scene import FRAMES, NEARNESS, frame_rows, scene_of
+from gough_stewart.harness.view.scene import NEARNESS, packed_scene
 from gough_stewart.harness.view.tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
@@ -61,7 +62,7 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Sh
     shown = [_shown(record, name) for record, name in zip(records, names, strict=True)]
     frames = max(FRAMES // len(records), 101)
     data = {
-        "scenes": [scene_of(each.finite, each.platform, each.name, frames) for each in shown],
+        "scenes": [packed_scene(each.finite, each.platform, each.name, frames) for each in shown],
         "chart": chart_of([each.finite for each in shown], [each.platform for each in shown]),
         "colours": COLOURS,
         "nearness": NEARNESS,

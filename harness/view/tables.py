@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.scene import FLAGS, nearness_to_limits
+from gough_stewart.harness.results.scene import FLAGS, nearness_to_limits
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 

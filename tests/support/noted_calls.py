@@ -10,6 +10,7 @@ from typer.testing import Result
 
 from gough_stewart.harness.cli import terminal
 from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.report.document import Column, Report, Section, Table, Verdict
 
 
 class Notes:
@@ -72,6 +73,12 @@ def sheet(title: str) -> Sheet:
     made = Sheet(title, ("", "value"))
     made.add("row", title + "!")
     return made
+
+
+def made_report(title: str) -> Report:
+    """A report whose verdict and only table have this title."""
+    table = Table(title, (Column(""), Column("value")), (("row", title + "!"),))
+    return Report(title, Verdict(f"{title} found", "told"), (Section("all", (table,)),))
 
 
 def said(done: Result, *lines: str) -> None:

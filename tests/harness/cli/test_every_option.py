@@ -19,7 +19,7 @@ from gough_stewart.harness.output.tables import Sheet
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.commands import invoke
-from tests.support.noted_calls import Notes, said, sheet
+from tests.support.noted_calls import Notes, made_report, said, sheet
 from tests.support.records import oscillating, waving_record
 
 BAR = Path("bar")
@@ -99,7 +99,7 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     notes.replace(f"{RUNS}.run.run", record, act)
     notes.replace(f"{RUNS}.files.write_results", act=write)
     notes.replace(f"{RUNS}.files.warnings_of", ["it hangs"])
-    notes.replace("harness.results.tables.metrics_sheets", [sheet("errors")])
+    notes.replace("harness.results.run_report.report_of_run", made_report("errors"))
     notes.set("gough_stewart.harness.export.own_unit.exported_controller", exported)
     opened = notes.opened()
     done = invoke("run", "heave_step", *{
@@ -126,7 +126,8 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     assert (chosen.loop.duration, chosen.loop.delay) == (duration, delay)
     with_page = kind in ("all", "report", "open")
     assert notes.one("write_results") == ((record, Path(out), with_page), {})
-    assert notes.one("metrics_sheets") == (("measured",), {})
+    (of, *_), asked = notes.one("report_of_run")
+    assert (of, asked) == (record, {"measured": "measured", "robustness": None, "charts": False})
     assert notes.one("warnings_of") == ((record,), {})
     warnings = ["warning: near a limit", "warning: it hangs"]
     if kind == "all":
@@ -137,7 +138,7 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     # bars for imports come first
     expected_bar = {"description": "files and figures", "total": None, "completed": 0.123, "done": 0}
     assert notes.bars[-1] == expected_bar
-    lines = ["errors", f"Completed: 0.5 s simulated in T s. Wrote to {out} (1.2 kB):"]
+    lines = ["errors found", "errors", f"Completed: 0.5 s simulated in T s. Wrote to {out} (1.2 kB):"]
     page = f"Open {out}/report.html in a browser."
     quoted = f"'{out}'" if " " in out else out
     lines += [page] if with_page and kind != "open" else []
@@ -164,13 +165,14 @@ def test_how_a_run_ends(notes: Notes, status: str, time: float, code: int, end: 
     notes.replace(f"{RUNS}.run.run", recorded(status, time))
     notes.replace(f"{RUNS}.files.write_results", (["a"], "measured"))
     notes.replace(f"{RUNS}.files.warnings_of", [])
-    notes.replace("harness.results.tables.metrics_sheets", [])
+    notes.replace("harness.results.run_report.report_of_run", made_report("errors"))
     Path("o").mkdir()
     Path("o/a").touch()
     done = invoke("run", "heave_step", "--set", "loop.duration=1.75", "--out", "o")
     assert done.exit_code == code
     assert done.stderr == f"{end}\n"
-    assert done.stdout.startswith(f"Not completed: {time:.6g} of 1.75 s simulated in ")
+    assert done.stdout.splitlines()[0] == "errors found"
+    assert done.stdout.splitlines()[-2].startswith(f"Not completed: {time:.6g} of 1.75 s simulated in ")
 
 
 @pytest.mark.parametrize(("growing", "code"), [(False, 0), (True, 3)])
@@ -184,13 +186,13 @@ def test_a_loop_that_moves_by_itself(notes: Notes, growing: bool, code: int) -> 
     notes.replace(f"{RUNS}.run.run", record)
     notes.replace(f"{RUNS}.files.write_results", (["a"], "measured"))
     notes.replace(f"{RUNS}.files.warnings_of", [])
-    notes.replace("harness.results.tables.metrics_sheets", [])
+    notes.replace("harness.results.run_report.report_of_run", made_report("errors"))
     Path("o").mkdir()
     Path("o/a").touch()
     done = invoke("run", "heave_step", "--out", "o")
     assert done.exit_code == code
     (line,) = done.stderr.splitlines()
-    assert done.stdout.startswith("Completed: 0.5 s simulated in ")
+    assert "\nCompleted: 0.5 s simulated in " in done.stdout
     if growing:
         assert re.match(r"growing: leg 5: by itself, the error grows at (39\.\d|40|40\.\d) Hz from ", line)
     else:

@@ -34,19 +34,19 @@ SIGNALS = {
     "actuator_force[4]": ("actuator force 4 [N]", 1.0),
     "error.position[1]": ("error of x [mm]", 1e3),
     "error.position[2]": ("error of y [mm]", 1e3),
-    "error.orientation[1]": ("error of roll [mrad]", 1e3),
+    "error.orientation[1]": ("error of roll [deg]", 180 / np.pi),
     "error.leg_length[5]": ("error of leg length 5 [mm]", 1e3),
     "error.position.norm": ("error of position, norm [mm]", 1e3),
-    "error.orientation.norm": ("error of orientation, norm [mrad]", 1e3),
-    "error.orientation[3]": ("error of yaw [mrad]", 1e3),
+    "error.orientation.norm": ("error of orientation, norm [deg]", 180 / np.pi),
+    "error.orientation[3]": ("error of yaw [deg]", 180 / np.pi),
     "angular_velocity[1]": ("angular velocity 1 [rad/s]", 1.0),
 }
 # In the order in which they are shown, with units; the last three have no panel.
 METRICS = {
     "tracking.position.norm_rms": ("position error, RMS [mm]", 1e3),
     PEAK: ("position error, peak [mm]", 1e3),
-    "tracking.orientation.norm_rms": ("orientation error, RMS [mrad]", 1e3),
-    "tracking.orientation.norm_peak": ("orientation error, peak [mrad]", 1e3),
+    "tracking.orientation.norm_rms": ("orientation error, RMS [deg]", 180 / np.pi),
+    "tracking.orientation.norm_peak": ("orientation error, peak [deg]", 180 / np.pi),
     "tracking.leg_length.peak": ("leg error, peak [mm]", 1e3),
     "step_response.z.rise_time": ("z: rise time [s]", 1.0),
     "step_response.yaw.overshoot_percent": ("yaw: overshoot [%]", 1.0),
@@ -193,7 +193,7 @@ def test_a_line_that_hardly_moves_is_not_blown_up() -> None:
         ("velocity 2 [m/s]", 0.2 - 1.5e-6, 1e-4),
         ("angular velocity 1 [rad/s]", -0.4 - 1.5e-6, 1e-4),
         ("error of x [mm]", 0.3 - 1.5e-3, 1e-2),
-        ("error of roll [mrad]", 0.2 - 1.5e-3, 1e-2),
+        ("error of roll [deg]", np.degrees(0.2e-3 - 1.5e-6), 1e-3),
         ("actuator force 1 [N]", 40.0, 1.0),
     ):
         assert panels[title].get_ylim() == pytest.approx((middle - span / 2, middle + span / 2), abs=span / 1e4), title

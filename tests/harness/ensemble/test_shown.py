@@ -257,7 +257,7 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
     (usual,) = ensemble_sheets(found.members)
     assert [row[0] for row in usual.rows] == [
         *(Named("position error, RMS", "mm"), Named("position error, peak", "mm")),
-        *(Named("orientation error, peak", "mrad"), Named("z: overshoot", "%"), Named("z: settling time", "s")),
+        *(Named("orientation error, peak", "deg"), Named("z: overshoot", "%"), Named("z: settling time", "s")),
         *(Named("peak force", "N"), Named("peak power", "W"), Named("work, absolute", "J")),
         *(Named("stroke margin", "mm"), Named("force limited", "%"), Named("stable", ""), Named("disk margin", "")),
     ]

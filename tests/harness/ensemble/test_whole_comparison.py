@@ -129,7 +129,7 @@ def test_the_printed_differences_are_those_of_the_file(done: tuple[Result, Path]
     assert median[""] == ["less in B", "B − A", "95 %"]
     for words, metric, factor in (
         ("position error, peak mm", "tracking.position.norm_peak", 1e3),
-        ("orientation error, RMS mrad", "tracking.orientation.norm_rms", 1e3),
+        ("orientation error, RMS deg", "tracking.orientation.norm_rms", 180 / np.pi),
         ("peak force N", FORCE, 1.0),
         ("work, absolute J", "energy.absolute_total", 1.0),
     ):

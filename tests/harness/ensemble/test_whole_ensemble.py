@@ -273,8 +273,8 @@ def test_bands_are_quantiles_of_the_members_rows(done: Done) -> None:
 PRINTED = {
     "position error, RMS mm": ("tracking.position.norm_rms", 1e3),
     "position error, peak mm": ("tracking.position.norm_peak", 1e3),
-    "orientation error, RMS mrad": ("tracking.orientation.norm_rms", 1e3),
-    "orientation error, peak mrad": ("tracking.orientation.norm_peak", 1e3),
+    "orientation error, RMS deg": ("tracking.orientation.norm_rms", 180 / np.pi),
+    "orientation error, peak deg": ("tracking.orientation.norm_peak", 180 / np.pi),
     "leg error, peak mm": ("tracking.leg_length.peak", 1e3),
     **{
         f"{axis}: {words}": (f"step_response.{axis}.{name}", 1.0)
@@ -341,13 +341,13 @@ def packed(content: Mapping[str, str]) -> FloatArray:
 
 
 def test_the_page_has_every_number_in_its_unit(done: Done) -> None:
-    """Expected: columns of the table and of the bands in mm, mrad and %; quantiles of completed members as marks."""
+    """Expected: columns of the table and of the bands in mm, deg and %; quantiles of completed members as marks."""
     data, members = done.data, done.members
     assert data["by"] == "force.rms"
     assert packed(data["member"]).tolist() == list(range(14))
     assert packed(data["completed"]).tolist() == [float(each == "completed") for each in members["outcome"]]
     completed = members.filter(polars.col("outcome") == "completed")
-    units = {"mm": 1e3, "mrad": 1e3, "%": 100.0}
+    units = {"mm": 1e3, "deg": 180 / np.pi, "%": 100.0}
     for each in data["metrics"]:
         factor = 1.0 if "percent" in each["name"] else units.get(each["unit"], 1.0)
         values = members[each["name"]].cast(polars.Float64).fill_null(np.nan).to_numpy()
@@ -364,19 +364,19 @@ def test_the_page_has_every_number_in_its_unit(done: Done) -> None:
             assert " ".join(filter(None, shown[metric])) == words
     assert shown["tracking.leg_length.rms"] == ("leg error, RMS", "mm")
     assert shown["tracking.position.rms"] == ("position error, RMS of an axis", "mm")
-    assert shown["tracking.orientation.peak"] == ("orientation error, peak of an axis", "mrad")
+    assert shown["tracking.orientation.peak"] == ("orientation error, peak of an axis", "deg")
     assert shown["force.rms"] == ("RMS force", "N")
     assert shown["power.mean"] == ("mean power", "W")
     assert shown["energy.net_total"] == ("work, net", "J")
     assert shown["step_response.z.final_error"] == ("z: final error", "mm")
-    assert shown["step_response.yaw.final_error"] == ("yaw: final error", "mrad")
+    assert shown["step_response.yaw.final_error"] == ("yaw: final error", "deg")
     assert shown["step_response.x.at"] == ("x: step at", "s")
     assert shown["limits.actuator_power_max.used"] == ("actuator power, of its limit", "%")
 
 
 def test_the_page_has_every_input_and_signal(done: Done) -> None:
     """Expected: columns of the table in SI units; those of the bands in the units that they are shown in."""
-    data, members, units = done.data, done.members, {"mm": 1e3, "mrad": 1e3}
+    data, members, units = done.data, done.members, {"mm": 1e3, "deg": 180 / np.pi}
     inputs = {each["name"]: each for each in data["inputs"]}
     varied = [name.removeprefix("varied.") for name in members.columns if name.startswith("varied.")]
     assert list(inputs) == varied
@@ -400,7 +400,7 @@ def test_the_page_has_every_input_and_signal(done: Done) -> None:
     assert words["leg_velocity[4]"] == ("leg velocity 4", "m/s")
     assert words["actuator_force[6]"] == ("actuator force 6", "N")
     assert words["error.position[1]"] == ("error of x", "mm")
-    assert words["error.orientation.norm"] == ("error of orientation, norm", "mrad")
+    assert words["error.orientation.norm"] == ("error of orientation, norm", "deg")
     assert words["error.leg_length[5]"] == ("error of leg length 5", "mm")
 
 

@@ -131,7 +131,7 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
     assert names == [
         Named("position error, RMS", "mm"),
         Named("position error, peak", "mm"),
-        Named("orientation error, RMS", "mrad"),
+        Named("orientation error, RMS", "deg"),
         Named("leg length error, RMS", "mm"),
         Named("feedback's share of the force, RMS", "N"),
         Named("disk margin α", ""),
@@ -146,7 +146,7 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
         values = [
             1e3 * np.sqrt((position**2).sum(axis=1).mean()),
             1e3 * np.sqrt((position**2).sum(axis=1)).max(),
-            1e3 * np.sqrt((orientation**2).sum(axis=1).mean()),
+            180 / np.pi * np.sqrt((orientation**2).sum(axis=1).mean()),
             1e3 * np.sqrt((length**2).sum(axis=1).mean()),
             np.sqrt((feedback**2).sum(axis=1).mean()),
         ]

@@ -29,7 +29,7 @@ def record() -> Record:
 
 
 def test_a_record_says_what_it_is_in_a_few_lines(record: Record) -> None:
-    """Expected: title, platform, plant, outcome, size, times, and the peaks of the errors, in mm and mrad."""
+    """Expected: title, platform, plant, outcome, size, times, and the peaks of the errors, in mm and degrees."""
     lines = dict(re.split(r"\s{2,}", line.strip()) for line in repr(record).splitlines()[1:])
     assert repr(record).splitlines()[0] == "Record: six sines"
     assert lines["platform"] == "desktop_hexapod"
@@ -39,13 +39,14 @@ def test_a_record_says_what_it_is_in_a_few_lines(record: Record) -> None:
     assert lines["time [s]"] == "0 to 0.1"
     for name, head in (
         ("position", "position [mm]"),
-        ("orientation", "orientation [mrad]"),
+        ("orientation", "orientation [deg]"),
         ("leg_length", "leg length [mm]"),
     ):
         peak = max(abs(value) for k in range(1, 4) for value in record.table[f"error.{name}[{k}]"].to_list())
         if name == "leg_length":
             peak = max(abs(value) for k in range(1, 7) for value in record.table[f"error.{name}[{k}]"].to_list())
-        assert float(lines[f"peak error of {head}"]) == pytest.approx(1000 * peak, rel=1e-3)
+        factor = 180 / np.pi if name == "orientation" else 1000
+        assert float(lines[f"peak error of {head}"]) == pytest.approx(factor * peak, rel=1e-3)
     assert str(record) == repr(record)
 
 

@@ -188,11 +188,14 @@ def test_both_files_hold_all_columns_and_the_same_bits(done: tuple[Result, Path]
 
 
 def test_a_record_says_what_it_is(record: gs.Record, expected: dict[str, Any]) -> None:
-    """Expected: the peaks by definition, in mm and mrad; times of the first and last row."""
+    """Expected: the peaks by definition, in mm and degrees; times of the first and last row."""
     later = gs.Record(record.table.with_columns(polars.col("time") + 7.3), record.metadata)
     lines = dict(re.split(r"\s{2,}", line.strip()) for line in repr(later).splitlines()[1:])
     assert repr(later).splitlines()[0] == "Record: in trouble"
-    peaks = {name: 1e3 * max(expected["tracking"][name]["peak"]) for name in (*POSE, "leg_length")}
+    peaks = {
+        name: (180 / np.pi if name == "orientation" else 1e3) * max(expected["tracking"][name]["peak"])
+        for name in (*POSE, "leg_length")
+    }
     assert lines == {
         "platform": "uneven",
         "plant": "model",
@@ -200,7 +203,7 @@ def test_a_record_says_what_it_is(record: gs.Record, expected: dict[str, Any]) -
         "table": f"321 rows, {len(record.table.columns)} columns",
         "time [s]": "7.3 to 8.1",
         "peak error of position [mm]": f"{peaks['position']:.4g}",
-        "peak error of orientation [mrad]": f"{peaks['orientation']:.4g}",
+        "peak error of orientation [deg]": f"{peaks['orientation']:.4g}",
         "peak error of leg length [mm]": f"{peaks['leg_length']:.4g}",
     }
     captions = [str(each.text) for each in html.fragment_fromstring(later._repr_html_()).iter("caption")]
@@ -223,8 +226,11 @@ def tables_in(text: str) -> dict[str, dict[str, list[str]]]:
     return found
 
 
+SHOWN_AS = {"mm": 1e3, "deg": 180 / np.pi}
+
+
 def values_in(cells: Sequence[str]) -> list[float | None]:
-    return [None if cell == "–" else float(cell) for cell in cells]
+    return [None if cell == "–" else float(cell.replace("−", "-")) for cell in cells]
 
 
 def by_unit(scale: float, values: Sequence[float | None]) -> list[Any]:
@@ -235,15 +241,15 @@ def by_unit(scale: float, values: Sequence[float | None]) -> list[Any]:
 def test_the_command_prints_every_number_at_its_place_in_its_unit(
     done: tuple[Result, Path], record: gs.Record, expected: dict[str, Any]
 ) -> None:
-    """Expected: the definitions, in mm, mrad, % and SI units, to four digits."""
+    """Expected: the definitions, in mm, degrees, % and SI units, to four digits."""
     assert done[0].exit_code == 0, done[0].output
     tables = tables_in(done[0].stdout)
     assert list(tables)[:3] == ["Tracking error", "Step response", "Legs"]
     tracking, steps, legs = (dict(tables[name]) for name in list(tables)[:3])
-    assert tracking.pop("") == ["RMS", "peak", ""]
+    assert tracking.pop("") == ["RMS", "peak"]
     for name, unit, rows in (
         ("position", "mm", ("x", "y", "z", "|position|")),
-        ("orientation", "mrad", ("roll", "pitch", "yaw", "|orientation|")),
+        ("orientation", "deg", ("roll", "pitch", "yaw", "|orientation|")),
     ):
         part = expected["tracking"][name]
         pairs = [
@@ -251,18 +257,21 @@ def test_the_command_prints_every_number_at_its_place_in_its_unit(
             (part["norm_rms"], part["norm_peak"]),
         ]
         for row, pair in zip(rows, pairs, strict=True):
-            cells = tracking.pop(row)
-            assert cells[2] == unit
-            assert values_in(cells[:2]) == by_unit(1e3, pair)
+            assert values_in(tracking.pop(f"{row} {unit}")) == by_unit(SHOWN_AS[unit], pair)
     assert not tracking
-    assert steps.pop("") == ["from", "to", "at s", "overshoot %", "rise s", "settling s", "final error"]
+    assert steps.pop("") == ["from", "to", "at [s]", "overshoot [%]", "rise [s]", "settling [s]", "final error"]
     for step in expected["step_response"]:
-        unit = "m" if step["axis"] in "xyz" else "rad"
-        *cells, error = steps.pop(f"{step['axis']} {unit}")
-        keys = ("from", "to", "at", "overshoot_percent", "rise_time", "settling_time")
-        assert values_in(cells) == by_unit(1.0, [step[key] for key in keys])
-        assert error.split()[1] == f"m{unit}"
-        assert float(error.split()[0]) == pytest.approx(1e3 * step["final_error"], rel=6e-4)
+        is_length = step["axis"] in "xyz"
+        *cells, error = steps.pop(step["axis"])
+        keys = ("at", "overshoot_percent", "rise_time", "settling_time")
+        assert values_in(cells[2:]) == by_unit(1.0, [step[key] for key in keys])
+        units = ("m", "mm") if is_length else ("deg", "deg")
+        scales = (1.0, 1e3) if is_length else (180 / np.pi, 180 / np.pi)
+        shown = zip((*cells[:2], error), ("from", "to", "final_error"), (0, 0, 1), strict=True)
+        for cell, key, kind in shown:
+            number, unit = cell.removeprefix("−").split()
+            assert unit == units[kind]
+            assert float(number) == pytest.approx(abs(scales[kind] * step[key]), rel=6e-4)
     assert not steps
     check_legs(legs, expected)
     printed = tables_in(str(gs.metrics(record)))
@@ -376,12 +385,12 @@ def test_the_pose_is_drawn_with_its_reference(done: tuple[Result, Path], record:
 
 
 def test_errors_are_drawn_by_axis_and_leg(done: tuple[Result, Path], record: gs.Record) -> None:
-    """Expected: columns of the record in mm and mrad; lines differ in colour and dashes, as the legend says."""
+    """Expected: columns of the record in mm and degrees; lines differ in colour and dashes, as the legend says."""
     found, texts, _ = panels(done, "errors")
     assert texts == ["in trouble — errors, reference − actual", "time [s]"]
     kinds = {
         "position [mm]": ("position", ["x", "y", "z"]),
-        "orientation [mrad]": ("orientation", ["roll", "pitch", "yaw"]),
+        "orientation [deg]": ("orientation", ["roll", "pitch", "yaw"]),
         "leg length [mm]": ("leg_length", [f"leg {k}" for k in LEGS]),
     }
     assert [panel.title for panel in found] == list(kinds)
@@ -391,7 +400,12 @@ def test_errors_are_drawn_by_axis_and_leg(done: tuple[Result, Path], record: gs.
         assert panel.styles == list(panel.legend.values())
         assert len(set(panel.styles)) == len(lines)
         for k, line in enumerate(panel.lines):
-            is_drawn(line, record["time"], 1e3 * record[f"error.{name}"][:, k], panel)
+            is_drawn(
+                line,
+                record["time"],
+                (180 / np.pi if name == "orientation" else 1e3) * record[f"error.{name}"][:, k],
+                panel,
+            )
 
 
 def test_forces_are_drawn_with_their_limits_and_flags(done: tuple[Result, Path], record: gs.Record) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.signals import SHOWN, signals_of
 from gough_stewart.harness.view.charts import chart_of, coinciding, difference
-from gough_stewart.harness.view.signals import SHOWN, signals_of
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -38,7 +38,7 @@ def chart(record: Record, platform: Platform) -> dict[str, Any]:
     [
         ("position from home", 2, "position[3]", "mm", 1e3),
         ("orientation from home", 1, "orientation[2]", "deg", 180 / np.pi),
-        ("error.orientation", 1, "error.orientation[2]", "mrad", 1e3),
+        ("error.orientation", 1, "error.orientation[2]", "deg", 180 / np.pi),
         ("actuator_force", 5, "actuator_force[6]", "N", 1.0),
         ("leg_length", 0, "leg_length[1]", "m", 1.0),
         ("reference.position from home", 0, "reference.position[1]", "mm", 1e3),
@@ -83,7 +83,7 @@ def test_power_is_force_times_velocity(record: Record, chart: dict[str, Any]) ->
 def test_every_column_can_be_put_on_a_chart_in_the_unit_of_its_declaration(platform: Platform) -> None:
     """Expected: each column of the record is a component of one signal, whose first value is the column's.
 
-    Units are those of the interface, degrees in place of radians; of errors mm and mrad.
+    Units are those of the interface, degrees in place of radians; of lengths of errors mm.
     """
     record = waving_record(platform, rows=7)
     extra = {f"joint_force[{leg},{k}]": np.arange(7.0) + leg / 8 + k for leg in range(1, 7) for k in range(1, 4)}

@@ -19,8 +19,9 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.three import three
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.scene import FRAMES, frame_rows, leg_parts, nearness_to_limits
 from gough_stewart.harness.view.page import MOST_RECORDS, names_of, view_page
-from gough_stewart.harness.view.scene import FRAMES, NEARNESS, frame_rows, leg_parts, nearness_to_limits, scene_of
+from gough_stewart.harness.view.scene import NEARNESS, packed_scene
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -72,7 +73,7 @@ def test_frames_are_evenly_spaced_rows_with_first_and_last(rows: int, frames: in
 
 
 def test_frames_hold_the_bits_of_their_rows(record: Record, platform: Platform) -> None:
-    scene = scene_of(record, platform, "waves", frames=101)
+    scene = packed_scene(record, platform, "waves", frames=101)
     rows = frame_rows(record.table.height, 101)
     assert np.array_equal(numbers(scene["time"]), record["time"][rows])
     assert np.array_equal(numbers(scene["pose"], 7)[:, :3], record["position"][rows])
@@ -83,7 +84,7 @@ def test_frames_hold_the_bits_of_their_rows(record: Record, platform: Platform) 
 
 def test_quaternions_turn_as_the_orientation_does(record: Record, platform: Platform) -> None:
     """Expected: R = Rz Ry Rx of the record's own orientation; the quaternion comes from SciPy, its matrix from here."""
-    scene = scene_of(record, platform, "waves", frames=101)
+    scene = packed_scene(record, platform, "waves", frames=101)
     orientation = numbers(scene["orientation"], 3)
     turned = matrix_from_quaternion(numbers(scene["pose"], 7)[:, 3:])
     assert np.abs(turned - matrix_from_orientation(orientation)).max() < 1e-14
@@ -95,7 +96,7 @@ def test_a_flag_between_two_frames_is_not_lost(record: Record, platform: Platfor
     for row, said in ((0, "10"), (3, "10"), (4, "01"), (7, "01"), (8, "00")):
         flag = np.arange(9) == row
         one = Record(few.with_columns(**{"flag.force_limited[2]": flag}), record.metadata)
-        assert scene_of(one, platform, "waves", frames=3)["flags"]["force_limited"] == said
+        assert packed_scene(one, platform, "waves", frames=3)["flags"]["force_limited"] == said
 
 
 @given(st.floats(0.05, 5), st.floats(1.0, 1.85), st.floats(0.0, 1.0))
@@ -261,7 +262,7 @@ def test_the_head_tells_records_apart_by_colour(record: Record) -> None:
 def test_poses_are_drawn_from_home(record: Record, platform: Platform) -> None:
     """Expected: the position of home as it is, and a quaternion whose matrix is R = Rz Ry Rx of its orientation."""
     tilted = replace(platform, home_orientation=np.array([0.1, -0.2, 0.3]))
-    home = np.array(scene_of(record, tilted, "waves", frames=3)["home"])
+    home = np.array(packed_scene(record, tilted, "waves", frames=3)["home"])
     assert home[:3] == pytest.approx(platform.home_position)
     assert matrix_from_quaternion(home[3:]) == pytest.approx(matrix_from_orientation(tilted.home_orientation))
 

@@ -9,9 +9,9 @@ import pytest
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.signals import GROUPS, SHOWN, Signal, signals_of
 from gough_stewart.harness.view.charts import chart_of, coinciding, difference, points_of
 from gough_stewart.harness.view.page import view_page
-from gough_stewart.harness.view.signals import GROUPS, SHOWN, Signal, signals_of
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven_records import LEGS, MACHINE, OTHER, RUN, numbers, record_of
@@ -27,7 +27,7 @@ SIGNALS: dict[str, tuple[str, str, str, str, tuple[str, ...], str | None, tuple[
     "position from home": ("position from home", "pose", "mm", "axes", XYZ, _FROM_HOME[0], ()),
     "orientation from home": ("orientation from home", "pose", "deg", "axes", ANGLES, _FROM_HOME[1], ()),
     "error.position": ("position error", "errors", "mm", "axes", XYZ, None, ()),
-    "error.orientation": ("orientation error", "errors", "mrad", "axes", ANGLES, None, ()),
+    "error.orientation": ("orientation error", "errors", "deg", "axes", ANGLES, None, ()),
     "actuator_force": ("actuator force", "actuators", "N", "legs", LEGS, None, (110.0, -110.0)),
     "leg_length": ("length of legs", "legs", "m", "legs", LEGS, "reference.leg_length", (2.3, 3.85)),
     "leg_velocity": ("sliding velocity of legs", "legs", "m/s", "legs", LEGS, None, (0.6, -0.6)),
@@ -78,7 +78,7 @@ def expected_values(record: Record, name: str) -> FloatArray:
     if axis in XYZ:
         parts = [record.table[f"{column}[{leg},{XYZ.index(axis) + 1}]"].to_numpy() for leg in range(1, 7)]
         values = np.stack(parts, axis=1)
-    return np.asarray(values * {"mm": 1e3, "mrad": 1e3, "deg": 180 / np.pi}.get(unit, 1.0))
+    return np.asarray(values * {"mm": 1e3, "deg": 180 / np.pi}.get(unit, 1.0))
 
 
 @pytest.fixture(scope="module")

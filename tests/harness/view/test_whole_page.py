@@ -18,12 +18,13 @@ from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.tables import Named, Sheet
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
+from gough_stewart.harness.results.scene import frame_rows, leg_parts, nearness_to_limits
+from gough_stewart.harness.results.signals import SHOWN
 from gough_stewart.harness.view import file as view_file
 from gough_stewart.harness.view.comparison import comparison_table
 from gough_stewart.harness.view.file import view
 from gough_stewart.harness.view.page import names_of, view_page
-from gough_stewart.harness.view.scene import frame_rows, leg_parts, nearness_to_limits, scene_of
-from gough_stewart.harness.view.signals import SHOWN
+from gough_stewart.harness.view.scene import packed_scene
 from gough_stewart.harness.view.tables import limits_sheet, parameters_sheet, run_sheet, versions_sheet
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.kinematics import joint_angles
@@ -40,7 +41,7 @@ def test_the_scene_has_the_bodies_and_every_frame() -> None:
 
     Flags hold from a frame to the next if any row between has one, of any leg.
     """
-    scene = scene_of(RUN, MACHINE, "a name", frames=40)
+    scene = packed_scene(RUN, MACHINE, "a name", frames=40)
     rows = [*range(0, ROWS, 8), 300]
     assert frame_rows(ROWS, 40).tolist() == rows
     assert (scene["name"], scene["rows"]) == ("a name", ROWS)
@@ -85,7 +86,7 @@ def test_the_scene_has_the_bodies_and_every_frame() -> None:
     limitless = replace(
         MACHINE, leg_length_min=None, leg_velocity_max=None, actuator_power_max=None, joint_angle_max=None
     )
-    empty = scene_of(bare, limitless, "b")
+    empty = packed_scene(bare, limitless, "b")
     assert [empty[key] for key in ("reference", "external_force", "nearness", "flags")] == [None, None, None, {}]
 
 
@@ -306,8 +307,8 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
     words = {
         "position error, RMS mm": (("tracking", "position", "norm_rms"), 1e3, 1),
         "position error, peak mm": (("tracking", "position", "norm_peak"), 1e3, 1),
-        "orientation error, RMS mrad": (("tracking", "orientation", "norm_rms"), 1e3, 1),
-        "orientation error, peak mrad": (("tracking", "orientation", "norm_peak"), 1e3, 1),
+        "orientation error, RMS deg": (("tracking", "orientation", "norm_rms"), 180 / np.pi, 1),
+        "orientation error, peak deg": (("tracking", "orientation", "norm_peak"), 180 / np.pi, 1),
         "stroke margin mm": (("stroke", "margin"), 1e3, 1),
         "work, net J": (("energy", "net_total"), 1.0, None),
         "work, absolute J": (("energy", "absolute_total"), 1.0, 1),
@@ -334,7 +335,7 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
     cells = {r.xpath("th")[0].text_content(): r.xpath("td")[0].text_content() for r in whole.xpath("tbody/tr")}
     of_axes = [
         f"{what} error, {kind} {unit}"
-        for what, unit in (("position", "mm"), ("orientation", "mrad"))
+        for what, unit in (("position", "mm"), ("orientation", "deg"))
         for kind in ("RMS", "peak")
     ]
     assert list(cells) == [

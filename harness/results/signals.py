@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from gough_stewart.harness.output.display_resolution import factor_to
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
@@ -62,7 +62,7 @@ _GROUP_OF_PREFIX = {
 # Units of signals that the interface does not declare; the states of a controller have no common unit.
 _CONTROLLER_UNITS = {"force": "N", "feedforward": "N", "injection": "N"}
 # Display units of errors; other angles are shown in degrees, everything else in its declared unit.
-_ERROR_UNITS = {"m": "mm", "rad": "mrad"}
+_ERROR_UNITS = {"m": "mm", "rad": "deg"}
 _TITLES = {
     "error.position": "position error",
     "error.orientation": "orientation error",
@@ -97,7 +97,7 @@ class Signal:
         return self.group == "flags"
 
 
-def signals_of(records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
+def signals_of(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
     """All numeric columns of the records as variables, and signals computed by kinematics; `SHOWN` first."""
     names = dict.fromkeys(
         column.partition("[")[0] for record in records for column in record.table.columns if column != _TIME
@@ -111,7 +111,7 @@ def signals_of(records: Sequence[Record], platforms: Sequence[Platform]) -> list
     return sorted(found, key=lambda signal: (order.get(signal.name, len(SHOWN)), GROUPS.index(signal.group)))
 
 
-def _variable(name: str, records: Sequence[Record]) -> list[Signal]:
+def _variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
     """The signal of a variable; for forces at the joints, one signal per axis."""
     prefix, _, rest = name.rpartition(".")
     declared = interface.BY_NAME.get(rest) if prefix in ("", "reference", "error", "measured") else None
@@ -151,19 +151,19 @@ def _variable(name: str, records: Sequence[Record]) -> list[Signal]:
     return [replace(signal, components=components, values=widened)]
 
 
-def _columns(record: Record, name: str, factor: float) -> FloatArray | None:
+def _columns(record: RecordData, name: str, factor: float) -> FloatArray | None:
     if name not in record:
         return None
     values: FloatArray = np.asarray(record[name], dtype=float)
     return factor * values.reshape(len(values), -1)
 
 
-def _reference(name: str, records: Sequence[Record]) -> str | None:
+def _reference(name: str, records: Sequence[RecordData]) -> str | None:
     reference = f"reference.{name}"
     return reference if any(reference in record for record in records) else None
 
 
-def _from_home(records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
+def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
     """The pose relative to home, and its reference."""
     found = []
     for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
@@ -181,7 +181,7 @@ def _from_home(records: Sequence[Record], platforms: Sequence[Platform]) -> list
     return found
 
 
-def _computed(records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
+def _computed(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
     """Power of the actuators, and condition number of the leg Jacobian."""
     powers = tuple(r["actuator_force"] * r["leg_velocity"] for r in records)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
@@ -203,15 +203,17 @@ def _computed(records: Sequence[Record], platforms: Sequence[Platform]) -> list[
     ]
 
 
-def _with_limits(signals: Iterable[Signal], records: Sequence[Record], platforms: Sequence[Platform]) -> list[Signal]:
+def _with_limits(
+    signals: Iterable[Signal], records: Sequence[RecordData], platforms: Sequence[Platform]
+) -> list[Signal]:
     """Limits that are the same in all records."""
 
-    def common(limit: Callable[[Record, Platform], float | None]) -> tuple[float, ...]:
+    def common(limit: Callable[[RecordData, Platform], float | None]) -> tuple[float, ...]:
         different = {limit(record, platform) for record, platform in zip(records, platforms, strict=True)}
         (one,) = different if len(different) == 1 else (None,)
         return () if one is None else (float(one),)
 
-    def both(limit: Callable[[Record, Platform], float | None]) -> tuple[float, ...]:
+    def both(limit: Callable[[RecordData, Platform], float | None]) -> tuple[float, ...]:
         return tuple(sign * size for size in common(limit) for sign in (1, -1))
 
     limits = {
