@@ -13,6 +13,10 @@ class MissedError(GoughStewartError):
     """What was asked for is done, and misses a bound or a requirement."""
 
 
+class RequirementError(UsageError, ValueError):
+    """A requirement that cannot be read, on a number that a study does not have, or in a unit of another kind."""
+
+
 class PlantError(GoughStewartError):
     """A plant that is not available or refuses a request: no FMU, another model, an error of the FMU."""
 

@@ -10,6 +10,7 @@ class ExitCode(IntEnum):
     FAILED = 1
     USAGE = 2
     MISSED = 3
+    OPEN = 4
     INTERRUPTED = 130  # 128 + SIGINT, the shells' convention
 
     @property
@@ -23,5 +24,6 @@ _MEANINGS = {
     ExitCode.FAILED: "could not be done",
     ExitCode.USAGE: "wrong usage",
     ExitCode.MISSED: "done, and a bound or a requirement is missed",
+    ExitCode.OPEN: "done, and no requirement is missed, but one cannot be told from this study",
     ExitCode.INTERRUPTED: "interrupted by Ctrl-C, SIGTERM or SIGHUP",
 }

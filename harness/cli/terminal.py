@@ -32,11 +32,25 @@ def visible(text: str) -> str:
     return _UNSAFE.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
+# Whether standard output is for data only, so that texts go to the error stream.
+_diverted = [False]
+
+
+@contextmanager
+def diverted(is_so: bool = True) -> Iterator[None]:
+    """Print texts on the error stream while a block lasts: its output is data for another program."""
+    before, _diverted[0] = _diverted[0], is_so
+    try:
+        yield
+    finally:
+        _diverted[0] = before
+
+
 class Terminal(Console):
     """A console that prints all texts as they are: neither rich's markup nor control characters have an effect."""
 
     def __init__(self, *, stderr: bool = False) -> None:
-        super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
+        super().__init__(stderr=stderr or _diverted[0], markup=False, emoji=False, highlight=False)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """As in rich, with control characters made visible."""

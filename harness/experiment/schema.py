@@ -31,6 +31,7 @@ from gough_stewart.harness.quantities import (
     Velocity,
     number,
 )
+from gough_stewart.harness.report.requirements import required
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, FileName, Section
 from gough_stewart.model import joint_circles
@@ -163,6 +164,32 @@ class DisturbanceChoice(Section):
     torque: Torque = ZEROS
 
 
+def _by_path(value: Any) -> Any:
+    """`[require]`: conditions by the path of a number, also where TOML has made tables of the path's dots."""
+    if not isinstance(value, dict):
+        return value
+    found = dict[str, list[str]]()
+
+    def add(path: str, given: Any) -> None:
+        if isinstance(given, dict):
+            for name, each in given.items():
+                add(f"{path}.{name}" if path else str(name), each)
+            return
+        conditions = given if isinstance(given, list | tuple) else [given]
+        if not all(isinstance(each, str) for each in conditions):
+            raise ValueError(f"{path} is {given!r}; expected a condition, such as '<= 1 mm', or a list of them")
+        for each in conditions:
+            required(f"{path} {each}")
+        found[path] = list(conditions)
+
+    add("", value)
+    return found
+
+
+# Conditions on numbers of the studies, by their paths: "<= 1 mm", or a list of them.
+Requirements = Annotated[dict[str, list[str]], BeforeValidator(_by_path)]
+
+
 def _writable(text: str) -> str:
     try:
         text.encode()
@@ -198,6 +225,7 @@ class Experiment(Section):
     disturbance: list[DisturbanceChoice] = Field(default_factory=list)
     injection: Annotated[InjectionChoice, ByType()] | None = None
     ensemble: EnsembleChoice | None = None
+    require: Requirements = Field(default_factory=dict)
     _where: str = "experiment"
     _folder: Path = Path()
 
@@ -205,6 +233,11 @@ class Experiment(Section):
     def code(self) -> tuple[str, ...]:
         """Files that it names and a run of it as it is executes, with the user's rights."""
         return self.controller.code + (() if self.plant.fmu is None else (self.plant.fmu,))
+
+    @property
+    def requirements(self) -> tuple[str, ...]:
+        """What `[require]` has, each as a text: "force.peak <= 800 N"."""
+        return tuple(f"{path} {condition}" for path, each in self.require.items() for condition in each)
 
     @property
     def where(self) -> str:

@@ -12,7 +12,7 @@ from gough_stewart.harness.section import Kind
 # out if it is set, so that a new key is named until it has its place here.
 _HAS = frozenset(
     {
-        *("title", "description", "platform", "reference", "controller", "start"),
+        *("title", "description", "platform", "reference", "controller", "start", "require"),
         *("plant.kind", "plant.file", "plant.parameters", "plant.tolerance", "plant.fixed_step_size"),
         *("loop.duration", "loop.sample_time", "loop.plant_step", "loop.delay"),
         *("actuators.force_limit", "sensors.seed"),

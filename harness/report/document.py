@@ -141,6 +141,7 @@ class Series:
     high: FloatArray | None = None
     x: FloatArray | None = None  # where it has times or frequencies of its own
     members: FloatArray | None = None  # index of the member of each point
+    of: int = 0  # values of which these are the smallest and largest of each interval; 0 if they are all
 
     def __post_init__(self) -> None:
         if self.role not in ROLES:

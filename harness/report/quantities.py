@@ -46,14 +46,13 @@ class Quantity:
         if value is None or math.isnan(value):
             return NOTHING
         if math.isinf(value):
-            return "∞" if value > 0 else "−∞"
+            return "∞" if value > 0 else "-∞"
         shown, least = self.factor * value, LEAST_SPANS.get(self.unit, 0.0)
         if shown and abs(shown) < least:
             return f"< {least:g}"
         text = f"{shown:.{self.digits}g}"
         # large numbers in full: 18610 is shorter than 1.861e+04
-        text = f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
-        return text.replace("-", "−", 1) if text.startswith("-") else text
+        return f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
 
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""
@@ -72,7 +71,8 @@ class Quantity:
         if unit not in known:
             expected = ", ".join(each for each in known if each) or "no unit"
             raise ValueError(f"the unit '{unit}'; expected {expected}")
-        return number * known[unit] / known[self.unit] / self.factor
+        # so that 800 µm are 0.0008 m to the last bit
+        return number / (known[self.unit] * self.factor / known[unit])
 
 
 def of_unit(unit: str) -> Quantity:

@@ -89,6 +89,7 @@ def whole_report() -> Report:
         high=[1, 2, 3],
         x=[0.0, 1.0, 2.0],
         members=[5, 6, 9],
+        of=30,
     )
     marks = (Mark(2e-3, "limit", "horizontal", "limit"), Mark(7.5, "worst", "vertical", "bad"))
     chart = _Chart(
@@ -269,7 +270,7 @@ def test_other_data_are_refused_by_the_place(change: Any, message: str) -> None:
     ("quantity", "value", "text"),
     [
         (LENGTH, 8.1234e-4, "0.8123 mm"),
-        (LENGTH, -8.1234e-4, "−0.8123 mm"),
+        (LENGTH, -8.1234e-4, "-0.8123 mm"),
         (LENGTH, 2e-7, "< 0.001 mm"),
         (LENGTH, 0.0, "0 mm"),
         (LENGTH, None, "–"),

@@ -1,0 +1,229 @@
+"""Requirements on the numbers of a study: "tracking.position.norm_peak <= 1 mm", "… for 95 % of members".
+
+Of an ensemble, a requirement without a share is one on each of its members. One with a share is on all machines from
+which the members are drawn: it is met or missed if the interval of Clopper & Pearson excludes the other, and open if
+there are too few members to tell.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gough_stewart.harness.errors import RequirementError
+from gough_stewart.harness.report.document import Number, Report, Requirement
+from gough_stewart.harness.report.proportions import CONFIDENCE, share_interval
+from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.vectors import FloatArray
+
+_SHARE = r"([\d.]+(?:[eE][+-]?\d+)?)\s*(%?)"
+_REQUIREMENT = re.compile(
+    r"\s*(?P<path>[A-Za-z_][\w.\[\]]*)\s*(?P<sign><=|>=|<|>|≤|≥)\s*"
+    r"(?P<bound>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*?)\s*"
+    rf"(?:\bfor\s+(?P<share>{_SHARE})\s+of\s+(?:the\s+|all\s+)?members\s*)?"
+    rf"(?:,?\s*\bwith\s+(?P<confidence>{_SHARE})\s+confidence\s*)?"
+)
+_EXPECTED = "expected PATH <= NUMBER UNIT, as in 'tracking.position.norm_peak <= 1 mm' or '… for 95 % of members'"
+# So many members are not proposed to anyone.
+_MOST = 10_000_000
+
+
+@dataclass(frozen=True)
+class Required:
+    """A requirement as it was written; the unit is checked when the number is known."""
+
+    text: str
+    path: str
+    is_upper: bool
+    is_strict: bool
+    bound: float
+    unit: str  # "" for that of the stored number
+    share: float | None = None
+    confidence: float = CONFIDENCE
+
+    def bound_of(self, quantity: Quantity) -> float:
+        """The bound as a stored number of this quantity.
+
+        Raises
+        ------
+        RequirementError
+            A unit of another kind.
+        """
+        if not self.unit:
+            return self.bound
+        try:
+            return quantity.stored(self.bound, self.unit.replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}"))
+        except ValueError as error:
+            raise RequirementError(f"the requirement '{self.text}' has {error}") from None
+
+    def holds(self, values: FloatArray, bound: float) -> FloatArray:
+        """Which values hold it; a value that is not defined does not."""
+        values = np.asarray(values, dtype=float)
+        if self.is_upper:
+            return np.asarray(values < bound if self.is_strict else values <= bound)
+        return np.asarray(values > bound if self.is_strict else values >= bound)
+
+    def margin(self, value: float | None, bound: float) -> float | None:
+        """The distance of a value to the bound, on the side that holds it."""
+        return None if value is None else bound - value if self.is_upper else value - bound
+
+
+def required(text: str) -> Required:
+    """Parse a requirement.
+
+    Raises
+    ------
+    RequirementError
+        Not a requirement; states what was expected.
+    """
+    parts = _REQUIREMENT.fullmatch(text)
+    if parts is None:
+        raise RequirementError(f"the requirement '{text}' cannot be read; {_EXPECTED}")
+    path, sign, bound, unit = parts["path"], parts["sign"], float(parts["bound"]), parts["unit"]
+    share = _share(parts["share"], f"the share of members in '{text}'")
+    confidence = _share(parts["confidence"], f"the confidence in '{text}'")
+    if confidence is not None and share is None:
+        raise RequirementError(f"the requirement '{text}' has a confidence; expected also 'for … % of members'")
+    if not math.isfinite(bound):
+        raise RequirementError(f"the requirement '{text}' has the bound {bound}; expected a finite number")
+    given = CONFIDENCE if confidence is None else confidence
+    return Required(text.strip(), path, sign in ("<", "<=", "≤"), sign in ("<", ">"), bound, unit, share, given)
+
+
+def _share(text: str | None, what: str) -> float | None:
+    if text is None:
+        return None
+    digits = text.rstrip("% ").strip()
+    try:
+        size = float(digits) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        size = math.nan
+    if not 0 < size < 1:
+        remedy = "; leave the share out to require it of every member" if size == 1 and "share" in what else ""
+        raise RequirementError(f"{what} is {text}; expected between 0 and 100 %{remedy}")
+    return size
+
+
+def check_paths(requirements: Iterable[Required], known: Iterable[str]) -> None:
+    """Refuse a number that the study does not have; for use before it begins.
+
+    Raises
+    ------
+    RequirementError
+        An unknown path; suggests the nearest.
+    """
+    names = list(known)
+    for each in requirements:
+        if each.path not in names:
+            raise RequirementError(f"the requirement '{each.text}': no number '{each.path}'{nearest(each.path, names)}")
+
+
+def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report:
+    """The report with requirements and how they came out.
+
+    Raises
+    ------
+    RequirementError
+        As `required`, an unknown number, a unit of another kind, or a share of members of a single run.
+    """
+    wanted = [required(each) if isinstance(each, str) else each for each in texts]
+    check_paths(wanted, (number.path for number in report.numbers))
+    judged = tuple(judge(each, report.number(each.path)) for each in wanted)
+    return replace(report, requirements=(*report.requirements, *judged))
+
+
+def judge(wanted: Required, number: Number) -> Requirement:
+    """How a requirement on a number came out.
+
+    Raises
+    ------
+    RequirementError
+        A unit of another kind, or a share of members of a single run.
+    """
+    bound = wanted.bound_of(number.quantity)
+    if number.members is not None:
+        return _judge_members(wanted, number, number.members, bound)
+    if wanted.share is not None:
+        raise RequirementError(
+            f"the requirement '{wanted.text}' is on a share of members, and this study has none; leave out 'for … of "
+            "members', or use `gough-stewart ensemble`"
+        )
+    if number.value is None:
+        return _result(wanted, number, "open", None, bound, "not defined in this study")
+    status = "met" if bool(wanted.holds(np.array(number.value), bound)) else "missed"
+    return _result(wanted, number, status, number.value, bound, "")
+
+
+def _judge_members(wanted: Required, number: Number, members: FloatArray, bound: float) -> Requirement:
+    total, holding = len(members), int(np.count_nonzero(wanted.holds(members, bound)))
+    undefined = int(np.count_nonzero(np.isnan(members)))
+    if not total:
+        return _result(wanted, number, "open", None, bound, "no members")
+    lost = f"; {undefined} of them without this number, as if they did not" if undefined else ""
+    if wanted.share is None:
+        value = _of_share(wanted, members, 1.0)
+        note = f"{holding:,} of {total:,} members hold it{lost}"
+        return _result(wanted, number, "met" if holding == total else "missed", value, bound, note)
+    found = share_interval(holding, total, wanted.confidence)
+    low, high = found.low or 0.0, 1.0 if found.high is None else found.high
+    note = (
+        f"{holding:,} of {total:,} members hold it{lost}; of all, {100 * low:.3g} to {100 * high:.3g} % with "
+        f"{100 * wanted.confidence:g} % confidence (Clopper–Pearson)"
+    )
+    status = "met" if low >= wanted.share else "missed" if high < wanted.share else "open"
+    if status == "open":
+        needed = members_to_tell(holding, total, wanted.share, wanted.confidence)
+        so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
+        near = "the share is too near to the wanted one for any number of members to tell"
+        note = f"{note}; {near if needed is None else f'{needed:,} members would tell, if {so_many} of them hold it'}"
+    return _result(wanted, number, status, _of_share(wanted, members, wanted.share), bound, note)
+
+
+def _of_share(wanted: Required, members: FloatArray, share: float) -> float | None:
+    """The value that this share of the members holds; None if some of those have none."""
+    worst = np.where(np.isnan(members), math.inf, members if wanted.is_upper else -members)
+    # 95 % of 200 is 190, not 191 by rounding
+    value = float(np.sort(worst)[max(math.ceil(share * len(worst) - 1e-9), 1) - 1])
+    return None if math.isinf(value) else value if wanted.is_upper else -value
+
+
+def members_to_tell(holding: int, total: int, wanted: float, confidence: float = CONFIDENCE) -> int | None:
+    """How many members would tell whether this share holds it, if as many of them do as of the present ones.
+
+    None if the share is so near to the wanted one that ten millions would not do.
+    """
+    share = holding / total
+    towards = math.floor if share > wanted else math.ceil
+
+    def tells(members: int) -> bool:
+        found = share_interval(towards(round(share * members, 6)), members, confidence)
+        low, high = found.low or 0.0, 1.0 if found.high is None else found.high
+        return low >= wanted or high < wanted
+
+    low = high = total
+    while not tells(high):
+        low, high = high, 2 * high
+        if high > _MOST:
+            return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if tells(middle) else (middle, high)
+    return high
+
+
+def _result(wanted: Required, number: Number, status: str, value: float | None, bound: float, note: str) -> Requirement:
+    margin = wanted.margin(value, bound)
+    return Requirement(
+        wanted.text,
+        wanted.path,
+        number.name,
+        status,
+        value,
+        bound,
+        number.quantity,
+        margin,
+        note,  # type: ignore[arg-type]
+    )

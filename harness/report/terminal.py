@@ -1,0 +1,155 @@
+"""A report in a terminal: the verdict, the numbers that carry it, requirements, then short tables.
+
+Charts, scenes and details are for the page. Without a terminal there are no colours, and the verdict is one line.
+"""
+
+from collections.abc import Iterable, Sequence
+from io import StringIO
+from typing import TYPE_CHECKING
+
+from rich.console import Console, Group
+from rich.padding import Padding
+from rich.table import Table as Rows
+from rich.text import Text
+
+from gough_stewart.harness.output.tables import stacked_columns
+from gough_stewart.harness.report.document import Cell, Note, Number, Report, Requirement, Table, Value
+from gough_stewart.harness.report.quantities import Quantity
+
+if TYPE_CHECKING:
+    from rich.console import ConsoleOptions, RenderableType, RenderResult
+
+_STYLES = {"good": "bold green", "marginal": "bold yellow", "bad": "bold red", "told": "bold"}
+_OUTCOMES = {"met": ("met", "green"), "missed": ("missed", "bold red"), "open": ("cannot be told", "bold yellow")}
+
+
+def show(report: Report, console: Console) -> None:
+    """Print a whole report, without markup in texts; warnings among its notes are left to the error stream."""
+    # words wrap for a reader; for another program the verdict is one line
+    verdict = Text(report.verdict.text, _STYLES[report.verdict.status])
+    console.print(verdict, soft_wrap=not console.is_terminal)
+    console.print(Group(*_parts(report)))
+
+
+def text_of(report: Report, width: int = 100) -> str:
+    """The same as text without colours."""
+    console = Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
+    with console.capture() as shown:
+        show(report, console)
+    return "\n".join(line.rstrip() for line in shown.get().splitlines())
+
+
+def _parts(report: Report) -> Iterable["RenderableType"]:
+    if report.verdict.numbers:
+        yield Padding(_numbers(report.verdict.numbers), (0, 0, 0, 2), expand=False)
+    if report.requirements:
+        yield Text("")
+        yield requirements_of(report.requirements)
+    for section in report.sections:
+        if section.detail:
+            continue
+        for part in section.parts:
+            if isinstance(part, Table) and not part.detail and part.rows:
+                yield Text("")
+                yield TerminalTable(part)
+            elif isinstance(part, Note):
+                yield Text(part.text)
+    for note in report.notes:
+        if note.kind == "note":
+            yield Text(note.text, "dim")
+
+
+def _numbers(numbers: Sequence[Number]) -> Rows:
+    """A line for each number: words, value, interval, margin to its limit."""
+    rows = Rows.grid(padding=(0, 2, 0, 0))
+    rows.add_column(overflow="fold")
+    rows.add_column(justify="right", no_wrap=True)
+    rows.add_column(overflow="fold")
+    for each in numbers:
+        rows.add_row(Text(each.name), Text(each.text, "bold"), Text(remark_of(each), "dim"))
+    return rows
+
+
+def remark_of(number: Number) -> str:
+    """What stands behind a number: its interval, its limit, the margin."""
+    quantity = number.quantity
+    parts = []
+    if number.low is not None or number.high is not None:
+        low, high = quantity.number(number.low), quantity.text(number.high)
+        parts.append(f"{low} to {high}")
+    if number.limit is not None:
+        parts.append(f"limit {quantity.text(number.limit)}")
+    if number.margin is not None:
+        parts.append(_margin(quantity, number.margin))
+    return ", ".join(parts)
+
+
+def _margin(quantity: Quantity, margin: float) -> str:
+    return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
+
+
+def requirements_of(requirements: Sequence[Requirement]) -> Rows:
+    """Each requirement: how it came out, the value found, the margin, and how sure that is."""
+    rows = Rows.grid(padding=(0, 2, 0, 0))
+    rows.add_column(no_wrap=True)
+    rows.add_column(overflow="fold")
+    rows.add_column(overflow="fold")
+    for each in requirements:
+        word, style = _OUTCOMES[each.status]
+        found = None if each.value is None else each.quantity.text(each.value)
+        margin = None if each.margin is None else _margin(each.quantity, each.margin)
+        told = ", ".join(filter(None, (found, margin)))
+        rows.add_row(Text(word, style), Text(each.text), Text("; ".join(filter(None, (told, each.note)))))
+    return rows
+
+
+class TerminalTable:
+    """A table as wide as the terminal; columns that do not fit continue in a table below.
+
+    A row whose numbers have one unit has it once, beside its name.
+    """
+
+    def __init__(self, table: Table) -> None:
+        self.table = table
+
+    def __rich_console__(self, _console: Console, options: "ConsoleOptions") -> "RenderResult":
+        """The title, the rows that are shown at first, and what is left out."""
+        table = self.table
+        shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
+        heads = [each.quantity.headed(each.name) if each.quantity else each.name for each in table.columns]
+        texts = [row_texts(table, k) for k in range(shown)]
+        columns = [(head, *(row[k].plain for row in texts)) for k, head in enumerate(heads)]
+        if table.title:
+            yield Text(table.title, "bold")
+        for part in stacked_columns(columns, options.max_width):
+            rows = Rows()
+            for k, width in part:
+                is_number = k > 0 and _is_number([row[k] for row in table.rows])
+                rows.add_column(Text(heads[k]), justify="right" if is_number else "left", overflow="fold", width=width)
+            for number, row in enumerate(texts):
+                rows.add_row(*(row[k] for k, _ in part), end_section=number in table.group_ends)
+            yield rows
+        if shown < len(table.rows):
+            yield Text(f"… {len(table.rows) - shown} more on the page", "dim")
+        if table.note:
+            yield Text(table.note, "dim")
+
+
+def row_texts(table: Table, index: int) -> list[Text]:
+    """The cells of a row; a unit that all its numbers share stands beside its first cell."""
+    row, texts = table.rows[index], [Text(each) for each in table.texts(index)]
+    values = [cell for cell in row[1:] if isinstance(cell, Value)]
+    units = {each.quantity.unit for each in values}
+    if len(values) > 1 and len(units) == 1 and (unit := units.pop()):
+        texts = [
+            Text(cell.quantity.text(cell.value, unit=False)) if k and isinstance(cell, Value) else text
+            for k, (cell, text) in enumerate(zip(row, texts, strict=True))
+        ]
+        texts[0] = Text.assemble(texts[0], " ", (unit, "dim"))
+    return texts
+
+
+def _is_number(cells: Sequence[Cell]) -> bool:
+    """Whether a column is right-aligned: it has numbers, and at most blanks beside them."""
+    numbers = [isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells]
+    return any(numbers) and all(is_one or cell in (None, "") for is_one, cell in zip(numbers, cells, strict=True))

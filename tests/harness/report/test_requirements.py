@@ -1,0 +1,193 @@
+"""Requirements: how they are written, and how they come out.
+
+Expected values are worked out by hand, or by SciPy's binomial test, whose intervals are found without beta functions'
+inverse as used here.
+"""
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+
+from gough_stewart.harness.errors import RequirementError, UsageError
+from gough_stewart.harness.report.document import Number, Report, Requirement, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, NUMBER, PERCENT, SHARE, Quantity
+from gough_stewart.harness.report.requirements import judge, members_to_tell, required, with_requirements
+
+_PATH = "tracking.position.norm_peak"
+
+
+def _came_out(text: str, value: float | None, quantity: Quantity = LENGTH, members: Any = None) -> Requirement:
+    report = Report("r", Verdict("v", "told"), numbers=(Number(_PATH, "peak", value, quantity, members=members),))
+    (found,) = with_requirements(report, [f"{_PATH} {text}"]).requirements
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "quantity", "status", "bound", "margin"),
+    [
+        ("<= 1 mm", 0.8e-3, LENGTH, "met", 1e-3, 0.2e-3),
+        ("<= 1mm", 1.2e-3, LENGTH, "missed", 1e-3, -0.2e-3),
+        ("≤ 0.1 cm", 0.8e-3, LENGTH, "met", 1e-3, 0.2e-3),
+        ("<= 0.001", 0.8e-3, LENGTH, "met", 1e-3, 0.2e-3),
+        ("<= 800 µm", 0.8e-3, LENGTH, "met", 0.8e-3, 0.0),
+        ("< 800 μm", 0.8e-3, LENGTH, "missed", 0.8e-3, 0.0),
+        (">= 1 mm", 0.8e-3, LENGTH, "missed", 1e-3, -0.2e-3),
+        ("> -1e-3 m", 0.8e-3, LENGTH, "met", -1e-3, 1.8e-3),
+        (">= 800e-6 m", 800e-6, LENGTH, "met", 800e-6, 0.0),
+        ("> 800e-6 m", 800e-6, LENGTH, "missed", 800e-6, 0.0),
+        ("<= 1 deg", 0.01, ANGLE, "met", math.pi / 180, math.pi / 180 - 0.01),
+        ("<= 5 %", 4.0, PERCENT, "met", 5.0, 1.0),
+        ("<= 5", 4.0, PERCENT, "met", 5.0, 1.0),
+        ("<= 5 %", 0.04, SHARE, "met", 0.05, 0.01),
+        ("<= 0.05", 0.06, SHARE, "missed", 0.05, -0.01),
+        ("<= 1.5 kN", 1400.0, FORCE, "met", 1500.0, 100.0),
+        (">= 0.5", 0.4, NUMBER, "missed", 0.5, -0.1),
+        ("<= 1 mm", None, LENGTH, "open", 1e-3, None),
+    ],
+)
+def test_a_bound_in_any_unit_of_the_number(
+    text: str, value: float | None, quantity: Quantity, status: str, bound: float, margin: float | None
+) -> None:
+    found = _came_out(text, value, quantity)
+    assert (found.status, found.path, found.name, found.value) == (status, _PATH, "peak", value)
+    assert found.bound == pytest.approx(bound, rel=1e-12)
+    assert found.margin == (margin if margin is None else pytest.approx(margin, rel=1e-9, abs=1e-15))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"{_PATH} <= 1 N", f"the requirement '{_PATH} <= 1 N' has the unit 'N'; expected m, cm, mm, um, µm"),
+        (f"{_PATH} = 1 mm", "cannot be read; expected PATH <= NUMBER UNIT"),
+        (f"{_PATH} <=", "cannot be read"),
+        (f"{_PATH} <= one mm", "cannot be read"),
+        (f"{_PATH} <= 1e999 m", "has the bound inf; expected a finite number"),
+        ("tracking.position.norm_peek <= 1 mm", f"no number 'tracking.position.norm_peek'; did you mean '{_PATH}'?"),
+        (f"{_PATH} <= 1 mm for 95 % of members", "is on a share of members, and this study has none"),
+        (f"{_PATH} <= 1 mm for 100 % of members", "is 100 %; expected between 0 and 100 %; leave the share out"),
+        (f"{_PATH} <= 1 mm for 0 % of members", "is 0 %; expected between 0 and 100 %"),
+        (f"{_PATH} <= 1 mm for 95 % of members with 100 % confidence", "the confidence in .* is 100 %; expected"),
+        (f"{_PATH} <= 1 mm with 95 % confidence", "has a confidence; expected also 'for"),
+        (f"{_PATH} <= 1 mm for 95 % of machines", "has the unit 'mm for 95 % of machines'"),
+    ],
+)
+def test_a_wrong_requirement_is_refused_with_what_was_expected(text: str, message: str) -> None:
+    report = Report("r", Verdict("v", "told"), numbers=(Number(_PATH, "peak", 1e-3, LENGTH),))
+    with pytest.raises(RequirementError, match=message if ".*" in message else re.escape(message)) as raised:
+        with_requirements(report, [text])
+    assert isinstance(raised.value, UsageError)
+
+
+def test_requirements_are_added_in_their_order() -> None:
+    numbers = (Number("a", "the a", 3.0), Number("b", "the b", 4.0))
+    report = Report("r", Verdict("v", "told"), numbers=numbers)
+    found = with_requirements(with_requirements(report, ["b <= 3"]), ["a <= 3", required("b >= 4")])
+    assert [(each.path, each.status) for each in found.requirements] == [("b", "missed"), ("a", "met"), ("b", "met")]
+
+
+def test_every_member_has_to_hold_a_requirement_without_a_share() -> None:
+    members = [0.2e-3, 0.9e-3, 0.4e-3]
+    met, missed = _came_out("<= 1 mm", 0.4e-3, members=members), _came_out("<= 0.5 mm", 0.4e-3, members=members)
+    assert (met.status, met.value, met.note) == ("met", 0.9e-3, "3 of 3 members hold it")
+    assert met.margin == pytest.approx(0.1e-3)
+    assert (missed.status, missed.value, missed.note) == ("missed", 0.9e-3, "2 of 3 members hold it")
+    assert _came_out(">= 0.3 mm", 0.4e-3, members=members).value == 0.2e-3
+
+
+def test_a_member_without_the_number_does_not_hold_it() -> None:
+    found = _came_out("<= 1 mm", 0.4e-3, members=[0.2e-3, math.nan, 0.4e-3])
+    assert (found.status, found.value, found.margin) == ("missed", None, None)
+    assert found.note == "2 of 3 members hold it; 1 of them without this number, as if they did not"
+    assert _came_out("<= 1 mm", None, members=[]).status == "open"
+
+
+def _members(holding: int, total: int) -> Any:
+    """Values of which so many are at most 1 mm, in an order that sorting undoes."""
+    values = np.r_[np.linspace(0.1e-3, 1e-3, holding), np.linspace(2e-3, 3e-3, total - holding)]
+    return np.random.default_rng(5).permutation(values)
+
+
+@pytest.mark.parametrize(
+    ("holding", "total", "share", "confidence", "status"),
+    [
+        (982, 1000, 95, 95, "met"),
+        (982, 1000, 97, 95, "met"),
+        (982, 1000, 98, 95, "open"),
+        (982, 1000, 99.2, 95, "missed"),
+        # (1 − 0.95)/2 = 0.025 = p^n: p is 0.94996 for 72 members that all hold it, and 0.95 from 72 on
+        (72, 72, 95, 95, "met"),
+        (71, 71, 95, 95, "open"),
+        (72, 72, 95, 99, "open"),
+        # 1 − 0.1^(1/20) = 0.109
+        (0, 20, 10.8, 80, "open"),
+        (0, 20, 11, 80, "missed"),
+        (0, 20, 10, 95, "open"),
+    ],
+)
+def test_the_interval_decides_on_a_share_of_all_machines(
+    holding: int, total: int, share: float, confidence: float, status: str
+) -> None:
+    """Expected: the exact interval of SciPy's `binomtest`, which solves for it; bounds on both sides."""
+    text = f"<= 1 mm for {share:g} % of members with {confidence:g} % confidence"
+    found = _came_out(text, 1e-3, members=_members(holding, total))
+    interval = binomtest(holding, total).proportion_ci(confidence / 100, method="exact")
+    expected = "met" if interval.low >= share / 100 else "missed" if interval.high < share / 100 else "open"
+    assert found.status == status == expected
+    ends = f"{100 * interval.low:.3g} to {100 * interval.high:.3g} %"
+    told = (
+        f"{holding:,} of {total:,} members hold it; of all, {ends} with {confidence:g} % confidence (Clopper–Pearson)"
+    )
+    assert found.note.startswith(told)
+
+
+def test_the_value_is_that_which_the_share_of_members_holds() -> None:
+    """Expected: 0.00, 0.01 … 1.99 mm; 190 of 200 are at most 1.89 mm, and 190 at least 0.10 mm."""
+    members = np.random.default_rng(3).permutation(np.arange(200) * 1e-5)
+    upper, lower = (_came_out(f"{sign} 1 mm for 95 % of members", 1e-3, members=members) for sign in ("<=", ">="))
+    assert (upper.value, lower.value) == (pytest.approx(1.89e-3), pytest.approx(0.1e-3))
+    assert (upper.margin, lower.margin) == (pytest.approx(-0.89e-3), pytest.approx(-0.9e-3))
+
+
+def test_confidence_is_95_percent_unless_it_is_given() -> None:
+    members = _members(60, 60)
+    assert _came_out("<= 1 mm for 95 % of members", 1e-3, members=members).status == "open"
+    assert _came_out("<= 1 mm for 95 % of members with 90 % confidence", 1e-3, members=members).status == "met"
+    assert _came_out("<= 1 mm for 0.95 of the members, with 0.9 confidence", 1e-3, members=members).status == "met"
+
+
+def test_too_few_members_say_how_many_would_tell() -> None:
+    """Expected: the least n with 0.95^n <= 0.025, ln 0.025/ln 0.95 = 71.9."""
+    found = _came_out("<= 1 mm for 95 % of members", 1e-3, members=_members(20, 20))
+    assert (found.status, found.note.rpartition("; ")[2]) == ("open", "72 members would tell, if all of them hold it")
+    few = _came_out("<= 1 mm for 95 % of members", 1e-3, members=_members(49, 50))
+    assert few.status == "open"
+    assert few.note.endswith("members would tell, if 98 % of them hold it")
+    never = _came_out("<= 1 mm for 95 % of members", 1e-3, members=_members(19, 20))
+    assert never.note.endswith("the share is too near to the wanted one for any number of members to tell")
+
+
+@given(
+    st.integers(1, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))), st.sampled_from([0.5, 0.9, 0.95])
+)
+def test_so_many_members_do_tell(counts: tuple[int, int], wanted: float) -> None:
+    """Expected: `binomtest` with as many of them, rounded towards the wanted share, excludes it."""
+    holding, total = counts
+    needed = members_to_tell(holding, total, wanted)
+    if needed is None:
+        assert abs(holding / total - wanted) < 1e-3
+        return
+    assert needed >= total
+    exact = needed * holding / total
+    rounded = math.floor(exact + 1e-6) if holding > wanted * total else math.ceil(exact - 1e-6)
+    interval = binomtest(rounded, needed).proportion_ci(0.95, method="exact")
+    assert interval.low >= wanted - 1e-9 or interval.high < wanted + 1e-9
+
+
+def test_a_single_run_is_judged_by_its_value() -> None:
+    assert judge(required("a <= 2"), Number("a", "a", 2.0)).status == "met"
