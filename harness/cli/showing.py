@@ -150,9 +150,9 @@ class Showing:
 
             files |= figures(report)
         if self.page:
-            from gough_stewart.harness.report.page import page
+            from importlib import import_module
 
-            files[PAGE] = page(report)
+            files[PAGE] = import_module("gough_stewart.harness.report.page").page(report)
         write_files(folder, files, owned=[PAGE, DATA])
         return list(files)
 

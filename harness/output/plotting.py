@@ -34,16 +34,22 @@ STYLE: dict[str, Any] = {
     "svg.hashsalt": "gough-stewart",
 }
 Draw = Callable[[Figure], None]
+# No dates; stronger compression of the PNG takes twice as long.
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "svg": {"metadata": {"Date": None}},
+    "pdf": {"metadata": {"CreationDate": None}},
+    "png": {"pil_kwargs": {"compress_level": 1}},
+}
 
 
 def png(draw: Draw, width: float, height: float = 3.6) -> bytes:
     """Draw a figure of this size [inch] with `draw`, as PNG."""
-    return _files(draw, width, height, ("png",))["png"]
+    return files_of(draw, width, height, ("png",))["png"]
 
 
 def pictures(name: str, draw: Draw, width: float, height: float = 3.6) -> dict[str, bytes]:
     """Draw a figure as `name.png` and `name.svg`."""
-    return {f"{name}.{kind}": file for kind, file in _files(draw, width, height, ("png", "svg")).items()}
+    return {f"{name}.{kind}": file for kind, file in files_of(draw, width, height, ("png", "svg")).items()}
 
 
 def two_panels(figure: Figure, title: str) -> tuple[Axes, Axes]:
@@ -76,7 +82,8 @@ def label(axes: Axes, title: str, unit: str, horizontal: str = "time [s]") -> No
     axes.margins(x=0)
 
 
-def _files(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
+def files_of(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
+    """Draw a figure of this size [inch] with `draw`, in these formats: "png", "svg", "pdf"."""
     files = {}
     with mpl_style.context(STYLE, after_reset=True), warnings.catch_warnings():
         # a platform's name may be in any script; missing glyphs are not worth a warning in the terminal
@@ -91,8 +98,7 @@ def _files(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> d
             figure.set_layout_engine("none")
         for kind in kinds:
             buffer = BytesIO()
-            # no date in the SVG; stronger compression of the PNG takes twice as long
-            options = {"metadata": {"Date": None}} if kind == "svg" else {"pil_kwargs": {"compress_level": 1}}
+            options = _OPTIONS[kind]
             # Matplotlib's C++ turns an interrupt in the conversion of its arguments into an error of its own
             with interrupts_held_back():
                 figure.savefig(buffer, format=kind, **options)

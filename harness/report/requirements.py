@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gough_stewart.harness.errors import RequirementError
-from gough_stewart.harness.report.document import Number, Report, Requirement
+from gough_stewart.harness.report.document import Number, Report, Requirement, Verdicts
 from gough_stewart.harness.report.proportions import CONFIDENCE, share_interval
 from gough_stewart.harness.report.quantities import Quantity
 from gough_stewart.model.interface import nearest
@@ -153,7 +153,7 @@ def judge(wanted: Required, number: Number) -> Requirement:
         )
     if number.value is None:
         return _result(wanted, number, "open", None, bound, "not defined in this study")
-    status = "met" if bool(wanted.holds(np.array(number.value), bound)) else "missed"
+    status: Verdicts = "met" if bool(wanted.holds(np.array(number.value), bound)) else "missed"
     return _result(wanted, number, status, number.value, bound, "")
 
 
@@ -173,7 +173,7 @@ def _judge_members(wanted: Required, number: Number, members: FloatArray, bound:
         f"{holding:,} of {total:,} members hold it{lost}; of all, {100 * low:.3g} to {100 * high:.3g} % with "
         f"{100 * wanted.confidence:g} % confidence (Clopper–Pearson)"
     )
-    status = "met" if low >= wanted.share else "missed" if high < wanted.share else "open"
+    status: Verdicts = "met" if low >= wanted.share else "missed" if high < wanted.share else "open"
     if status == "open":
         needed = members_to_tell(holding, total, wanted.share, wanted.confidence)
         so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
@@ -214,7 +214,9 @@ def members_to_tell(holding: int, total: int, wanted: float, confidence: float =
     return high
 
 
-def _result(wanted: Required, number: Number, status: str, value: float | None, bound: float, note: str) -> Requirement:
+def _result(
+    wanted: Required, number: Number, status: Verdicts, value: float | None, bound: float, note: str
+) -> Requirement:
     margin = wanted.margin(value, bound)
     return Requirement(
         wanted.text,
@@ -225,5 +227,5 @@ def _result(wanted: Required, number: Number, status: str, value: float | None, 
         bound,
         number.quantity,
         margin,
-        note,  # type: ignore[arg-type]
+        note,
     )

@@ -7,6 +7,7 @@ import numpy as np
 from gough_stewart.harness.report.document import Axis, Chart, Flag, Report, Scene, Section, Series, Verdict, time_axis
 from gough_stewart.harness.report.quantities import COUNT, LENGTH
 from gough_stewart.harness.report.thinning import FRAMES, thinned
+from gough_stewart.model.vectors import FloatArray
 
 
 def _with(*parts: Any) -> Report:
@@ -14,10 +15,10 @@ def _with(*parts: Any) -> Report:
 
 
 def test_peaks_stay_at_their_times() -> None:
-    time = 7.3 + np.arange(5001) * 1e-3
+    time: FloatArray = np.asarray(7.3 + np.arange(5001) * 1e-3)
     first, second = np.sin(time), np.cos(3 * time)
     first[1234], second[4321] = 9.0, -7.0
-    band = {"low": first - 1, "high": first + 2}
+    band: dict[str, Any] = {"low": first - 1, "high": first + 2}
     chart = Chart("c", time_axis(time), (Series("a", LENGTH, first, **band), Series("b", LENGTH, second)), "step")
     (found,) = thinned(_with(chart), 100).charts
     for series, values in zip(found.series, (first, second), strict=True):
@@ -45,7 +46,7 @@ def test_a_flag_between_frames_stays_on_if_it_was_on_in_any_part() -> None:
     n = 2001
     flags = "".join("1" if k in (777, 1999) else "0" for k in range(n - 1))
     scene = Scene(
-        "s", np.zeros((6, 3)), np.ones((6, 3)), 0.3, 0.4, np.arange(n) * 0.01, np.outer(np.arange(n), np.ones(7)),
+        "s", np.zeros((6, 3)), np.ones((6, 3)), 0.3, 0.4, np.linspace(0, 20, n), np.outer(np.arange(n), np.ones(7)),
         np.ones((n, 6)), flags=(Flag("force limited", flags),), rows=n,
     )  # fmt: skip
     (found,) = thinned(_with(scene)).sections[0].parts

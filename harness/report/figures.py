@@ -1,0 +1,273 @@
+"""The charts of a report as figures for print: PDF, PNG and SVG by matplotlib; the same report gives the same bytes.
+
+Charts of a group are panels of one figure. Components that have a reference get a panel each, so that no line hides
+another; others share one, with a legend.
+"""
+
+import re
+from collections.abc import Sequence
+from functools import partial
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gough_stewart.harness.output.display_resolution import decimated, least_span
+from gough_stewart.harness.output.plotting import entitle, files_of
+from gough_stewart.harness.report.document import Chart, Report, Series
+from gough_stewart.harness.report.palette import DASHES, SIX_DASHES, colour_of, colour_of_six
+from gough_stewart.model.vectors import FloatArray
+
+KINDS = ("pdf", "png", "svg")
+_WIDTH, _ROW, _HEAD = 8.0, 1.9, 0.55  # [inch]
+_COLUMNS = 3
+# Points of a line in a panel of about 400 pixels.
+_POINTS = 800
+# Lines that stay within this share of the axis hide each other.
+_HIDES = 4e-3
+# Lines that can be told apart in one panel.
+_MOST_LINES = 12
+_MOST_BARS = 20
+
+
+class _Panel(NamedTuple):
+    """Some of the series of a chart, in axes of their own."""
+
+    chart: Chart
+    title: str
+    series: tuple[Series, ...]
+    is_wide: bool
+    least: float = 0.0  # span of the vertical axis
+
+
+def figures(report: Report, kinds: Sequence[str] = KINDS) -> dict[str, bytes]:
+    """The figures of all charts but those of details, by file name."""
+    drawn = [
+        part
+        for section in report.sections
+        if not section.detail
+        for part in section.parts
+        if isinstance(part, Chart) and not part.detail
+    ]
+    found: dict[str, bytes] = {}
+    taken: set[str] = set()
+    for group, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
+        name = _name(group, taken)
+        panels = [_panels(chart) for chart in charts]
+        height = _HEAD + sum(_ROW * (1.5 if row[0].is_wide else -(-len(row) // _COLUMNS)) for row in panels)
+        files = files_of(partial(_draw, report.title, panels), _WIDTH, height, tuple(kinds))
+        found |= {f"{name}.{kind}": file for kind, file in files.items()}
+    return found
+
+
+def _name(title: str, taken: set[str]) -> str:
+    """A file name of a title, that no earlier one has."""
+    stem = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-") or "chart"
+    name, k = stem, 2
+    while name in taken:
+        name, k = f"{stem}-{k}", k + 1
+    taken.add(name)
+    return name
+
+
+def _panels(chart: Chart) -> list[_Panel]:
+    has_reference = len({each.role for each in chart.series}) > 1 and any(s.role == "reference" for s in chart.series)
+    components = list(dict.fromkeys(each.component for each in chart.series))
+    if not has_reference or len(components) < 2 or len({each.run for each in chart.series}) > 1:
+        return [_Panel(chart, chart.title, chart.series, True)]
+    # an axis that hardly moves compared with the others should look like it
+    least = max(_extent(chart.series, component) for component in components) / 50
+    return [
+        _Panel(chart, f"{chart.title}, {each}", tuple(s for s in chart.series if s.component == each), False, least)
+        for each in components
+    ]
+
+
+def _extent(series: Sequence[Series], component: str | None = None) -> float:
+    """The span of the values of a component, or of all, as shown."""
+    values = [s.quantity.factor * s.values for s in series if component is None or s.component == component]
+    finite = np.concatenate([each[np.isfinite(each)] for each in values])
+    return float(np.ptp(finite)) if finite.size else 0.0
+
+
+def _draw(title: str, rows: Sequence[Sequence[_Panel]], figure: Figure) -> None:
+    entitle(figure, title)
+    heights = [1.5 if row[0].is_wide else float(-(-len(row) // _COLUMNS)) for row in rows]
+    parts: Any = figure.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for part, row in zip(parts, rows, strict=True):
+        columns = min(len(row), _COLUMNS)
+        grid = part.subplots(-(-len(row) // columns), columns, squeeze=False)
+        for axes in grid.flat[len(row) :]:
+            axes.set_axis_off()
+        for panel, axes in zip(row, grid.flat, strict=False):
+            _draw_panel(axes, panel)
+        if not row[0].is_wide and part is parts[-1]:
+            handles, _ = grid.flat[0].get_legend_handles_labels()
+            roles = [each.role for each in row[0].series]
+            part.legend(handles[: len(roles)], roles, loc="outside lower center", ncols=len(roles), handlelength=3.2)
+
+
+def _draw_panel(axes: Axes, panel: _Panel) -> None:
+    chart, unit = panel.chart, panel.series[0].quantity.unit
+    is_named = chart.kind in ("heat", "bars") or (chart.y is not None and chart.y.name != "")
+    axes.set_title(f"{panel.title} [{unit}]" if unit and not is_named else panel.title, parse_math=False)
+    draw = {"heat": _heat, "bars": _bars, "histogram": _histogram}.get(chart.kind, _lines)
+    draw(axes, panel)
+    if chart.y is not None and chart.y.name and chart.kind not in ("heat", "bars"):
+        axes.set_ylabel(chart.y_title)
+    if chart.kind != "bars":
+        axes.set_xlabel(chart.x.title)
+        if chart.x.scale == "log":
+            axes.set_xscale("log")
+        if chart.y is not None and chart.y.scale == "log":
+            axes.set_yscale("log")
+    _marks(axes, panel)
+    if chart.note:
+        axes.annotate(chart.note, (0, 0), (0, -34), "axes fraction", "offset points", fontsize=7, va="top")
+    handles, labels = axes.get_legend_handles_labels()
+    if len(labels) > 1 and panel.is_wide:
+        axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0, handlelength=3.2)
+
+
+def _style(panel: _Panel, index: int) -> dict[str, Any]:
+    """Colour and dashes of a series: by role, or by leg, run or order where several have one role."""
+    series = panel.series[index]
+    same = [k for k, each in enumerate(panel.series) if each.role == series.role]
+    if len(same) == 1 or series.role in ("reference", "limit"):
+        dashes, colour = DASHES.get(series.role, ()), colour_of(series.role)
+    else:
+        place = series.run if series.run is not None else series.leg - 1 if series.leg else same.index(index)
+        dashes, colour = SIX_DASHES[place % 6], colour_of_six(place)
+    return {"color": colour, "linestyle": (0, dashes) if dashes else "-"}
+
+
+def _lines(axes: Axes, panel: _Panel) -> None:
+    chart = panel.chart
+    for k, label in _told_apart(panel):
+        series, style = panel.series[k], _style(panel, k)
+        scale = series.quantity.factor
+        x, values = chart.x.quantity.factor * chart.x_of(series), scale * series.values
+        if series.low is not None and series.high is not None:
+            low, high = (scale * each for each in (series.low, series.high))
+            if chart.kind == "points":
+                axes.errorbar(x, values, [values - low, high - values], fmt="none", ecolor=style["color"], elinewidth=1)
+            else:
+                axes.fill_between(x, low, high, color=style["color"], alpha=0.22, linewidth=0)
+        if chart.kind == "points":
+            axes.plot(x, values, ".", color=style["color"], markersize=3, label=label)
+            continue
+        held: dict[str, Any] = {"drawstyle": "steps-post"} if chart.kind == "step" else {}
+        marker: dict[str, Any] = {"marker": "o", "markersize": 4} if len(x) == 1 else {}
+        order = 3 if series.role == "reference" else 2
+        axes.plot(*decimated(x, values, _POINTS), label=label, zorder=order, **style, **held, **marker)
+    axes.margins(x=0)
+    _span(axes, panel)
+
+
+def _told_apart(panel: _Panel) -> list[tuple[int, str]]:
+    """The series to draw, with their names; those that would hide each other are one line with all their names."""
+    if panel.chart.kind == "points" or not panel.is_wide:
+        return [(k, each.name) for k, each in enumerate(panel.series)]
+    near = max(_extent(panel.series) * _HIDES, least_span(panel.series[0].quantity.unit))
+    groups: list[list[int]] = []
+    for k, series in enumerate(panel.series):
+        for group in groups:
+            if _coincide(panel.chart, panel.series[group[0]], series, near):
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return [(group[0], _common_name([panel.series[k] for k in group])) for group in groups[:_MOST_LINES]]
+
+
+def _coincide(chart: Chart, one: Series, other: Series, near: float) -> bool:
+    if one.role != other.role or one.low is not None or other.low is not None:
+        return False
+    if len(one.values) != len(other.values) or not np.array_equal(chart.x_of(one), chart.x_of(other)):
+        return False
+    gap = one.quantity.factor * np.abs(one.values - other.values)
+    return bool(np.all((gap <= near) | (np.isnan(one.values) & np.isnan(other.values))))
+
+
+def _common_name(series: Sequence[Series]) -> str:
+    legs = [each.leg for each in series if each.leg is not None]
+    if len(series) > 2 and len(legs) == len(series) and legs == list(range(legs[0], legs[0] + len(legs))):
+        return f"legs {legs[0]}–{legs[-1]}"
+    return ", ".join(each.name for each in series)
+
+
+def _span(axes: Axes, panel: _Panel) -> None:
+    """Widen the vertical axis to the resolution of display, so that rounding does not fill it."""
+    series = panel.series[0]
+    if panel.chart.y is not None and panel.chart.y.scale == "log":
+        return
+    low, high = axes.get_ylim()
+    least = max(panel.least, least_span(series.quantity.unit, max(abs(low), abs(high))))
+    if high - low < least:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - least / 2, middle + least / 2)
+
+
+def _histogram(axes: Axes, panel: _Panel) -> None:
+    edges = panel.chart.x.quantity.factor * panel.chart.x.values
+    for k, series in enumerate(panel.series):
+        axes.stairs(series.values, edges, fill=True, color=_style(panel, k)["color"], alpha=0.8, label=series.name)
+    axes.set_ylim(bottom=0)
+
+
+def _bars(axes: Axes, panel: _Panel) -> None:
+    chart, count = panel.chart, len(panel.series)
+    labels = chart.x.labels or tuple(chart.x.quantity.number(value) for value in chart.x.values)
+    shown = slice(0, _MOST_BARS)
+    at = np.arange(len(labels[shown]), dtype=float)
+    thickness = 0.75 / count
+    for k, series in enumerate(panel.series):
+        values = series.quantity.factor * series.values[shown]
+        error = None
+        if series.low is not None and series.high is not None:
+            low, high = (series.quantity.factor * each[shown] for each in (series.low, series.high))
+            error = np.stack([values - low, high - values])
+        place = at + (k - (count - 1) / 2) * thickness
+        style: dict[str, Any] = {
+            "color": _style(panel, k)["color"],
+            "label": series.name,
+            "error_kw": {"elinewidth": 1, "capsize": 2},
+        }
+        axes.barh(place, values, 0.9 * thickness, xerr=error, **style)
+    axes.set_yticks(at, labels[shown], parse_math=False)
+    axes.invert_yaxis()
+    axes.axvline(0, color="black", linewidth=0.8)
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel(chart.y_title)
+
+
+def _heat(axes: Axes, panel: _Panel) -> None:
+    chart, series = panel.chart, panel.series[0]
+    assert chart.y is not None
+    x, y = (axis.quantity.factor * axis.values for axis in (chart.x, chart.y))
+    values: FloatArray = np.ma.masked_invalid(series.quantity.factor * series.values)
+    mesh = axes.pcolormesh(x, y, values, shading="nearest", cmap="viridis", rasterized=True)
+    axes.figure.colorbar(mesh, ax=axes, label=series.quantity.headed(series.name))
+    axes.set_ylabel(chart.y.title)
+    axes.grid(visible=False)
+
+
+def _marks(axes: Axes, panel: _Panel) -> None:
+    chart, named = panel.chart, set[str]()
+    for mark in chart.marks:
+        style: dict[str, Any] = {
+            "color": colour_of(mark.role),
+            "linewidth": 1.1,
+            "linestyle": (0, DASHES.get(mark.role, (1, 1.5))),
+        }
+        is_across = mark.direction == "horizontal"
+        value = mark.value * (panel.series[0] if is_across else chart.x).quantity.factor
+        low, high = axes.get_ylim() if is_across else axes.get_xlim()
+        # a distant limit would flatten the lines
+        if not low - 2 * (high - low) <= value <= high + 2 * (high - low):
+            continue
+        draw = axes.axhline if is_across else axes.axvline
+        draw(value, label=None if mark.text in named else mark.text, **style)
+        named.add(mark.text)

@@ -1,0 +1,158 @@
+"""Figures of a report's charts: what is drawn, read back from matplotlib's axes."""
+
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from gough_stewart.harness.report import figures as drawing
+from gough_stewart.harness.report.document import Axis, Chart, Mark, Report, Section, Series, Verdict, time_axis
+from gough_stewart.harness.report.figures import figures
+from gough_stewart.harness.report.palette import colour_of
+from gough_stewart.harness.report.quantities import COUNT, DECIBEL, FORCE, FREQUENCY, LENGTH, SHARE
+
+_TIME = np.linspace(7.3, 9.3, 51)
+
+
+def _series(name: str, values: Any, role: Any = "actual", **more: Any) -> Series:
+    return Series(name, more.pop("quantity", LENGTH), np.asarray(values, dtype=float), role, **more)
+
+
+def _report(*charts: Chart) -> Report:
+    hidden = Chart("hidden", time_axis(_TIME), (_series("x", _TIME),), detail=True)
+    return Report(
+        "heave $1", Verdict("v", "told"), (Section("a", (*charts, hidden)), Section("b", charts, detail=True))
+    )
+
+
+def _drawn(*charts: Chart) -> list[Any]:
+    """The axes of all figures."""
+    found: list[Figure] = []
+
+    def noted(draw: Any, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
+        figure = Figure(figsize=(width, height), layout="constrained")
+        draw(figure)
+        found.append(figure)
+        return dict.fromkeys(kinds, b"")
+
+    with patch.object(drawing, "files_of", noted):
+        figures(_report(*charts))
+    return [axes for figure in found for axes in figure.axes]
+
+
+def test_each_group_is_a_figure_in_every_format_and_the_same_each_time() -> None:
+    one = Chart("Position, x", time_axis(_TIME), (_series("x", np.sin(_TIME)),), group="pose")
+    other = Chart("Position, y", time_axis(_TIME), (_series("y", np.cos(_TIME)),), group="pose")
+    alone = Chart("Forces of all", time_axis(_TIME), (_series("x", _TIME, quantity=FORCE),))
+    found = figures(_report(alone, one, other, alone))
+    names = ("forces-of-all", "pose", "forces-of-all-2")
+    assert list(found) == [f"{name}.{kind}" for name in names for kind in ("pdf", "png", "svg")]
+    assert found["pose.pdf"].startswith(b"%PDF")
+    assert found["pose.png"].startswith(b"\x89PNG")
+    assert b"<svg" in found["pose.svg"]
+    assert figures(_report(one, other)) == {name: each for name, each in found.items() if name.startswith("pose")}
+
+
+def test_values_are_in_the_unit_that_the_title_names() -> None:
+    limits = (Mark(2e-3, "limit"), Mark(-2e-3, "limit"), Mark(9.0, "far"), Mark(8.0, "worst", "vertical", "bad"))
+    chart = Chart("error", time_axis(_TIME), (_series("x", 1e-3 * np.sin(_TIME), "error"),), marks=limits)
+    (axes,) = _drawn(chart)
+    assert (axes.get_title(loc="left") or axes.get_title(), axes.get_xlabel()) == ("error [mm]", "time [s]")
+    line, *marks = axes.lines
+    assert np.allclose(line.get_xdata(), _TIME)
+    assert np.allclose(line.get_ydata(), np.sin(_TIME))
+    assert [float(each.get_ydata()[0]) for each in marks[:2]] == [2.0, -2.0]
+    assert float(marks[2].get_xdata()[0]) == 8.0
+    assert len(marks) == 3
+    assert to_hex(line.get_color()) == colour_of("error")
+
+
+def test_components_with_a_reference_get_a_panel_each() -> None:
+    parts = {"x": np.sin(_TIME), "y": 1e-5 * np.cos(_TIME), "z": np.cos(_TIME)}
+    series = [
+        each
+        for name, values in parts.items()
+        for each in (
+            _series(name, values, component=name),
+            _series(f"{name}, reference", values + 1e-3, "reference", component=name),
+        )
+    ]
+    panels = _drawn(Chart("position", time_axis(_TIME), tuple(series)))
+    assert [axes.get_title() for axes in panels] == [f"position, {name} [mm]" for name in parts]
+    for axes, values in zip(panels, parts.values(), strict=True):
+        actual, reference = axes.lines
+        assert np.allclose(actual.get_ydata(), 1e3 * values)
+        assert np.allclose(reference.get_ydata(), 1e3 * values + 1)
+        assert reference.get_zorder() > actual.get_zorder()
+        assert reference.get_linestyle() != actual.get_linestyle()
+    # the axis of y, which hardly moves, spans a fiftieth of that of z, whose reference is 1 mm above it
+    low, high = panels[1].get_ylim()
+    assert high - low == pytest.approx((1e3 * np.ptp(np.cos(_TIME)) + 1) / 50, rel=1e-3)
+
+
+def test_lines_that_hide_each_other_are_one_with_all_names() -> None:
+    shape = 1e3 * np.sin(_TIME)
+    values = [shape, shape + 1, shape + 500, shape + 1e-9, np.where(_TIME > 9, 0, shape), shape]
+    series = [_series(f"leg {k + 1}", each, quantity=FORCE, leg=k + 1) for k, each in enumerate(values)]
+    (axes,) = _drawn(Chart("force", time_axis(_TIME), tuple(series), "step"))
+    assert [line.get_label() for line in axes.lines] == ["leg 1, leg 2, leg 4, leg 6", "leg 3", "leg 5"]
+    assert {line.get_drawstyle() for line in axes.lines} == {"steps-post"}
+    same = [_series(f"leg {k + 1}", shape, quantity=FORCE, leg=k + 1) for k in range(6)]
+    (axes,) = _drawn(Chart("force", time_axis(_TIME), tuple(same)))
+    assert [line.get_label() for line in axes.lines] == ["legs 1–6"]
+
+
+def test_bars_have_labels_intervals_and_the_first_on_top() -> None:
+    alone = _series("alone", [0.6, 0.3], quantity=SHARE, low=[0.5, 0.25], high=[0.9, 0.4])
+    total = _series("total", [0.7, 0.4], quantity=SHARE)
+    chart = Chart("why", Axis("", labels=("mass", "gain")), (alone, total), "bars")
+    (axes,) = _drawn(chart)
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["mass", "gain"]
+    assert axes.yaxis.get_inverted()
+    assert [round(bar.get_width(), 9) for bar in axes.patches] == [60, 30, 70, 40]
+    (ends,) = [each for each in axes.collections if hasattr(each, "get_segments")]
+    assert np.allclose([each[:, 0] for each in ends.get_segments()], [[50, 90], [25, 40]])
+    assert axes.get_xlabel() == "share [%]"
+
+
+def test_a_band_is_between_its_ends_on_logarithmic_axes() -> None:
+    frequency = np.geomspace(0.1, 100, 9)
+    values = -20 * np.log10(frequency)
+    response = _series("L", values, "measured", quantity=DECIBEL, low=values - 3, high=values + 2)
+    chart = Chart("Bode", Axis("frequency", FREQUENCY, frequency, scale="log"), (response,), y=Axis("|L|", DECIBEL))
+    (axes,) = _drawn(chart)
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
+    assert (axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) == ("Bode", "frequency [Hz]", "|L| [dB]")
+    corners = axes.collections[0].get_paths()[0].vertices
+    assert corners[:, 1].max() == pytest.approx(22)
+    assert corners[:, 1].min() == pytest.approx(-43)
+
+
+def test_a_histogram_has_its_counts_between_its_edges_and_points_their_own_abscissae() -> None:
+    chart = Chart(
+        "peak", Axis("peak", LENGTH, np.array([0, 1e-3, 3e-3])), (_series("n", [4, 7], quantity=COUNT),), "histogram"
+    )
+    points = Chart("peak", Axis("mass", COUNT), (_series("a", [1e-3, 2e-3], "good", x=np.array([5.0, 3.0])),), "points")
+    histogram, scatter = _drawn(chart, points)
+    values, edges, _ = histogram.patches[0].get_data()
+    assert (values.tolist(), edges.tolist()) == ([4, 7], [0, 1, 3])
+    assert np.allclose(scatter.lines[0].get_xydata(), [[5, 1], [3, 2]])
+
+
+def test_a_heat_map_leaves_gaps_where_there_is_no_value() -> None:
+    values = np.array([[0.1, np.nan, 0.3], [0.4, 0.5, 0.6]])
+    chart = Chart(
+        "reach", Axis("x", LENGTH, np.array([0, 1e-3, 2e-3])), (_series("volume", values, quantity=SHARE),), "heat",
+        Axis("y", LENGTH, np.array([5e-3, 6e-3])),
+    )  # fmt: skip
+    axes, bar = _drawn(chart)
+    (mesh,) = [each for each in axes.collections if isinstance(each, QuadMesh)]
+    shown = mesh.get_array()
+    assert shown is not None
+    assert np.ma.getmaskarray(shown).tolist() == np.isnan(values).tolist()
+    assert np.ma.filled(shown, 0).ravel()[5] == pytest.approx(60)
+    assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x [mm]", "y [mm]", "volume [%]")
