@@ -16,7 +16,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
+from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show_report
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.checking import MotionCheck
@@ -45,9 +45,10 @@ def check_command(
     """Check whether the platform can follow the motion of an experiment, without running it.
 
     Along the whole motion it checks stroke, joint angles, distance from singular poses, leg velocity, leg acceleration,
-    and force and power by inverse dynamics without load. It prints the largest share of each limit by leg, and when; if
-    a limit is exceeded, also how much slower or smaller the motion would have to be. It always prints what the motion
-    needs of each leg: stroke, speed, force, power, energy and joint angles, peak and RMS.
+    and force and power by inverse dynamics without load. The first line says whether it can be done, and what it needs
+    most; if a limit is exceeded, also how much slower or smaller the motion would have to be. Tables have the largest
+    share of each limit by leg, and when, and what the motion needs of each leg: stroke, speed, force, power, energy
+    and joint angles, peak and RMS.
 
     Writes **check.json**, **needs.csv**, a row for each leg to choose actuators by, and **shares**, the shares over
     time with the nearest limit, as PNG and SVG.
@@ -72,7 +73,7 @@ def check_command(
             files = check_files(found)
         write_files(folder, files)
         command.written.append(folder)
-        _show(found)
+        show_report(found.report(charts=False))
         command.close(files, folder)
         if fit is not None and not (found.within and found.keeps_margin):
             with progress_bar() as bar:
@@ -81,19 +82,10 @@ def check_command(
                 command.written.append(path.parent)
                 found = check(str(path))
             Terminal().say(f"\n{path.name}:")
-            _show(found)
+            show_report(found.report(charts=False))
             command.close([path.name], path.parent, done=None, then=f"gough-stewart run {shlex.quote(str(path))}")
         if not found.within:
             raise typer.Exit(ExitCode.MISSED)
-
-
-def _show(found: "MotionCheck") -> None:
-    from gough_stewart.harness.experiment.checking import verdict
-    from gough_stewart.harness.motion.limits.shares_tables import shares_sheets
-
-    show(*shares_sheets(found.shares, found.needs))
-    Terminal().print(f"Needs: {'; '.join(found.needs.notes)}.")
-    Terminal().print(verdict(found))
 
 
 def _write_fitted(experiment: str, settings: list[str], found: "MotionCheck", fit: str) -> Path:

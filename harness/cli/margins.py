@@ -12,7 +12,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import progress_bar, show
+from gough_stewart.harness.cli.terminal import progress_bar, show_report
 
 
 def margins_command(
@@ -37,7 +37,7 @@ def margins_command(
         folder = out or results_folder("margins", experiment)
         with progress_bar() as bar:
             bar.add_task("linear model, margins, figures", total=None)
-            from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files, margins_sheets
+            from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files
             from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
@@ -45,5 +45,5 @@ def margins_command(
             files = margins_files(found)
         write_files(folder, files)
         command.written.append(folder)
-        show(*margins_sheets(found))
+        show_report(found.report(charts=False))
         command.close(files, folder)

@@ -119,6 +119,8 @@ def show_report(report: "Report") -> None:
         for part in () if section.detail else section.parts:
             if isinstance(part, Table) and not part.detail and part.rows:
                 show(sheet_of(part))
+                if part.note:
+                    Terminal().say(part.note)
             elif isinstance(part, Note):
                 Terminal().say(part.text)
     for note in report.notes:

@@ -15,15 +15,15 @@ from gough_stewart.harness.control.margins import Margins, closed_loop, is_stabl
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.harness.experiment.design_figures import design_figures
+from gough_stewart.harness.experiment.design_figures import design_figures, step_answers
 from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.margins_report import margins_report
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.tables import Sheet, to_html
 from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.report.document import Report
 
 FILES = ("margins.json", "bode.png", "bode.svg", "step.png", "step.svg")
-_SHOWN_MODES = 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +67,19 @@ class LoopMargins(Margins):
         )
 
     def _repr_html_(self) -> str:
-        return "".join(map(to_html, margins_sheets(self)))
+        from gough_stewart.harness.report.notebook import to_html
+
+        return to_html(self.report(charts=False))
+
+    def report(self, *, charts: bool = True) -> Report:
+        """How much gain, phase and delay the loop bears, and what limits it.
+
+        Returns
+        -------
+        Report
+            Verdict, numbers such as `margins.disk` and `margins.delay`, tables, and with `charts` the responses.
+        """
+        return margins_report(self, step_answers(self.loop) if charts else None)
 
     def as_dict(self) -> dict[str, Any]:
         """As plain types, as in margins.json; None for infinite or undefined values."""
@@ -191,34 +203,6 @@ def margins_files(found: LoopMargins) -> dict[str, bytes]:
         "margins.json": (json.dumps(numbers, indent=2) + "\n").encode(),
         **design_figures(found.loop, found, found.title),
     }
-
-
-def margins_sheets(found: LoopMargins) -> list[Sheet]:
-    """Gains, the slowest modes, margins per leg and of all legs, as tables."""
-    sheets = []
-    if found.gains is not None:
-        sheet = Sheet(f"{found.title}: gains", ("channel", "kp", "kd", "ki"))
-        columns = (_plain_gains(found.gains)[name] for name in ("proportional", "derivative", "integral"))
-        for k, row in enumerate(zip(*columns, strict=True)):
-            sheet.add(str(k + 1), *(f"{value:.5g}" for value in row))
-        sheets.append(sheet)
-    sheet = Sheet(f"slowest {_SHOWN_MODES} closed-loop modes", ("Hz", "damping ratio", "eigenvalue 1/s"))
-    for mode in found.modes[:_SHOWN_MODES]:
-        value = f"{mode.eigenvalue.real:.4g}" + (f" ± {mode.eigenvalue.imag:.4g}i" if mode.eigenvalue.imag else "")
-        sheet.add(f"{mode.frequency:.4g}", f"{mode.damping_ratio:.3g}", value)
-    sheets.append(sheet)
-    sheet = Sheet("margins, one leg at a time", ("leg", "gain", "phase °", "delay ms", "crossover Hz"))
-    for k, leg in enumerate(found.legs):
-        gain = f"× {leg.gain_down:.3g} to {leg.gain_up:.3g}"
-        sheet.add(str(k + 1), gain, f"{np.degrees(leg.phase):.1f}", f"{1000 * leg.delay:.3g}", f"{leg.crossover:.3g}")
-    sheets.append(sheet)
-    disk = found.disk
-    sheet = Sheet("margins, all legs at once", ("measure", "value"))
-    sheet.add("disk margin α", f"{disk.alpha:.3g} at {disk.frequency:.3g} Hz")
-    sheet.add("gains of all legs, independently", f"× {disk.gain[0]:.3g} to {disk.gain[1]:.3g}")
-    sheet.add("phases of all legs, independently", f"± {np.degrees(disk.phase):.1f}°")
-    sheet.add("peak of σ(S), of σ(T)", f"{found.sensitivity_peak:.3g}, {found.complementary_peak:.3g}")
-    return [*sheets, sheet]
 
 
 def _plain_gains(gains: Gains) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from gough_stewart.harness.errors import ExperimentError, MotionError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
@@ -18,6 +18,9 @@ from gough_stewart.harness.motion.limits.needs import Needs, needs_along
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Shares, shares_along
 from gough_stewart.harness.motion.motion import Motion, Scaled, centre_of
 from gough_stewart.model.platform import Platform
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.report.document import Report
 
 Fit = Literal["time", "amplitude"]
 FILES = ("check.json", "needs.csv", "shares.png", "shares.svg")
@@ -38,6 +41,16 @@ class MotionCheck:
     needs: Needs
     """What the motion needs of each leg, whatever limits are stated; see `needs_along`."""
     _requested: ReferenceMotion
+
+    @property
+    def title(self) -> str:
+        """Title of the experiment."""
+        return self.experiment.title
+
+    @property
+    def platform_name(self) -> str:
+        """Name of the platform."""
+        return self.platform.name
 
     @property
     def within(self) -> bool:
@@ -119,23 +132,36 @@ class MotionCheck:
         """
         return check(self.experiment, self.settings_that_fit(fit))
 
+    def report(self, *, charts: bool = True) -> "Report":
+        """Whether the motion can be done, which limit is nearest and when, and what would fit if it cannot.
+
+        Returns
+        -------
+        Report
+            Verdict, largest shares by the paths `limits.NAME`, tables, and with `charts` the shares over time.
+        """
+        from gough_stewart.harness.experiment.check_report import check_report
+
+        return check_report(self, charts=charts)
+
     def __repr__(self) -> str:
-        """Title, largest share of each limit, needs of the most loaded leg, and verdict, one line each."""
-        from gough_stewart.harness.motion.limits.shares_tables import largest_needs, percent
+        """Title, verdict, largest share of each limit, and needs of the most loaded leg, one line each."""
+        from gough_stewart.harness.motion.limits.shares_tables import largest_needs
+        from gough_stewart.harness.report.words import percent
 
         lines = [f"Motion: {self.experiment.title}, of platform {self.platform.name}"]
+        lines.append(f"  {self.report(charts=False).verdict.text}")
         for name in self.shares.of:
             peak = self.shares.peak(name)
             of_leg = "" if peak.leg is None else f", leg {peak.leg}"
-            lines.append(f"  {LABELS[name]:16}  {percent(peak):>6} % at {peak.time:.6g} s{of_leg}")
-        return "\n".join([*lines, f"  {largest_needs(self.needs)}", f"  {verdict(self)}"])
+            lines.append(f"  {LABELS[name]:16}  {percent(peak.share, 4):>8} at {peak.time:.6g} s{of_leg}")
+        return "\n".join([*lines, f"  {largest_needs(self.needs)}"])
 
     def _repr_html_(self) -> str:
         """The tables, for a notebook."""
-        from gough_stewart.harness.motion.limits.shares_tables import shares_sheets
-        from gough_stewart.harness.output.tables import to_html
+        from gough_stewart.harness.report.notebook import to_html
 
-        return f"<div>{''.join(map(to_html, shares_sheets(self.shares, self.needs)))}</div>"
+        return to_html(self.report(charts=False))
 
     @property
     def _motion(self) -> Motion:
@@ -172,27 +198,6 @@ def _rounded(scale: float, to: Callable[[float], int]) -> float:
     """To nine digits, on the side that fits."""
     unit = 10.0 ** (math.floor(math.log10(abs(scale))) + 1 - _DIGITS)
     return math.copysign(float(f"{to(abs(scale) / unit) * unit:.{_DIGITS}g}"), scale)
-
-
-def verdict(found: MotionCheck) -> str:
-    """Whether the motion is within all limits, which were not checked, the largest share, and what would fit."""
-    from gough_stewart.harness.motion.limits.shares_tables import percent
-    from gough_stewart.harness.output.tables import number_text
-
-    peak = found.shares.largest
-    of_leg = "" if peak.leg is None else f" of leg {peak.leg}"
-    used = f"{LABELS[peak.limit]}{of_leg}, {percent(peak)} % at {peak.time:.6g} s"
-    missing = ", ".join(LABELS[name] for name in found.not_stated)
-    unchecked = f"; not checked, as the platform states no limit: {missing}" if missing else ""
-    if found.within and found.keeps_margin:
-        return f"within all limits{' that are stated' if missing else ''}; most used: {used}{unchecked}"
-    slow, small = found.time_factor, found.amplitude_factor
-    ways = [
-        "no slower motion fits" if slow is None else f"fits {number_text(slow)} times as long (--fit time)",
-        "no smaller motion fits" if small is None else f"fits {number_text(small)} times as large (--fit amplitude)",
-    ]
-    beyond = f"within its limits, but not within its margin of {100 * found.margin:g} %"
-    return f"{beyond if found.within else 'beyond its limits'}: {used}; {'; '.join(ways)}{unchecked}"
 
 
 def check(experiment: Experiment | Path | str, settings: Settings = ()) -> MotionCheck:

@@ -114,7 +114,8 @@ def _sensitivities(axes: Axes, L: Any, omega: FloatArray, margins: Margins) -> N
     axes.legend(loc="lower center")
 
 
-def _step(axes: Axes, L: Any) -> None:
+def step_answers(L: Any) -> tuple[FloatArray, FloatArray]:
+    """Times (n,) [s] and answers (6, n) [1] to a step of force on each leg: the share that is compensated."""
     time = _times(L)
     closed = closed_loop(L)
     answers = []
@@ -126,10 +127,13 @@ def _step(axes: Axes, L: Any) -> None:
     moving = np.nonzero((np.abs(values - values[:, -1:]) > _SETTLED).any(axis=0))[0]
     shown = min(len(time), max(10, int(1.5 * (moving[-1] + 1)))) if moving.size else len(time)
     every = max(1, shown // _POINTS)
-    for k in range(L.noutputs):
-        axes.plot(
-            time[:shown:every], values[k, :shown:every], color=COLOURS[k], linestyle=DASHES[k], label=f"leg {k + 1}"
-        )
+    return time[:shown:every], values[:, :shown:every]
+
+
+def _step(axes: Axes, L: Any) -> None:
+    time, answers = step_answers(L)
+    for k, values in enumerate(answers):
+        axes.plot(time, values, color=COLOURS[k], linestyle=DASHES[k], label=f"leg {k + 1}")
     axes.axhline(1.0, **_THIN)
     label(axes, "share of the disturbance that the controller compensates", "1")
     axes.legend(ncols=2, loc="lower right")

@@ -1,15 +1,20 @@
-"""Shares of the limits and needs of the legs as tables and text."""
+"""Shares of the limits and needs of the legs as tables, and the largest needs in a line."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from gough_stewart.harness.motion.limits.needs import Needs
-from gough_stewart.harness.motion.limits.shares import LABELS, Peak, Shares
-from gough_stewart.harness.output.display_resolution import factor_to
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text
+from gough_stewart.harness.motion.limits.shares import LABELS, Shares
+from gough_stewart.harness.output.tables import number_text
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.quantities import SHARE, TIME, of_unit
 
 LEGS = tuple(range(1, 7))
+_LEGS = tuple(Column(str(leg)) for leg in LEGS)
+# Four digits, so that a small excess shows.
+OF_LIMIT = replace(SHARE, digits=4, name="share of the limit")
 # Needs in the terminal and on pages, by group.
 _NEEDS_SHOWN: tuple[dict[str, str], ...] = (
     {
@@ -45,31 +50,41 @@ _NEEDS_SHOWN: tuple[dict[str, str], ...] = (
 _UNITS_SHOWN = {"m": "mm", "m/s": "mm/s", "rad": "deg"}
 
 
-def shares_sheets(shares: Shares, needs: Needs) -> list[Sheet]:
+def shares_tables(shares: Shares, needs: Needs) -> list[Table]:
     """The largest share of every limit and its time, per leg and for the whole platform, and the needs of each leg."""
-    legs = Sheet("largest share of each limit", ("of leg", *map(str, LEGS)))
-    whole = Sheet("of the whole platform", ("limit", "%", "at s"))
+    of_legs: list[tuple[Cell, ...]] = []
+    of_all: list[tuple[Cell, ...]] = []
     for name, share in shares.of.items():
         if share.ndim == 2:
             peaks = [shares.peak(name, leg) for leg in LEGS]
-            legs.add(f"{LABELS[name]}, %", *map(percent, peaks))
-            legs.add("  at s", *(number_text(peak.time) for peak in peaks), ends_group=True)
+            of_legs.append((LABELS[name], *(Value(peak.share, OF_LIMIT) for peak in peaks)))
+            of_legs.append(("  at", *(Value(peak.time, TIME) for peak in peaks)))
         else:
             peak = shares.peak(name)
-            whole.add(LABELS[name], percent(peak), number_text(peak.time))
-    return [sheet for sheet in (legs, whole, _needs_sheet(needs)) if sheet.rows]
+            of_all.append((LABELS[name], peak.share, peak.time))
+    ends = tuple(range(1, len(of_legs) - 1, 2))
+    whole = (Column("limit"), Column("share", OF_LIMIT), Column("at", TIME))
+    tables = (
+        Table("Largest share of each limit", (Column("leg"), *_LEGS), tuple(of_legs), group_ends=ends),
+        Table("Limits of the whole platform", whole, tuple(of_all)),
+        _needs_table(needs),
+    )
+    return [table for table in tables if table.rows]
 
 
-def _needs_sheet(needs: Needs) -> Sheet:
+def _needs_table(needs: Needs) -> Table:
     """What the motion needs of each leg, in the units of data sheets; `needs.csv` has more."""
-    sheet = Sheet("needs of each leg", ("leg", *map(str, LEGS)))
+    rows: list[tuple[Cell, ...]] = []
+    ends = []
     for group in _NEEDS_SHOWN:
-        for k, (name, label) in enumerate(group.items()):
+        for name, label in group.items():
             need = needs.of[name]
             unit = _UNITS_SHOWN.get(need.unit, need.unit)
-            cells = (quantity_text(finite(factor_to(unit) * float(value)), unit, 3) for value in need.of_leg)
-            sheet.add(Named(label, unit), *cells, ends_group=k == len(group) - 1)
-    return sheet
+            quantity = replace(of_unit(unit), digits=3)
+            rows.append((label, *(Value(float(value), quantity) for value in need.of_leg)))
+        ends.append(len(rows) - 1)
+    note = f"Needs: {'; '.join(needs.notes)}."
+    return Table("Needs of each leg", (Column("leg"), *_LEGS), tuple(rows), group_ends=tuple(ends[:-1]), note=note)
 
 
 def largest_needs(needs: Needs) -> str:
@@ -87,14 +102,6 @@ def largest_needs(needs: Needs) -> str:
         "regenerated": f"{largest('regenerated_power_peak')} W",
     }
     return f"needs: {', '.join(f'{name} {value}' for name, value in of.items())}"
-
-
-def percent(peak: Peak) -> str:
-    """Percent of the limit, 100 only if it is reached; four digits, so that a small excess shows."""
-    if not math.isfinite(peak.share):
-        return "beyond"
-    text = number_text(100 * peak.share)
-    return f"{100 * peak.share:.7g}" if text == "100" and peak.share != 1 else text
 
 
 def finite(value: float) -> float | None:

@@ -16,6 +16,7 @@ import pytest
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY
 from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.commands import invoke
@@ -48,18 +49,18 @@ def test_frf(notes: Notes, kind: str) -> None:
 
 @pytest.mark.parametrize("is_default", [True, False])
 def test_margins(notes: Notes, is_default: bool) -> None:
-    notes.replace("harness.experiment.analysis.margins", "margins found")
+    found = SimpleNamespace(report=lambda *, charts: made_report("gains") if not charts else None)
+    notes.replace("harness.experiment.analysis.margins", found)
     notes.replace("harness.experiment.analysis.margins_files", {"margins.json": b"x" * 700})
-    notes.replace("harness.experiment.analysis.margins_sheets", [sheet("gains"), sheet("modes")])
     more = () if is_default else ("--set", "controller.bandwidth=3.5", "--set", "loop.delay=2", "--out", "x y")
     done = invoke("margins", "heave_step", *more)
     out = "results/margins_heave_step" if is_default else "x y"
-    said(done, "gains", "modes", f"Done in T s. Wrote {out}/margins.json (0.7 kB).")
+    said(done, "gains found", "gains", f"Done in T s. Wrote {out}/margins.json (0.7 kB).")
     (chosen,), given = notes.one("margins")
     assert given == {}
     assert chosen.loop.delay == (1 if is_default else 2)
     assert not is_default or chosen.title == "heave step of 0.05 m"
-    assert notes.one("margins_files") == notes.one("margins_sheets") == (("margins found",), {})
+    assert notes.one("margins_files") == ((found,), {})
 
 
 def recorded(status: str = "completed", time: float = 0.5, **more: Any) -> Record:
@@ -298,6 +299,10 @@ def test_an_ensemble_is_needed_to_tune_over_it() -> None:
 
 
 class Checked(SimpleNamespace):
+    def report(self, *, charts: bool) -> Report:
+        assert not charts
+        return made_report(self.name)
+
     def settings_that_fit(self, what: str) -> dict[str, str]:
         return {"fit by": what}
 
@@ -306,27 +311,25 @@ class Checked(SimpleNamespace):
 def test_check(notes: Notes, kind: str) -> None:
     """Expected: exit code 3 beyond limits; a fit only of what is beyond or too near, beside the experiment."""
     first = Checked(
-        within=kind in ("within", "near"), keeps_margin=kind == "within", needs=SimpleNamespace(notes=["10 kW", "3 N"]),
-        experiment=SimpleNamespace(folder=Path("beside")), shares=[],
+        within=kind in ("within", "near"), keeps_margin=kind == "within", name="first",
+        experiment=SimpleNamespace(folder=Path("beside")),
     )  # fmt: skip
-    second = Checked(within=kind != "misses", keeps_margin=True, shares=[], needs=SimpleNamespace(notes=["less"]))
+    second = Checked(within=kind != "misses", keeps_margin=True, name="second")
     results = [first, second]
     Path("beside").mkdir()
     notes.replace("harness.experiment.checking.check", act=lambda *_: results.pop(0))
     notes.replace("harness.experiment.checking.check_files", {"check.json": b"x" * 50})
-    notes.replace("harness.motion.limits.shares_tables.shares_sheets", [sheet("shares")])
-    notes.replace("harness.experiment.checking.verdict", act=lambda found: "first" if found is first else "second")
     notes.replace("harness.experiment.setting_file.text_with_settings", "fitted text")
     fit = {"within": "time", "near": "time", "time": "time", "amplitude": "amplitude", "misses": "amplitude"}.get(kind)
     more = ("--set", "loop.delay=1", "--out", "o") if kind == "time" else ()
     done = invoke("check", "circle", *more, *(("--fit", fit) if fit else ()))
     out = "o" if kind == "time" else "results/check_circle"
-    lines = ["shares", "Needs: 10 kW; 3 N.", "first", f"Done in T s. Wrote {out}/check.json (0.05 kB)."]
+    lines = ["first found", "first", f"Done in T s. Wrote {out}/check.json (0.05 kB)."]
     settings = ["loop.delay=1"] if kind == "time" else []
     calls: list[Any] = [(("circle", settings), {})]
     if kind not in ("within", "beyond"):
         calls.append((("beside/circle-fitted.toml",), {}))
-        lines += ["circle-fitted.toml:", "shares", "Needs: less.", "second"]
+        lines += ["circle-fitted.toml:", "second found", "second"]
         lines += ["Wrote beside/circle-fitted.toml (0.011 kB).", "Next: gough-stewart run beside/circle-fitted.toml"]
         assert Path("beside/circle-fitted.toml").read_text() == "fitted text"
         assert notes.one("text_with_settings") == (("circle", settings, {"fit by": fit}), {})

@@ -10,15 +10,16 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError, MotionError, ReachError
-from gough_stewart.harness.experiment.checking import Fit, as_dict, check, verdict
+from gough_stewart.harness.experiment.checking import Fit, MotionCheck, as_dict, check
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.setting_file import text_with_settings
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
-from gough_stewart.harness.motion.limits.shares_tables import shares_sheets
+from gough_stewart.harness.motion.limits.shares_tables import shares_tables
 from gough_stewart.harness.output.tables import text_of, to_terminal
+from gough_stewart.harness.report.sheets import sheet_of
 from gough_stewart.model.parameters import TABLE
 from tests.support.uneven import UNEVEN
 
@@ -94,12 +95,16 @@ def test_a_fitted_motion_uses_all_of_its_limit_on_the_rows_of_its_own_run_and_no
         assert found.amplitude_factor == pytest.approx(choice.amplitude_scale / -1.1, rel=1e-6)
 
 
+def verdict(found: MotionCheck) -> str:
+    return found.report().verdict.text
+
+
 def test_a_fitted_fastest_path_keeps_its_margin() -> None:
     """Expected: 90 % of the limits of speed and effort, where the motion is played 4 % too fast for its margin."""
     fast = {"reference.time_scale": 0.96, "loop.duration": 2.6, "loop.sample_time": 0.005}
     found = check("fastest_path", fast)
     assert (found.within, found.keeps_margin) == (True, False)
-    assert verdict(found).startswith("within its limits, but not within its margin of 10 %: ")
+    assert verdict(found).startswith("Can be done, but not with its margin of 10 %; leg ")
     fitted = found.fitted("time")
     assert fitted.keeps_margin
     used = max(fitted.shares.peak(name).share for name in DYNAMIC if name in fitted.shares.of)
@@ -113,7 +118,7 @@ def test_a_motion_that_fits_is_left_alone() -> None:
     assert found.settings_that_fit("time") == found.settings_that_fit("amplitude") == {}
     # this platform states every limit
     assert found.not_stated == ()
-    assert verdict(found).startswith("within all limits; most used: ")
+    assert verdict(found).startswith("Can be done; leg ")
 
 
 def test_a_slower_recording_is_run_to_its_end_and_not_beyond(tmp_path: Path) -> None:
@@ -133,7 +138,7 @@ def test_a_slower_recording_is_run_to_its_end_and_not_beyond(tmp_path: Path) -> 
 def test_a_static_force_beyond_its_limit_is_helped_by_nothing() -> None:
     found = check(experiment({"actuator_force_max": 20.0}))
     assert (found.time_factor, found.amplitude_factor) == (None, None)
-    assert "no slower motion fits; no smaller motion fits" in verdict(found)
+    assert verdict(found).endswith("; no slower and no smaller motion fits")
     for fit in ("time", "amplitude"):
         with pytest.raises(
             MotionError, match=rf"sway.toml: no {fit}_scale makes the motion fit; actuator_force_max is"
@@ -164,7 +169,7 @@ def test_limits_of_motion_warn_before_a_run_that_is_to_go_on() -> None:
 def test_tables_hold_the_peaks_of_all_legs_in_80_columns() -> None:
     """Expected: every largest share and time of the numbers, to four digits."""
     found = check(experiment({"leg_velocity_max": 0.7, "leg_acceleration_max": 3.0}))
-    text = "\n".join(text_of(to_terminal(sheet)) for sheet in shares_sheets(found.shares, found.needs))
+    text = "\n".join(text_of(to_terminal(sheet_of(table))) for table in shares_tables(found.shares, found.needs))
     assert max(map(len, text.splitlines())) <= 80
     numbers = as_dict(found)
     for name, values in numbers["limits"].items():

@@ -259,20 +259,20 @@ RMS deg: platform_joint_angle_rms
 def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
     """Expected: the numbers of the file, converted by the units written in the table, to three or four digits."""
     values = said.values
-    head, *rows = said.table("largest share of each limit")
-    assert head == ["of leg", *"123456"]
-    assert [row[0] for row in rows] == [each for name in NAMES.values() for each in (f"{name}, %", "at s")]
+    head, *rows = said.table("Largest share of each limit")
+    assert head == ["leg", *"123456"]
+    assert [row[0] for row in rows] == [each for name in NAMES.values() for each in (f"{name} %", "at s")]
     for k, name in enumerate(NAMES):
         shares, times = ([float(cell) for cell in row[1:]] for row in rows[2 * k : 2 * k + 2])
         np.testing.assert_allclose(shares, 100 * np.array(values["limits"][name]["share"]), rtol=6e-4)
         np.testing.assert_allclose(times, values["limits"][name]["time"], rtol=6e-4)
-    head, *rows = said.table("of the whole platform")
-    assert head == ["limit", "%", "at s"]
+    head, *rows = said.table("Limits of the whole platform")
+    assert head == ["limit", "share [%]", "at [s]"]
     assert [row[0] for row in rows] == ["pitch", "condition number", "singular pose"]
     for row, name in zip(rows, ("pitch", "condition_number", "side"), strict=True):
         found = values["limits"][name]
         assert [float(cell) for cell in row[1:]] == pytest.approx([100 * found["share"], found["time"]], rel=6e-4)
-    head, *rows = said.table("needs of each leg")
+    head, *rows = said.table("Needs of each leg")
     assert head == ["leg", *"123456"]
     expected = [part.strip().split(": ") for line in SHOWN.strip().splitlines() for part in line.split(";")]
     assert [row[0] for row in rows] == [label for label, _ in expected]
@@ -280,7 +280,7 @@ def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
     for row, (label, name) in zip(rows, expected, strict=True):
         factor = factors.get(label.split()[-1], 1.0)
         np.testing.assert_allclose(
-            [float(cell) for cell in row[1:]],
+            [float(cell.replace("−", "-")) for cell in row[1:]],
             factor * np.array(values["needs"][name]["of_leg"]),
             rtol=6e-3,
             atol=1e-12,
@@ -294,13 +294,13 @@ def test_the_text_names_the_largest_of_everything(said: Said) -> None:
     lines = repr(said.found).splitlines()
     assert lines[0] == "Motion: sway, of platform uneven"
     beginnings = {"pitch": "pitch", "condition_number": "condition number", "side": "singular pose", **NAMES}
-    for line, (name, label) in zip(lines[1:], beginnings.items(), strict=False):
+    for line, (name, label) in zip(lines[2:], beginnings.items(), strict=False):
         share, time = (np.atleast_1d(values["limits"][name][key]) for key in ("share", "time"))
         leg = int(share.argmax())
         of_leg = f", leg {leg + 1}" if len(share) == 6 else ""
-        assert line.strip() == f"{label:16}  {100 * share[leg]:>6.4g} % at {time[leg]:.6g} s{of_leg}"
+        assert line.strip() == f"{label:16}  {f'{100 * share[leg]:.4g} %':>8} at {time[leg]:.6g} s{of_leg}"
     needs = {name: float(np.abs(need["of_leg"]).max()) for name, need in values["needs"].items()}
-    assert lines[-2] == (
+    assert lines[-1] == (
         f"  needs: stroke {needs['stroke']:.4g} m, speed {needs['leg_velocity_peak']:.4g} m/s "
         f"(RMS {needs['leg_velocity_rms']:.4g}), force {needs['actuator_force_peak']:.4g} N "
         f"(RMS {needs['actuator_force_rms']:.4g}), power {needs['motoring_power_peak']:.4g} W "
@@ -308,13 +308,21 @@ def test_the_text_names_the_largest_of_everything(said: Said) -> None:
     )
     largest = values["largest"]
     slow, small = values["time_factor"], values["amplitude_factor"]
+    words = {"leg_velocity_max": "speed", "leg_acceleration_max": "acceleration"}
+    what = words.get(largest["limit"], NAMES[largest["limit"]])
     verdict = (
-        f"beyond its limits: {NAMES[largest['limit']]} of leg {largest['leg']}, {100 * largest['share']:.4g} % at "
-        f"{largest['time']:.6g} s; fits {slow:.4g} times as long (--fit time); fits {small:.4g} times as large "
+        f"Cannot be done; leg {largest['leg']} needs {100 * largest['share']:.0f} % of its {what} at "
+        f"{largest['time']:.4g} s; it fits {slow:.4g} times as long (--fit time) or {small:.4g} times as large "
         "(--fit amplitude)"
     )
-    assert lines[-1].strip() == verdict
-    assert "".join(verdict.split()) in "".join(said.output.split())
+    assert lines[1].strip() == verdict
+    assert said.output.startswith(f"{verdict}\n")
+    number = said.found.report().verdict.numbers[0]
+    assert (number.path, number.value) == (f"limits.{largest['limit']}", largest["share"])
+    assert number.margin == pytest.approx(1 - largest["share"])
+    (chart,) = said.found.report().charts
+    assert chart.series[0].name == NAMES[largest["limit"]]
+    assert chart.series[0].values.max() == largest["share"]
     assert f"Needs: {'; '.join(values['needs_notes'])}." in " ".join(said.output.split())
     assert said.figures[0].get_suptitle() == "sway: shares of the limits of uneven"
     assert 1 < slow < 4
@@ -348,6 +356,7 @@ def test_limits_that_are_not_stated_are_named(said: Said) -> None:
     settings = {"platform.parameters": parameters, "actuators.force_limit": "none"}
     found = gs.check(said.experiment, settings)
     assert found.not_stated == ("actuator_force_max", "actuator_power_max")
-    last = repr(found).splitlines()[-1]
-    assert last.strip().startswith("within all limits that are stated; most used: ")
-    assert last.endswith("; not checked, as the platform states no limit: force, power")
+    assert repr(found).splitlines()[1].strip().startswith("Can be done; leg ")
+    assert [note.text for note in found.report().notes] == [
+        "Not checked, as the platform states no limit: force and power."
+    ]

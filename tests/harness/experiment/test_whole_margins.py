@@ -189,21 +189,19 @@ def test_margins_of_all_legs_bound_what_they_may_do_at_once(said: Said, whole: A
 def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
     """Expected: those of the file in their units, in every cell."""
     values = said.values
-    rows = said.rows("an uneven loop: gains")
-    gains = [[str(k + 1), *(f"{gain[k]:.5g}" for gain in GAINS.values())] for k in range(6)]
-    assert rows == gains
-    rows = said.rows("slowest 8 closed-loop modes")
-    assert len(rows) == 8
-    for row, mode in zip(rows, values["modes"], strict=False):
+    rows = said.rows("Gains")
+    assert rows == [[str(k + 1), *(f"{gain[k]:.5g}" for gain in GAINS.values())] for k in range(6)]
+    rows = said.rows("Modes of the closed loop")
+    for k, (row, mode) in enumerate(zip(rows[:8], values["modes"], strict=False), 1):
         real, imaginary = mode["eigenvalue"]
         written = f"{real:.4g} ± {imaginary:.4g}i" if imaginary else f"{real:.4g}"
-        assert row == [f"{mode['frequency']:.4g}", f"{mode['damping_ratio']:.3g}", written]
+        assert row == [str(k), f"{mode['frequency']:.4g}", f"{mode['damping_ratio']:.3g}", written]
     legs = values["margins"]["legs"]
-    assert said.rows("margins, one leg at a time") == [
+    assert said.rows("Margins, one leg at a time") == [
         [
             str(k + 1),
-            f"× {leg['gain_down']:.3g} to {leg['gain_up']:.3g}",
-            f"{leg['phase'] * 180 / np.pi:.1f}",
+            *(f"{leg[name]:.3g}" for name in ("gain_down", "gain_up")),
+            f"{leg['phase'] * 180 / np.pi:.3g}",
             f"{leg['delay'] * 1e3:.3g}",
             f"{leg['crossover']:.3g}",
         ]
@@ -212,18 +210,19 @@ def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
     disk, peaks = values["margins"]["disk"], values["margins"]
     low, high = (f"{gain:.3g}" for gain in disk["gain"])
     phase = disk["phase"] * 180 / np.pi
-    assert said.rows("margins, all legs at once") == [
+    assert said.rows("Margins, all legs at once") == [
         ["disk margin α", f"{disk['alpha']:.3g} at {disk['frequency']:.3g} Hz"],
         ["gains of all legs, independently", f"× {low} to {high}"],
-        ["phases of all legs, independently", f"± {phase:.1f}°"],
-        ["peak of σ(S), of σ(T)", f"{peaks['sensitivity_peak']:.3g}, {peaks['complementary_peak']:.3g}"],
+        ["phases of all legs, independently", f"± {phase:.3g} deg"],
+        ["peak of σ(S)", f"{peaks['sensitivity_peak']:.3g}"],
+        ["peak of σ(T)", f"{peaks['complementary_peak']:.3g}"],
     ]
     heads = [[cell.strip() for cell in line.strip("┃").split("┃")] for line in re.findall("┃.*┃", said.output)]
     assert heads == [
-        ["channel", "kp", "kd", "ki"],
-        ["Hz", "damping ratio", "eigenvalue 1/s"],
-        ["leg", "gain", "phase °", "delay ms", "crossover Hz"],
+        ["leg", "gain", "to", "phase [deg]", "delay [ms]", "crossover [Hz]"],
         ["measure", "value"],
+        ["channel", "kp", "kd", "ki"],
+        ["mode", "frequency [Hz]", "damping ratio", "eigenvalue [1/s]"],
     ]
     smallest = {name: min(leg[name] for leg in legs) for name in ("gain_up", "phase", "delay")}
     down = max(leg["gain_down"] for leg in legs)
@@ -239,6 +238,54 @@ def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
     page = said.found._repr_html_()
     assert page.count("<table>") == 4
     assert all(f"{gain:.5g}" in page for gain in GAINS["ki"])
+
+
+def test_the_verdict_says_what_all_legs_and_the_weakest_leg_bear(said: Said) -> None:
+    """Expected: the disk's gain in dB and its phase, the leg with the shortest delay; rounded down to two digits."""
+    margins = said.values["margins"]
+    disk, delays = margins["disk"], [leg["delay"] for leg in margins["legs"]]
+    text = said.output.splitlines()[0]
+    numbers = [float(number) for number in re.findall(r"(?<= )[\d.]+(?= (?:dB|deg|Hz|ms))", text)]
+    decibels, phase = 20 * np.log10(disk["gain"][1]), np.degrees(disk["phase"])
+    delay = 1e3 * min(delays)
+    for shown, exact in zip(numbers, (decibels, phase, disk["frequency"], delay), strict=True):
+        step = 10.0 ** (np.floor(np.log10(exact)) - 1)
+        assert shown == pytest.approx(exact, abs=1.01 * step)
+        assert exact == disk["frequency"] or shown <= exact
+    assert text.startswith("Stable: the gains of all legs may rise or fall by ")
+    assert f"disk margin {disk['alpha']:.2g} at" in text
+    assert f"leg {int(np.argmin(delays)) + 1} alone bears" in text
+    report = said.found.report()
+    assert report.verdict.text == text
+    assert report.verdict.status == ("good" if disk["alpha"] >= 0.4 else "marginal")
+    assert report.number("margins.delay").value == min(delays)
+    assert report.number("margins.gain").value == pytest.approx(decibels)
+    assert report.number("margins.leg.phase").value == min(leg["phase"] for leg in margins["legs"])
+    downs = [leg["gain_down"] for leg in margins["legs"]]
+    assert report.number("margins.leg.gain_down").value == pytest.approx(-20 * np.log10(max(downs)))
+    crossovers = [leg["crossover"] for leg in margins["legs"]]
+    assert report.number("margins.crossover").value == max(crossovers)
+
+
+def test_charts_have_the_loops_of_the_legs(said: Said) -> None:
+    """Expected: gain and phase of each leg's loop by the formula for one leg cut; σ of S and T from L; units."""
+    gain, phase, sigma, step = said.found.report().charts
+    hertz = gain.x.values
+    everything = LOOP.response(2 * np.pi * hertz)
+    for k in (0, 3, 5):
+        loop = leg_loop(everything, k)
+        assert gain.series[k].leg == k + 1
+        np.testing.assert_allclose(gain.series[k].values, np.abs(loop), rtol=1e-4)
+        angles = phase.series[k].values
+        seen = np.isfinite(angles)
+        np.testing.assert_allclose(np.exp(1j * angles[seen]), (loop / np.abs(loop))[seen], atol=1e-4)
+    S = np.linalg.inv(np.eye(6) + np.asarray(everything))
+    singular = np.linalg.svd(S, compute_uv=False)
+    np.testing.assert_allclose(sigma.series[0].values, singular[:, 0], rtol=1e-4)
+    np.testing.assert_allclose(np.asarray(sigma.series[0].low), singular[:, -1], rtol=1e-4)
+    assert [chart.x.scale for chart in (gain, phase, sigma, step)] == ["log", "log", "log", "linear"]
+    assert [chart.y_title for chart in (gain, phase)] == ["gain of L [1]", "phase of L [deg]"]
+    assert step.series[2].values[-1] == pytest.approx(1.0, abs=0.05)
 
 
 def test_the_bode_figure_shows_the_loops_of_the_legs(said: Said) -> None:

@@ -128,8 +128,7 @@ def test_margins_print_the_worst_of_the_legs() -> None:
     assert ups[0] < 0.98 * ups[-1]
     assert f"gain × {downs[-1]:.3g} to {ups[0]:.3g}, phase {phases[0]:.3g}°" in text
     page = html.fragment_fromstring(found._repr_html_(), create_parent="div")
-    assert next(str(each.text_content()).split(":")[0] for each in page.iter("caption")) == found.title
-    assert len(page.findall("table")) == 4
+    assert len(list(page.iter("table"))) == 4
     assert BAD not in replace(found, title=BAD)._repr_html_()
 
 

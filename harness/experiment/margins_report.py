@@ -1,0 +1,259 @@
+"""What the linear analysis of a loop found, as a report: its margins, what limits them, responses as charts."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from gough_stewart.harness.control.linear import Mode
+from gough_stewart.harness.control.margins import (
+    DiskMargin,
+    LegMargins,
+    frequency_range,
+    one_leg_open,
+    response,
+    sensitivities,
+)
+from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.report.document import (
+    Axis,
+    Cell,
+    Chart,
+    Column,
+    Mark,
+    Note,
+    Number,
+    Report,
+    Section,
+    Series,
+    Table,
+    Value,
+    Verdict,
+    time_axis,
+)
+from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
+from gough_stewart.harness.report.words import about, at_least, sentence
+
+_SHOWN_MODES = 8
+_POINTS = 500
+# A loop with a smaller disk margin is little robust; one half is a usual requirement.
+FRAIL = 0.4
+_ALIKE = 1e-3
+# At negligible gain the phase has no meaning.
+_BELOW = 1e-4
+_DELAY = Quantity("s", "ms", 1e3, "delay", digits=3)
+_PHASE = replace(ANGLE, digits=3)
+_FACTOR = Quantity("", "", digits=3, name="factor on the gain")
+_GAIN = Quantity("1", "1", name="gain")
+_LINEAR = (
+    "Linear model at the first pose of the reference: without Coulomb friction, limits and quantisation, and of the "
+    "nominal platform. `run` has these; `ensemble` has machines that differ."
+)
+
+
+class Analysed(Protocol):
+    """What an analysis has."""
+
+    title: str
+    sample_time: float
+    delay: int
+    lag: float
+    gains: Gains | None
+    modes: tuple[Mode, ...]
+    legs: tuple[LegMargins, ...]
+    disk: DiskMargin
+    sensitivity_peak: float
+    complementary_peak: float
+    loop: Any
+
+
+def decibels(factor: float) -> float:
+    """A factor on a gain in dB."""
+    return 20 * math.log10(factor) if 0 < factor < math.inf else math.inf
+
+
+def margins_report(found: Analysed, step: tuple[np.ndarray, np.ndarray] | None = None) -> Report:
+    """The report of an analysis; `step` has times and answers (6, n) of a step of force on each leg, for its chart."""
+    sections = [Section("Margins", (_legs(found), _together(found)))]
+    sections.append(Section("Design", (*_gains(found), _modes(found))))
+    if step is not None:
+        sections.append(Section("Responses", (*_responses(found), _step(*step))))
+    lag = f", lag of the drives {about(TIME, found.lag)}" if found.lag else ""
+    return Report(
+        found.title,
+        margins_verdict(found),
+        tuple(sections),
+        study="margins",
+        lead=f"sampled every {about(_DELAY, found.sample_time, 4)}, delay of {found.delay} samples{lag}",
+        numbers=_numbers(found),
+        notes=(Note(_LINEAR),),
+    )
+
+
+def margins_verdict(found: Analysed) -> Verdict:
+    """How much gain, phase and delay the loop bears."""
+    disk = found.disk
+    size = decibels(disk.gain[1])
+    gains = f"{at_least(DECIBEL, size)}" if math.isfinite(size) else "any factor"
+    delays = [leg.delay for leg in found.legs]
+    delay = min(delays)
+    # legs that are alike up to rounding
+    which = "any leg" if max(delays) - delay < _ALIKE * delay else f"leg {delays.index(delay) + 1}"
+    bears = f"{which} alone bears {at_least(_DELAY, delay)} of further delay" if math.isfinite(delay) else None
+    numbers = {number.path: number for number in _numbers(found)}
+    carried = tuple(numbers[path] for path in ("margins.disk", "margins.gain", "margins.phase", "margins.delay"))
+    text = sentence(
+        [
+            f"stable: the gains of all legs may rise or fall by {gains}, or their phases by "
+            f"{at_least(ANGLE, disk.phase)}, each by itself",
+            f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
+            bears,
+        ]
+    )
+    return Verdict(text, "marginal" if disk.alpha < FRAIL else "good", carried)
+
+
+def _numbers(found: Analysed) -> tuple[Number, ...]:
+    disk, legs = found.disk, found.legs
+    each = "with the loop open at this leg and closed at the others; the least of the legs"
+    at_once = "which all legs may have at once, independently of each other"
+    return (
+        Number("margins.disk", "disk margin", disk.alpha, NUMBER, explanation=f"size of the changes {at_once}"),
+        Number(
+            "margins.gain", "gain of all legs", decibels(disk.gain[1]), DECIBEL, explanation=f"up or down {at_once}"
+        ),
+        Number("margins.phase", "phase of all legs", disk.phase, ANGLE, explanation=f"lag or lead, {at_once}"),
+        Number("margins.delay", "further delay of one leg", min(leg.delay for leg in legs), _DELAY, explanation=each),
+        Number("margins.leg.phase", "phase of one leg", min(leg.phase for leg in legs), ANGLE, explanation=each),
+        Number(
+            "margins.leg.gain_up",
+            "gain of one leg, up",
+            min(decibels(leg.gain_up) for leg in legs),
+            DECIBEL,
+            explanation=each,
+        ),
+        Number(
+            "margins.leg.gain_down",
+            "gain of one leg, down",
+            min(decibels(1 / leg.gain_down) if leg.gain_down > 0 else math.inf for leg in legs),
+            DECIBEL,
+            explanation=each,
+        ),
+        Number(
+            "margins.crossover",
+            "highest crossover",
+            max((leg.crossover for leg in legs if math.isfinite(leg.crossover)), default=None),
+            FREQUENCY,
+            explanation="where the gain of a leg's loop falls below 1",
+        ),
+        Number("margins.sensitivity_peak", "peak of σ(S)", found.sensitivity_peak, explanation="largest amplification"),
+        Number("margins.complementary_peak", "peak of σ(T)", found.complementary_peak, explanation="resonance"),
+        Number("modes.slowest", "slowest mode", found.modes[0].frequency, FREQUENCY, explanation="of the closed loop"),
+        Number(
+            "modes.damping_ratio",
+            "least damping ratio",
+            min(mode.damping_ratio for mode in found.modes),
+            explanation="of all modes of the closed loop",
+        ),
+    )
+
+
+def _legs(found: Analysed) -> Table:
+    columns = (
+        Column("leg"),
+        Column("gain", _FACTOR, "smallest factor on this leg's gain at which the loop is stable"),
+        Column("to", _FACTOR, "largest factor"),
+        Column("phase", _PHASE, "largest lag or lead of this leg"),
+        Column("delay", _DELAY, "the phase margin as time"),
+        Column("crossover", replace(FREQUENCY, digits=3), "highest frequency at which the gain is 1"),
+    )
+    rows = tuple(
+        (str(k + 1), leg.gain_down, leg.gain_up, leg.phase, leg.delay, leg.crossover)
+        for k, leg in enumerate(found.legs)
+    )
+    return Table("Margins, one leg at a time", columns, rows)
+
+
+def _together(found: Analysed) -> Table:
+    disk = found.disk
+    three = Quantity("", "", digits=3)
+    rows: tuple[tuple[Cell, ...], ...] = (
+        ("disk margin α", f"{three.text(disk.alpha)} at {replace(FREQUENCY, digits=3).text(disk.frequency)}"),
+        ("gains of all legs, independently", f"× {disk.gain[0]:.3g} to {three.text(disk.gain[1])}"),
+        ("phases of all legs, independently", f"± {_PHASE.text(disk.phase)}"),
+        ("peak of σ(S)", Value(found.sensitivity_peak, three)),
+        ("peak of σ(T)", Value(found.complementary_peak, three)),
+    )
+    return Table("Margins, all legs at once", (Column("measure"), Column("value")), rows)
+
+
+def _gains(found: Analysed) -> tuple[Table, ...]:
+    if found.gains is None:
+        return ()
+    five = Quantity("", "", digits=5)
+    parts = (found.gains.proportional, found.gains.derivative, found.gains.integral)
+    columns = (Column("channel"), *(Column(name, five) for name in ("kp", "kd", "ki")))
+    rows = zip(*(np.asarray(part).tolist() for part in parts), strict=True)
+    return (Table("Gains", columns, tuple((str(k), *row) for k, row in enumerate(rows, 1))),)
+
+
+def _modes(found: Analysed) -> Table:
+    columns = (
+        Column("mode", explanation="of the closed loop, the slowest first"),
+        Column("frequency", FREQUENCY),
+        Column("damping ratio", Quantity("", "", digits=3)),
+        Column("eigenvalue [1/s]"),
+    )
+    rows = []
+    for k, mode in enumerate(found.modes, 1):
+        value = f"{mode.eigenvalue.real:.4g}" + (f" ± {mode.eigenvalue.imag:.4g}i" if mode.eigenvalue.imag else "")
+        rows.append((str(k), mode.frequency, mode.damping_ratio, value))
+    return Table("Modes of the closed loop", columns, tuple(rows), first_shown=_SHOWN_MODES)
+
+
+def _responses(found: Analysed) -> tuple[Chart, ...]:
+    L = found.loop
+    low, high = frequency_range(L)
+    # the range begins far below the slowest pole, where curves are flat
+    omega = np.geomspace(min(30 * low, high / 10), high * (1 - 1e-9), _POINTS)
+    frequency = Axis("frequency", FREQUENCY, omega / (2 * math.pi), scale="log")
+    everything = response(L, omega)
+    loops = [one_leg_open(everything, k) for k in range(len(found.legs))]
+    angles = []
+    for loop in loops:
+        angle = np.unwrap(np.angle(loop))
+        angle -= 2 * math.pi * (angle[0] > math.radians(90.5))  # a loop that begins at 180° begins at −180°
+        angles.append(np.where(np.abs(loop) > _BELOW, angle, np.nan))
+    gain = tuple(Series(f"leg {k}", _GAIN, np.abs(each), leg=k) for k, each in enumerate(loops, 1))
+    phase = tuple(Series(f"leg {k}", ANGLE, each, leg=k) for k, each in enumerate(angles, 1))
+    values = zip(sensitivities(L, omega), ("S", "T"), ("actual", "reference"), strict=True)
+    sigma = tuple(_sigma(each, name, role) for each, name, role in values)
+    one = (Mark(1.0, "gain of 1", role="neutral"),)
+    alone = "one leg cut, the others closed"
+    log = Axis("gain of L", _GAIN, scale="log")
+    return (
+        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=one, group="bode"),
+        Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
+              marks=(Mark(-math.pi, "-180°", role="neutral"),)),
+        Chart("singular values of S and T, all legs closed", frequency, sigma, marks=one,
+              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
+    )  # fmt: skip
+
+
+def _sigma(values: np.ndarray, name: str, role: Any) -> Series:
+    found = np.linalg.svd(values, compute_uv=False)
+    return Series(f"σ({name})", _GAIN, found[:, 0], role, low=found[:, -1], high=found[:, 0])
+
+
+def _step(time: np.ndarray, answers: Sequence[np.ndarray] | np.ndarray) -> Chart:
+    series = tuple(Series(f"leg {k}", SHARE, each, leg=k) for k, each in enumerate(answers, 1))
+    return Chart(
+        "a step of force on one leg: the share that the controller compensates",
+        time_axis(time),
+        series,
+        y=Axis("share compensated", SHARE),
+        marks=(Mark(1.0, "all of it", role="neutral"),),
+        group="step",
+    )
