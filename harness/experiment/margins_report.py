@@ -56,17 +56,28 @@ _LINEAR = (
 class Analysed(Protocol):
     """What an analysis has."""
 
-    title: str
-    sample_time: float
-    delay: int
-    lag: float
-    gains: Gains | None
-    modes: tuple[Mode, ...]
-    legs: tuple[LegMargins, ...]
-    disk: DiskMargin
-    sensitivity_peak: float
-    complementary_peak: float
-    loop: Any
+    @property
+    def title(self) -> str: ...
+    @property
+    def sample_time(self) -> float: ...
+    @property
+    def delay(self) -> int: ...
+    @property
+    def lag(self) -> float: ...
+    @property
+    def gains(self) -> Gains | None: ...
+    @property
+    def modes(self) -> tuple[Mode, ...]: ...
+    @property
+    def legs(self) -> tuple[LegMargins, ...]: ...
+    @property
+    def disk(self) -> DiskMargin: ...
+    @property
+    def sensitivity_peak(self) -> float: ...
+    @property
+    def complementary_peak(self) -> float: ...
+    @property
+    def loop(self) -> Any: ...
 
 
 def decibels(factor: float) -> float:
