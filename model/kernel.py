@@ -170,6 +170,8 @@ class Kernel:
         self._call_derivatives = self._bind(derivatives_function(), [self._xdot])
         self._call_outputs = self._bind(outputs_function(), [self._y])
         self._call_jacobians: Any = None  # traced on first use
+        self._call_margins: Any = None
+        self._square, self._determinant, self._size = np.zeros(6), np.zeros(1), np.zeros(1)
 
     def derivatives(self, x: Array, u: Array, p: Array) -> NDArray[np.float64]:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
@@ -193,10 +195,21 @@ class Kernel:
         self._call_jacobians()
         return self._blocks
 
-    def _bind(self, function: casadi.Function, results: Iterable[Array]) -> Any:
+    def margins(self, x: Array, p: Array) -> tuple[Array, float, float]:
+        """L_i² (6,), det K and ρ² of `margins_function`."""
+        if self._call_margins is None:
+            results = [self._square, self._determinant, self._size]
+            self._call_margins = self._bind(margins_function(), results, (self._x, self._p))
+        self._x[:], self._p[:] = x, p
+        self._call_margins()
+        return self._square, float(self._determinant[0]), float(self._size[0])
+
+    def _bind(
+        self, function: casadi.Function, results: Iterable[Array], arguments: Iterable[Array] | None = None
+    ) -> Any:
         buffer: Any
         buffer, call = function.buffer()
-        for i, argument in enumerate((self._x, self._u, self._p)):
+        for i, argument in enumerate((self._x, self._u, self._p) if arguments is None else arguments):
             buffer.set_arg(i, argument.data)
         for i, result in enumerate(results):
             buffer.set_res(i, result.data)

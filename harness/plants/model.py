@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
@@ -23,7 +22,7 @@ class ModelPlant(Plant):
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2."""
-        self._model.set_many(interface.unpack(interface.INPUTS, inputs))
+        self._model.set_inputs(inputs)
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
         """Rule 3."""

@@ -24,6 +24,7 @@ import gough_stewart as gs
 from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.harness.experiment.file import experiment_from, with_settings
+from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.model import interface
 from tests.support.c_hosts import ZIG
@@ -94,7 +95,7 @@ def of_language(*languages: str) -> list[Block]:
 
 
 def test_every_language_is_dealt_with() -> None:
-    known = {"python", "sh", "c", "toml", "text", *NOT_RUN}
+    known = {"python", "sh", "c", "toml", "json", "text", *NOT_RUN}
     assert [b.place for b in BLOCKS if b.language not in known] == []
 
 
@@ -178,6 +179,13 @@ def test_every_table_has_a_head(page: str) -> None:
     lines = ["", *(ROOT / page).read_text(encoding="utf-8").splitlines(), ""]
     firsts = [k for k in range(1, len(lines) - 1) if lines[k].startswith("|") and not lines[k - 1].startswith("|")]
     assert [lines[k] for k in firsts if not lines[k + 1].startswith("| ---")] == []
+
+
+@pytest.mark.parametrize("block", of_language("json"), ids=lambda b: b.place)
+def test_reports_as_data_can_be_read(block: Block) -> None:
+    """Expected: a report, whose first number is the one of its verdict."""
+    report = from_json(block.text)
+    assert report.verdict.numbers[0].text in report.verdict.text
 
 
 @pytest.mark.parametrize("block", [b for b in of_language("toml") if not b.title], ids=lambda b: b.place)
