@@ -15,7 +15,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import members_bar, show, warn
+from gough_stewart.harness.cli.terminal import members_bar, show, show_report, warn
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.process.files import reserved
 
@@ -111,15 +111,12 @@ def ensemble_command(
             progress.update(task, total=None, description="figures and page")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
             from gough_stewart.harness.ensemble.files import write_report
-            from gough_stewart.harness.ensemble.statistics import integration_warning, oscillation_warning
 
-            files, sheets = write_report(found, folder)
-        show(*sheets)
-        warnings = [oscillation_warning(found.members)]
-        if found.metadata["substeps"] is not None:
-            warnings.append(integration_warning(found.members, float(found.metadata["tolerance"])))
-        for warning in filter(None, warnings):
-            warn(warning)
+            files, report = write_report(found, folder)
+        show_report(report)
+        for note in report.notes:
+            if note.kind == "warning":
+                warn(note.text)
         command.close([MEMBERS, BANDS, METADATA, *files], folder, open_it=open_it)
         _check_some_work(found)
 

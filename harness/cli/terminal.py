@@ -111,21 +111,9 @@ def show(*sheets: "Sheet") -> None:
 
 def show_report(report: "Report") -> None:
     """Print a report: its verdict, its tables but those of details, its notes."""
-    from gough_stewart.harness.report.document import Note, Table
-    from gough_stewart.harness.report.sheets import sheet_of
+    from gough_stewart.harness.report import terminal
 
-    Terminal().say(report.verdict.text)
-    for section in report.sections:
-        for part in () if section.detail else section.parts:
-            if isinstance(part, Table) and not part.detail and part.rows:
-                show(sheet_of(part))
-                if part.note:
-                    Terminal().say(part.note)
-            elif isinstance(part, Note):
-                Terminal().say(part.text)
-    for note in report.notes:
-        if note.kind == "note":
-            Terminal().say(note.text)
+    terminal.show(report, Terminal())
 
 
 def warn(message: str) -> None:

@@ -13,8 +13,9 @@ from scipy.special import stdtrit
 
 from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.ensemble.files import worst_by, write_report
+from gough_stewart.harness.ensemble.files import write_report
 from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.report import worst_by
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.ensemble.tables import usual_metrics

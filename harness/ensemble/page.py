@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.columns import MEMBER, OUTCOME, VARIED, numbers
+from gough_stewart.harness.ensemble.columns import MEMBER, OUTCOME
+from gough_stewart.harness.ensemble.report import failure_table, quantile_table, worst_table
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import counted, failures, finite, left_out
-from gough_stewart.harness.ensemble.tables import failure_sheet, quantile_sheet, shown_input, shown_signal
+from gough_stewart.harness.ensemble.tables import shown_input, shown_signal
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.display_resolution import least_span
 from gough_stewart.harness.output.pages import asset, document, packed, plotly
-from gough_stewart.harness.output.tables import Sheet, number_text, to_html
+from gough_stewart.harness.output.tables import Sheet, to_html
+from gough_stewart.harness.report.sheets import sheet_of
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric import Shown
 from gough_stewart.harness.results.metric_folds import shown_metric
@@ -27,7 +29,6 @@ PAGE = "report.html"
 _MOST_POINTS = 10_000
 _MARKS = ((0.05, "5 %"), (0.5, "50 %"), (0.95, "95 %"))
 _MOST_BARS = 15
-_MOST_INPUTS = 8  # in the table of the worst members
 
 
 def ensemble_page(
@@ -85,30 +86,12 @@ def _hint(n: int, without: int) -> str:
 
 def _tables(ensemble: Ensemble, by: str, worst: Mapping[int, str]) -> str:
     names = [name for name in ensemble.metrics if len(counted(ensemble.members, name))]
-    sheets = [to_html(quantile_sheet(ensemble.members, names))]
+    sheets = [to_html(sheet_of(quantile_table(ensemble.members, names)))]
     if failures(ensemble.members):
-        sheets.append(to_html(failure_sheet(ensemble.members, most=50)))
+        sheets.append(to_html(sheet_of(failure_table(ensemble.members))))
     if worst:
-        sheets.insert(0, _linked(to_html(worst_sheet(ensemble, list(worst), by)), worst))
+        sheets.insert(0, _linked(to_html(sheet_of(worst_table(ensemble, list(worst), by))), worst))
     return "".join(map(_in_box, sheets))
-
-
-def worst_sheet(ensemble: Ensemble, worst: Sequence[int], by: str) -> Sheet:
-    """These members with their outcome, the metric, and drawn values."""
-    shown = shown_metric(by)
-    inputs = [shown_input(name) for name in ensemble.varied][:_MOST_INPUTS]
-    heads = tuple(f"{each.text} [{each.unit}]" if each.unit else each.text for each in inputs)
-    sheet = Sheet(f"Worst members by {shown.text}", ("member", "outcome", f"{shown.text} [{shown.unit}]", *heads))
-    merit = ensemble.values(by)
-    row_of = {int(member): k for k, member in enumerate(ensemble.members[MEMBER].to_list())}
-    varied = [numbers(ensemble.members, f"{VARIED}{name}") for name in ensemble.varied[:_MOST_INPUTS]]
-    for member in worst:
-        k = row_of[member]
-        outcome = str(ensemble.members[OUTCOME][k])
-        sheet.add(
-            str(member), outcome, number_text(shown.factor * merit[k]), *(number_text(each[k]) for each in varied)
-        )
-    return sheet
 
 
 def _linked(table: str, worst: Mapping[int, str]) -> str:

@@ -8,10 +8,8 @@ from typing import Literal
 import numpy as np
 
 from gough_stewart.harness.ensemble.columns import OUTCOME, metric_name
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.data import EnsembleData
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.output.tables import Sheet, number_text
-from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["sobol", "regression"]
@@ -22,7 +20,6 @@ _GROUPS = 2000
 _SMALLEST_R2 = 0.7
 # A smaller standard deviation, of columns with 1, is rounding.
 _ROUNDING = 1e-7
-_MOST_INPUTS = 8  # in a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,7 @@ class Sensitivity:
         return "; ".join(parts)
 
 
-def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
+def sensitivity(ensemble: EnsembleData, metric: str) -> Sensitivity:
     """For one metric: Sobol' indices if the members are Saltelli's design, else regression.
 
     Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
@@ -89,19 +86,12 @@ def sensitivity(ensemble: Ensemble, metric: str) -> Sensitivity:
     return _regression(ensemble, metric, merit)
 
 
-def sensitivity_sheet(found: Sensitivity, most: int = _MOST_INPUTS) -> Sheet:
-    """The most influential inputs with their effect on a metric."""
-    shown = shown_metric(found.metric)
-    heads = ("", "β", "±") if found.total is None else ("", "alone", "±", "in total", "±")
-    some = f": {most} of {len(found.inputs)} inputs" if len(found.inputs) > most else ""
-    left_out = f"; {found.left_out} members left out" if found.left_out else ""
-    sheet = Sheet(f"What makes the {shown.text} vary{some}{left_out}", heads)
-    for k in found.order[:most]:
-        cells = [number_text(found.main[k], 2), number_text(found.main_confidence[k], 2)]
-        if found.total is not None and found.total_confidence is not None:
-            cells += [number_text(found.total[k], 2), number_text(found.total_confidence[k], 2)]
-        sheet.add(found.inputs[k], *cells)
-    return sheet
+def sensitivity_if_known(ensemble: EnsembleData, metric: str) -> Sensitivity | None:
+    """The same; None if too few members have run, or no number varies."""
+    try:
+        return sensitivity(ensemble, metric)
+    except RecordError:
+        return None
 
 
 def group_name(columns: Sequence[str]) -> str:
@@ -145,7 +135,7 @@ def _indices(points: FloatArray) -> FloatArray:
     return np.asarray(np.stack([(B * (AB - A)).mean(axis=0), ((A - AB) ** 2).mean(axis=0) / 2]) / V)
 
 
-def _regression(ensemble: Ensemble, metric: str, merit: FloatArray) -> Sensitivity:
+def _regression(ensemble: EnsembleData, metric: str, merit: FloatArray) -> Sensitivity:
     columns = {name: ensemble.values(name) for name in ensemble.varied}
     X = np.stack(list(columns.values()), axis=1) if columns else np.zeros((len(merit), 0))
     usable = np.flatnonzero(np.isfinite(merit))

@@ -1,21 +1,16 @@
-"""An ensemble as tables for the terminal and for its page."""
+"""What is shown of an ensemble: its usual metrics, and the words of its signals and inputs."""
 
 import math
-from collections.abc import Sequence
 
 import polars
 
-from gough_stewart.harness.ensemble.columns import OUTCOME, metric_names
-from gough_stewart.harness.ensemble.statistics import counted, failures, kinds_of_oscillation, left_out, quantiles
-from gough_stewart.harness.output.tables import Named, Sheet, quantity_text
-from gough_stewart.harness.results.bands import LEVELS, QUANTILES
+from gough_stewart.harness.ensemble.columns import metric_names
+from gough_stewart.harness.ensemble.statistics import counted
 from gough_stewart.harness.results.metric import Shown
-from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.parameters import TABLE
 
-# The metrics of the terminal table; the page shows all.
-_MOST_CAUSES = 8
+# The metrics of the first table; the page shows all.
 _USUAL = (
     *("tracking.position.norm_rms", "tracking.position.norm_peak"),
     *("tracking.orientation.norm_rms", "tracking.orientation.norm_peak", "tracking.leg_length.peak"),
@@ -24,15 +19,6 @@ _USUAL = (
     *("margins.stable", "margins.disk"),
 )
 _USUAL_OF_STEPS = ("overshoot_percent", "rise_time", "settling_time")
-
-
-def ensemble_sheets(members: polars.DataFrame, usual: bool = True) -> list[Sheet]:
-    """Quantiles of the usual metrics or of all, and failures; at most 80 columns wide."""
-    names = usual_metrics(members) if usual else metric_names(members)
-    sheets = [quantile_sheet(members, names)]
-    if failures(members):
-        sheets.append(failure_sheet(members))
-    return sheets
 
 
 def usual_metrics(members: polars.DataFrame) -> list[str]:
@@ -50,34 +36,6 @@ def usual_metrics(members: polars.DataFrame) -> list[str]:
         return len(values) > 0 and not (name.startswith(shares) and values.max() == 0)
 
     return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, 4.5))
-
-
-def quantile_sheet(members: polars.DataFrame, names: Sequence[str]) -> Sheet:
-    """A row for each metric: its quantiles."""
-    counts = members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
-    ended = ", ".join(f"{count} {outcome}" for outcome, count in counts)
-    own = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
-    ended += f" ({' and '.join(own)} by themselves)" if own else ""
-    without = left_out(members)
-    of = f"; quantiles without the {without} not completed" if without else ""
-    sheet = Sheet(f"{members.height} members: {ended}{of}", ("", *(f"{100 * level:g} %" for level in LEVELS), "of"))
-    table = {row["metric"]: row for row in quantiles(members).iter_rows(named=True)}
-    for name in names:
-        row, shown = table[name], shown_metric(name)
-        cells = [quantity_text(None if row[q] is None else shown.factor * row[q], shown.unit, 3) for q in QUANTILES]
-        sheet.add(Named(shown.text, shown.unit), *cells, str(row["defined"]))
-    return sheet
-
-
-def failure_sheet(members: polars.DataFrame, most: int = _MOST_CAUSES) -> Sheet:
-    """Members that did not complete, by cause; the text is that of the first one."""
-    sheet = Sheet("Not completed", ("", "members", "cause of the first", "first"))
-    found = failures(members)
-    for failure in found[:most]:
-        sheet.add(failure.outcome, str(len(failure.members)), failure.cause, str(failure.members[0]))
-    if len(found) > most:
-        sheet.add("other", str(sum(len(failure.members) for failure in found[most:])), "", "")
-    return sheet
 
 
 # Signals, with the displayed unit.

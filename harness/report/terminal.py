@@ -40,6 +40,8 @@ def text_of(report: Report, width: int = 100) -> str:
 
 
 def _parts(report: Report) -> Iterable["RenderableType"]:
+    if about := ": ".join(filter(None, (report.title, report.lead))):
+        yield Text(about, "dim")
     if report.verdict.numbers:
         yield Padding(_numbers(report.verdict.numbers), (0, 0, 0, 2), expand=False)
     if report.requirements:

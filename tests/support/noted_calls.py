@@ -78,7 +78,7 @@ def sheet(title: str) -> Sheet:
 def made_report(title: str) -> Report:
     """A report whose verdict and only table have this title."""
     table = Table(title, (Column(""), Column("value")), (("row", title + "!"),))
-    return Report(title, Verdict(f"{title} found", "told"), (Section("all", (table,)),))
+    return Report("", Verdict(f"{title} found", "told"), (Section("all", (table,)),))
 
 
 def said(done: Result, *lines: str) -> None:

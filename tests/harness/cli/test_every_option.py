@@ -7,6 +7,7 @@ tested in their rooms. Expected: the values as given, in SI units, and the defau
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,8 +16,7 @@ import polars
 import pytest
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY
-from gough_stewart.harness.output.tables import Sheet
-from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.commands import invoke
@@ -376,18 +376,17 @@ def test_ensemble(notes: Notes, kind: str) -> None:
         options["progress"](12, 40)
         seen.append(dict(notes.bars[-1]))
 
-    def write(_: Any, folder: Path) -> tuple[list[str], list[Sheet]]:
+    def write(_: Any, folder: Path) -> tuple[list[str], Report]:
         for name in ("members.parquet", "bands.parquet", "ensemble.json", "report.html"):
             (folder / name).write_bytes(b"x" * 250)
-        return ["report.html"], [sheet("members"), sheet("metrics")]
+        return ["report.html"], warned
 
     seen: list[dict[str, Any]] = []
     opened = notes.opened()
     notes.replace("harness.ensemble.ensemble.ensemble", found, act)
     notes.replace("harness.ensemble.files.write_report", act=write)
-    notes.replace(
-        "harness.ensemble.statistics.integration_warning", "too coarse" if kind == "all" else None, lambda *_: ""
-    )
+    told = (Note("too coarse", "warning"),) if kind == "all" else ()
+    warned = replace(made_report("members"), notes=told)
     done = invoke("ensemble", "heave_tolerances", *{
         "all": (*("--members", "40", "--seed", "5", "--out", "o p", "--open", "--resume", "--workers", "3"),
                 *("--set", "loop.duration=0.3", "--no-python")),
@@ -417,10 +416,10 @@ def test_ensemble(notes: Notes, kind: str) -> None:
     if kind == "grows":
         text = "the loops of 1 of 3 members grow by themselves; member 1 has the largest amplitude, 3 mm at 2.5 Hz. "
         text += "`run --member K` shows one"
-        warning = f"warning: {text}\nerror: no member completed its run with a loop that does not grow: {text}\n"
+        warning = f"error: no member completed its run with a loop that does not grow: {text}\n"
     assert done.stderr == warning
     page = [] if kind == "all" else [f"Open {out}/report.html in a browser."]
-    said(done, "members", "metrics", f"Done in T s. Wrote to {out} (1 kB):", *page)
+    said(done, "members found", "members", f"Done in T s. Wrote to {out} (1 kB):", *page)
     assert "  members.parquet, bands.parquet, ensemble.json, report.html" in done.stdout.splitlines()
     assert opened == ([Path(out, "report.html").absolute().as_uri()] if kind == "all" else [])
 

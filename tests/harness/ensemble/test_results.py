@@ -12,12 +12,14 @@ from scipy.stats import sobol_indices
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
 from gough_stewart.harness.ensemble.figures import ensemble_figures
 from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.report import sensitivity_table
 from gough_stewart.harness.ensemble.result import Ensemble
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity, sensitivity_sheet
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members
-from gough_stewart.harness.ensemble.tables import ensemble_sheets
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import to_terminal
+from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.terminal import TerminalTable
 from gough_stewart.harness.sampling.design import Design
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, SLOPES, ensemble_of
@@ -88,8 +90,7 @@ def test_inputs_without_a_coefficient_are_named() -> None:
     assert found.inputs == INPUTS[:3]
     assert "left out: 10 not completed or without a value" in found.remark
     assert f"the same for all of these members: {INPUTS[3]}" in found.remark
-    assert "10 members left out" in sensitivity_sheet(found).title
-    assert "1 of 3 inputs" in sensitivity_sheet(found, most=1).title
+    assert "left out: 10 " in sensitivity_table(found).note
 
 
 def test_a_confidence_that_is_not_known_is_none() -> None:
@@ -121,10 +122,11 @@ def test_an_ensemble_shows_itself_in_a_few_lines() -> None:
     """Expected: title, how many ended how, the failures, and no row beyond a hundred columns."""
     found = failing()
     text = repr(found)
-    assert text.startswith("Ensemble: closed forms\n60 members: 55 completed, 3 diverged, 1 impossible, 1 stopped")
+    assert text.startswith("Ensemble: closed forms\n55 of 60 machines complete their runs (95 % confidence: ")
+    assert "60 members: 55 completed, 3 diverged, 1 impossible, 1 stopped" in text
     assert "platform_mass is -3 kg" in text
-    assert max(map(len, text.splitlines())) <= 100
-    assert found._repr_html_().count("<table>") == 2
+    assert max(map(len, text.splitlines()[2:])) <= 100  # a verdict is one line
+    assert found._repr_html_().count("<table>") == 3
 
 
 def test_sobol_indices_are_those_of_the_closed_form() -> None:
@@ -229,14 +231,11 @@ def test_tables_are_whole_in_eighty_columns() -> None:
     other = Ensemble(ensemble.members.with_columns(gap), ensemble.bands, ensemble.metadata)
     both = compare(ensemble, other, ("a_rather_long_name", "another_rather_long_name"))
     console = Console(width=80, color_system=None)
-    for sheet in (
-        *ensemble_sheets(ensemble.members),
-        sensitivity_sheet(sensitivity(ensemble, PEAK)),
-        *compare_sheets(both),
-    ):
+    tables = (part for part in ensemble.report(charts=False).parts() if isinstance(part, Table))
+    for shown_table in (*map(TerminalTable, tables), *map(to_terminal, compare_sheets(both))):
         with console.capture() as shown:
-            console.print(to_terminal(sheet))
-        cut = [line for line in shown.get().splitlines() if "…" in line.replace(" … ", "")]
+            console.print(shown_table)
+        cut = [line for line in shown.get().splitlines() if "…" in line.replace(" … ", "") and "│" in line]
         # causes are cut on purpose, and once
         assert not [
             line for line in cut if "diverged" not in line and "impossible" not in line and "stopped" not in line

@@ -14,10 +14,16 @@ from lxml import html
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
 from gough_stewart.harness.ensemble.figures import ensemble_figures
-from gough_stewart.harness.ensemble.files import worst_by
-from gough_stewart.harness.ensemble.page import ensemble_page, worst_sheet
+from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.report import (
+    failure_table,
+    quantile_table,
+    sensitivity_table,
+    worst_by,
+    worst_table,
+)
 from gough_stewart.harness.ensemble.result import Ensemble
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_sheet
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import (
     failures,
     oscillation_warning,
@@ -25,9 +31,10 @@ from gough_stewart.harness.ensemble.statistics import (
     works,
     worst_members,
 )
-from gough_stewart.harness.ensemble.tables import ensemble_sheets, failure_sheet
+from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Named
+from gough_stewart.harness.report.sheets import sheet_of
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, ensemble_of
 from tests.support.figures import figures_drawn
@@ -80,20 +87,19 @@ ORDER = [*range(5, 17), *range(5)]
 
 def test_tables_of_sensitivity_have_every_number_at_its_place() -> None:
     """Expected: the given numbers to two digits, the largest total index or the largest |β| first, eight of 17."""
-    sheet = sensitivity_sheet(SOBOL)
-    assert sheet.title == "What makes the position error, peak vary: 8 of 17 inputs; 19 members left out"
-    assert sheet.heads == ("", "alone", "±", "in total", "±")
-    assert [row[0] for row in sheet.rows] == [NAMES[k] for k in ORDER[:8]]
-    for k, row in zip(ORDER, sheet.rows, strict=False):
-        expected = [SHARES[k] / 3, SHARES[k] / 30, SHARES[k], SHARES[k] / 20]
-        assert [float(str(cell)) for cell in row[1:]] == pytest.approx(expected, rel=0.05)
-    sheet = sensitivity_sheet(BETA, most=17)
-    assert sheet.title == "What makes the stroke margin vary"
-    assert sheet.heads == ("", "β", "±")
-    assert [row[0] for row in sheet.rows] == [NAMES[k] for k in ORDER]
-    for k, row in zip(ORDER, sheet.rows, strict=True):
-        expected = [SHARES[k] * (1 if k % 2 else -1), SHARES[k] / 9]
-        assert [float(str(cell)) for cell in row[1:]] == pytest.approx(expected, rel=0.05)
+    table = sensitivity_table(SOBOL)
+    assert table.title == "What makes the position error, peak vary"
+    assert "left out: 19 " in table.note
+    assert [column.name.strip() for column in table.columns] == ["input", "alone", "±", "in total", "±"]
+    assert table.first_shown == 8
+    assert [row[0] for row in table.rows] == [NAMES[k] for k in ORDER]
+    for k, row in zip(ORDER, table.rows, strict=True):
+        assert row[1:] == (SHARES[k] / 3, SHARES[k] / 30, SHARES[k], SHARES[k] / 20)
+    table = sensitivity_table(BETA)
+    assert table.title == "What makes the stroke margin vary"
+    assert [column.name for column in table.columns] == ["input", "β", "±"]
+    for k, row in zip(ORDER, table.rows, strict=True):
+        assert row == (NAMES[k], SHARES[k] * (1 if k % 2 else -1), SHARES[k] / 9)
 
 
 def test_the_page_has_the_bars_of_both_kinds_of_sensitivity() -> None:
@@ -177,7 +183,7 @@ def test_a_page_without_seed_and_of_another_design_says_so() -> None:
     """Expected: the name of the design in words, no seed; further tables first."""
     found = ensemble_of(normal(30), sampling="latin_hypercube")
     bare = Ensemble(found.members, found.bands, {k: v for k, v in found.metadata.items() if k != "seed"})
-    more = sensitivity_sheet(SOBOL)
+    more = sheet_of(sensitivity_table(SOBOL))
     page = ensemble_page(bare, PEAK, {}, (), [more])
     assert "30 members, sampling latin hypercube" in words_of(page)
     captions = [str(table.findtext("caption")) for table in html.fromstring(page.decode()).iter("table")]
@@ -192,15 +198,14 @@ def test_the_worst_members_are_found_by_their_numbers() -> None:
     worst = worst_members(found.members, "margins.disk", 3)
     disk = found.values("margins.disk")
     assert worst == [100, *numbers[:39][np.argsort(disk[:39])][:2].tolist()]
-    sheet = worst_sheet(found, worst, "stroke.margin")
-    assert sheet.title == "Worst members by stroke margin"
+    table = worst_table(found, worst, "stroke.margin")
+    assert table.title == "Worst members by stroke margin"
     heads = ("platform_mass [kg]", "controller.bandwidth", "base_points[1,2] [m]", "leg_coulomb_friction [N]")
-    assert sheet.heads == ("member", "outcome", "stroke margin [mm]", *heads)
-    for member, row in zip(worst, sheet.rows, strict=True):
+    assert sheet_of(table).heads == ("member", "outcome", "stroke margin [mm]", *heads)
+    for member, row in zip(worst, table.rows, strict=True):
         k = 139 - member
-        assert row[:2] == (str(member), "diverged" if member == 100 else "completed")
-        expected = [1e3 * found.values("stroke.margin")[k], *(found.values(name)[k] for name in INPUTS)]
-        assert [float(str(cell)) for cell in row[2:]] == pytest.approx(expected, rel=1e-3)
+        assert row[:2] == (member, "diverged" if member == 100 else "completed")
+        assert row[2:] == (found.values("stroke.margin")[k], *(found.values(name)[k] for name in INPUTS))
     page = ensemble_page(found, "stroke.margin", {worst[0]: "", worst[1]: "b&c/r.html"}).decode()
     assert f'<a href="b&amp;c/r.html">{worst[1]}, in 3-D</a>' in page
     assert f'<th scope="row">{worst[0]}</th>' in page
@@ -241,10 +246,10 @@ def test_failures_beyond_the_most_frequent_are_one_row() -> None:
         *[("diverged", "at 1 s", (4, 5, 6)), ("stopped", "by hand", (7, 8)), ("impossible", "no path", (9,))],
         *[("impossible", "no pose", (10,)), ("diverged", "", (11,))],
     ]
-    sheet = failure_sheet(found.members, most=2)
-    assert sheet.heads == ("", "members", "cause of the first", "first")
-    assert sheet.rows == [("diverged", "3", "at 1 s", "4"), ("stopped", "2", "by hand", "7"), ("other", "3", "", "")]
-    assert len(failure_sheet(found.members).rows) == 5
+    table = failure_table(found.members, most=2)
+    assert [column.name for column in table.columns] == ["outcome", "members", "cause of the first", "first"]
+    assert table.rows[:2] == (("diverged", 3, "at 1 s", 4), ("stopped", 2, "by hand", 7))
+    assert (table.first_shown, len(table.rows)) == (2, 5)
 
 
 def test_all_metrics_are_shown_or_the_usual_ones() -> None:
@@ -254,16 +259,16 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
         tracking__leg_length__peak=np.full(40, np.nan), step_response__z__final_error=np.ones(40),
         force__rms=np.ones(40), margins__stable=np.zeros(40),
     )  # fmt: skip
-    (usual,) = ensemble_sheets(found.members)
+    usual = sheet_of(quantile_table(found.members, usual_metrics(found.members)))
     assert [row[0] for row in usual.rows] == [
         *(Named("position error, RMS", "mm"), Named("position error, peak", "mm")),
         *(Named("orientation error, peak", "deg"), Named("z: overshoot", "%"), Named("z: settling time", "s")),
         *(Named("peak force", "N"), Named("peak power", "W"), Named("work, absolute", "J")),
-        *(Named("stroke margin", "mm"), Named("force limited", "%"), Named("stable", ""), Named("disk margin", "")),
+        *(Named("stroke margin", "mm"), Named("force limited", "%"), "stable", "disk margin"),
     ]
-    (every,) = ensemble_sheets(found.members, usual=False)
+    every = sheet_of(quantile_table(found.members, found.metrics))
     assert len(every.rows) == len(found.metrics) == len(found.members.columns) - 4 - 4 - 2
-    assert every.heads == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "of")
+    assert every.heads == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "members")
     cells = next(row for row in every.rows if row[0] == Named("z: settling time", "s"))
     values = found.members["step_response.z.settling_time"].drop_nulls().to_numpy()
     assert [float(str(cell)) for cell in cells[1:6]] == pytest.approx(
@@ -300,12 +305,11 @@ def test_members_that_oscillate_are_counted_by_kind_with_the_largest() -> None:
         "`run --member K` shows one"
     )
     assert works(found.members).tolist() == [True, False, True, True, True, True, False, False]
-    sheet = ensemble_sheets(found.members)[0]
-    assert sheet.title.startswith(
-        "8 members: 7 completed, 1 stopped (3 oscillating and 2 growing by themselves); quant"
-    )
+    table = quantile_table(found.members, ["force.peak"])
+    assert table.title == "8 members: 7 completed, 1 stopped (3 oscillating and 2 growing by themselves)"
+    assert table.note == "Quantiles are without the 1 member not completed."
     sound = with_columns(found, oscillation=[None] * 3 + ["oscillating"] + [None] * 4)
-    assert "7 completed, 1 stopped (1 oscillating by themselves)" in ensemble_sheets(sound.members)[0].title
+    assert "7 completed, 1 stopped (1 oscillating by themselves)" in quantile_table(sound.members, ["force.peak"]).title
     assert (
         oscillation_warning(with_columns(found, oscillation=polars.Series([None] * 8, dtype=polars.String)).members)
         == ""

@@ -47,7 +47,8 @@ def _report() -> Report:
 def test_the_verdict_is_the_first_line_then_its_numbers_then_requirements_then_tables() -> None:
     lines = text_of(_report(), 120).splitlines()
     assert lines[0] == "Follows within 0.8 mm; a leg needs 609 N of its 600 N"
-    assert [re.sub(r"\s+", " ", line.strip()) for line in lines[1:7]] == [
+    assert [re.sub(r"\s+", " ", line.strip()) for line in lines[1:8]] == [
+        "heave",
         "peak error 0.8 mm 0.7 to 0.9 mm, limit 1 mm, 0.2 mm left",
         "peak force 609 N limit 600 N, 9 N beyond",
         "",
@@ -55,7 +56,7 @@ def test_the_verdict_is_the_first_line_then_its_numbers_then_requirements_then_t
         "missed force.peak < 0.6 kN 609 N, 9 N beyond",
         "met force.peak >= 0 609 N, 609 N left",
     ]
-    assert lines[8] == "Legs"
+    assert lines[9] == "Legs"
     text = "\n".join(lines)
     assert all(each in text for each in ("over the whole run", "… 1 more on the page", "A sentence.", "of ten runs"))
     # what the page shows on demand, and what goes to the error stream

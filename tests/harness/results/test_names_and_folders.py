@@ -53,7 +53,7 @@ def test_a_table_names_metrics_with_their_units() -> None:
     text = str(type(made)(table, made.bands, made.metadata))
     rows = {cells[1].strip(): cells[2:8] for line in text.splitlines() if len(cells := re.split("[│┃]", line)) == 9}
     assert set(rows) - {""} == {name for name, _ in SHOWN.values()}
-    assert [cell.strip() for cell in rows[""]] == ["5 %", "25 %", "50 %", "75 %", "95 %", "of"]
+    assert [cell.strip() for cell in rows[""]] == ["5 %", "25 %", "50 %", "75 %", "95 %", "members"]
     for k, (name, value) in enumerate(SHOWN.values()):
         *quantiles, defined = (cell.strip() for cell in rows[name])
         assert [float(cell) for cell in quantiles] == [pytest.approx(value * (k + 1), rel=6e-3)] * 5, name

@@ -1,0 +1,382 @@
+"""What an ensemble found, as a report: how many machines do it and how well, what fails, what makes them differ."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.ensemble.columns import ENDED, GROWING, MEMBER, OUTCOME, VARIED, metric_name, numbers
+from gough_stewart.harness.ensemble.data import EnsembleData
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
+from gough_stewart.harness.ensemble.statistics import (
+    counted,
+    failures,
+    finite,
+    integration_warning,
+    kinds_of_oscillation,
+    left_out,
+    oscillation_warning,
+    quantiles,
+    works,
+)
+from gough_stewart.harness.ensemble.tables import shown_input, shown_signal, usual_metrics
+from gough_stewart.harness.report.document import (
+    Axis,
+    Cell,
+    Chart,
+    Column,
+    Mark,
+    Note,
+    Number,
+    Report,
+    Section,
+    Series,
+    Status,
+    Table,
+    Value,
+    Verdict,
+    time_axis,
+)
+from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
+from gough_stewart.harness.report.quantities import NUMBER, SHARE, TIME, Quantity, of_unit
+from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
+from gough_stewart.harness.report.words import counted as count
+from gough_stewart.harness.results.bands import LEVELS, MOST_MEMBERS, QUANTILES
+from gough_stewart.harness.results.metric_folds import metric_of
+from gough_stewart.model.vectors import FloatArray
+
+# The share of the machines about which the verdict speaks.
+SHARE_TOLD = 0.95
+# The metric of the verdict, which also ranks the worst members: the first of these that exists.
+_WORST_BY = ("tracking.position.norm_peak", "force.peak")
+_MOST_CAUSES = 8
+_MOST_INPUTS, _MOST_BARS, _BINS = 8, 15, 40
+_THREE = Quantity("", "", digits=3)
+
+
+def worst_by(found: EnsembleData) -> str:
+    """The metric that ranks the worst members: the experiment's, or that of tracking."""
+    chosen = ((found.metadata.get("experiment") or {}).get("ensemble") or {}).get("worst_by")
+    if chosen is not None:
+        return metric_name(found.members, chosen)
+    return next(name for name in (*_WORST_BY, *found.metrics) if name in found.metrics)
+
+
+def ensemble_report(
+    found: EnsembleData,
+    by: str,
+    known: Sensitivity | None = None,
+    worst: Sequence[int] = (),
+    *,
+    charts: bool = True,
+) -> Report:
+    """The report of an ensemble.
+
+    Parameters
+    ----------
+    by
+        The metric of the verdict, which also comes first in charts.
+    known
+        What makes that metric vary.
+    worst
+        Members to list.
+    charts
+        Also bands over time, histograms and dependence.
+    """
+    members = found.members
+    tables: list[Table] = [quantile_table(members, usual_metrics(members))]
+    if failures(members):
+        tables.append(failure_table(members))
+    if known is not None:
+        tables.append(sensitivity_table(known))
+    if worst:
+        tables.append(worst_table(found, worst, by))
+    sections = [Section("Members", tuple(tables))]
+    if charts:
+        sections += _charts(found, by, known)
+        every = [name for name in found.metrics if len(counted(members, name))]
+        sections.append(Section("All metrics", (quantile_table(members, every),), detail=True))
+    sampling = str(found.metadata.get("sampling", "random")).replace("_", " ")
+    seed = f", seed {found.metadata['seed']}" if "seed" in found.metadata else ""
+    return Report(
+        found.title,
+        ensemble_verdict(found, by, known),
+        tuple(sections),
+        study="ensemble",
+        lead=f"{count(members.height, 'member')}, sampling {sampling}{seed}",
+        numbers=ensemble_numbers(found),
+        notes=_notes(found),
+    )
+
+
+def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = None) -> Verdict:
+    """How many machines complete their runs, how well most of them do, and what makes them differ."""
+    members, n = found.members, found.members.height
+    sound = int(np.count_nonzero(works(members)))
+    low, high = share_interval(sound, n)
+    grows = bool(kinds_of_oscillation(members)[GROWING])
+    how = "complete their runs without a growing loop" if grows else "complete their runs"
+    of = count(n, "machine")
+    interval = f"95 % confidence: {_interval(low, high)}"
+    parts: list[str | None] = [f"{sound:,} of {of} {how} ({interval})"]
+    carried = [Number("", "machines that complete", sound / n, replace(SHARE, digits=4), low, high, explanation=METHOD)]
+    values = counted(members, by)
+    if len(values) > 1:
+        metric = metric_of(by)
+        is_lower = metric.better == "larger"
+        level = 1 - SHARE_TOLD if is_lower else SHARE_TOLD
+        value = float(np.quantile(values, level))
+        ends = quantile_interval(values, level)
+        told = f"{percent(SHARE_TOLD)} of them"
+        size = at_least(metric.quantity, value) if is_lower else at_most(metric.quantity, value)
+        words = f"have a {metric.text} of at least {size}" if is_lower else _within(by, size)
+        parts.append(f"{told} {words} ({_quantile_interval(metric.quantity, *ends)})")
+        carried.append(
+            Number(
+                "",
+                f"{metric.text}, {percent(level)} of members below",
+                value,
+                metric.quantity,
+                *ends,
+                explanation="interval of the quantile between order statistics, 95 % confidence",
+            )
+        )
+    if known is not None and known.order:
+        parts.append(_cause(known))
+    status: Status = "good" if sound == n else "bad" if not sound else "marginal"
+    return Verdict(sentence(parts), status, tuple(carried))
+
+
+def _interval(low: float | None, high: float | None) -> str:
+    """Ends in percent; digits so that neither is rounded to what it is not."""
+    first, last = (percent(end or 0.0, 3) for end in (low, 1.0 if high is None else high))
+    return f"{first.removesuffix(' %')} to {last}"
+
+
+def _quantile_interval(quantity: Quantity, low: float | None, high: float | None) -> str:
+    """How sure a quantile is, with 95 % confidence."""
+    if low is None or high is None:
+        side = f"at least {at_least(quantity, low)}" if low is not None else ""
+        side = f"at most {at_most(quantity, high)}" if high is not None else side
+        return f"{side}; too few members for more".removeprefix("; ")
+    return f"{at_least(quantity, low).removesuffix(f' {quantity.unit}')} to {at_most(quantity, high)}"
+
+
+def _within(by: str, size: str) -> str:
+    if by == "tracking.position.norm_peak":
+        return f"stay within {size} of their reference"
+    return f"have a {metric_of(by).text} of at most {size}"
+
+
+def _cause(known: Sensitivity) -> str | None:
+    """The input with the largest effect, if that is beyond doubt."""
+    first = known.order[0]
+    size = known.main if known.total is None else known.total
+    half = known.main_confidence if known.total_confidence is None else known.total_confidence
+    if not abs(size[first]) > half[first]:
+        return None
+    return f"{known.inputs[first]} matters most"
+
+
+def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
+    """All metrics with a value for each member, NaN of those that did not complete; 95 % stay below the value.
+
+    Of a metric that is better if larger, 95 % stay above.
+    """
+    completed = (found.members[OUTCOME] == "completed").to_numpy()
+    made = []
+    for name in found.metrics:
+        metric, values = metric_of(name), found.values(name)
+        own = values if name.startswith("margins.") else np.where(completed, values, np.nan)
+        level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
+        known = finite(own)
+        value = float(np.quantile(known, level)) if len(known) else None
+        made.append(Number(name, metric.text, value, metric.quantity, explanation=metric.sentence, members=own))
+    return tuple(made)
+
+
+def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
+    """A row for each metric: its quantiles, and of how many members they are."""
+    table = {row["metric"]: row for row in quantiles(members).iter_rows(named=True)}
+    rows: list[tuple[Cell, ...]] = []
+    remarks = []
+    for name in names:
+        row, metric = table[name], metric_of(name)
+        quantity = replace(metric.quantity, digits=3)
+        rows.append((metric.text, *(Value(row[q], quantity) for q in QUANTILES), int(row["defined"])))
+        remarks += _undefined(members, name, int(row["defined"]))
+    without = left_out(members)
+    remarks += [f"Quantiles are without the {count(without, 'member')} not completed."] if without else []
+    columns = (
+        Column(""),
+        *(Column(f"{100 * level:g} %", None, f"{100 * level:g} % of the members stay below") for level in LEVELS),
+        Column("members", None, "how many members have this number"),
+    )
+    return Table(_ended(members), columns, tuple(rows), note=" ".join(remarks))
+
+
+def _ended(members: polars.DataFrame) -> str:
+    """How the runs of the members ended."""
+    counts = members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
+    ended = ", ".join(f"{number} {outcome}" for outcome, number in counts)
+    own = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
+    ended += f" ({' and '.join(own)} by themselves)" if own else ""
+    return f"{count(members.height, 'member')}: {ended}"
+
+
+def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
+    """Of a time of a step response that some lack: after how long they had not reached it."""
+    part, _, what = name.rpartition(".")
+    words = {"settling_time": "settled to 2 %", "rise_time": "risen to 90 %"}
+    total = members.height - left_out(members)
+    if what not in words or defined == total or f"{part}.at" not in members.columns:
+        return []
+    at, duration = (counted(members, path) for path in (f"{part}.at", ENDED))
+    waited = ""
+    if len(at) and len(duration):
+        waited = f" {about(TIME, float(duration.max() - at.min()))} after its step, when the run ended"
+    axis = part.rpartition(".")[2]
+    return [
+        f"In {total - defined:,} of {count(total, 'member')} {axis} had not {words[what]}{waited}: "
+        "they have no such time, and the quantiles are of the faster ones."
+    ]
+
+
+def failure_table(members: polars.DataFrame, most: int = _MOST_CAUSES) -> Table:
+    """Members that did not complete, by cause; the text is that of the first one."""
+    columns = (Column("outcome"), Column("members"), Column("cause of the first"), Column("first"))
+    rows = tuple((each.outcome, len(each.members), each.cause, each.members[0]) for each in failures(members))
+    return Table("Not completed", columns, rows, sortable=True, first_shown=most)
+
+
+def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
+    """The inputs with their effect on a metric, the most influential first."""
+    beta = Column("β", replace(_THREE, digits=2), "standardised regression coefficient")
+    half = Column("±", replace(_THREE, digits=2), "half of the 95 % confidence interval")
+    columns: tuple[Column, ...] = (Column("input"), beta, half)
+    if known.total is not None:
+        alone = Column("alone", replace(_THREE, digits=2), "share of the variance, first order")
+        total = Column("in total", replace(_THREE, digits=2), "share of the variance with all interactions")
+        columns = (Column("input"), alone, half, total, replace(half, name="± "))
+    rows: list[tuple[Cell, ...]] = []
+    for k in known.order:
+        cells = [float(known.main[k]), float(known.main_confidence[k])]
+        if known.total is not None and known.total_confidence is not None:
+            cells += [float(known.total[k]), float(known.total_confidence[k])]
+        rows.append((known.inputs[k], *cells))
+    title = f"What makes the {metric_of(known.metric).text} vary"
+    return Table(title, columns, tuple(rows), first_shown=most, note=f"{known.remark[:1].upper()}{known.remark[1:]}.")
+
+
+def worst_table(found: EnsembleData, worst: Sequence[int], by: str) -> Table:
+    """These members with their outcome, the metric, and what was drawn for them."""
+    metric = metric_of(by)
+    inputs = found.varied[:_MOST_INPUTS]
+    columns = (Column("member"), Column("outcome"), Column(metric.text, metric.quantity), *map(_input_column, inputs))
+    merit = found.values(by)
+    rows: list[tuple[Cell, ...]] = []
+    row_of = {int(member): k for k, member in enumerate(found.members[MEMBER].to_list())}
+    drawn = [numbers(found.members, f"{VARIED}{name}") for name in inputs]
+    for member in worst:
+        k = row_of[member]
+        rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(each[k]) for each in drawn)))
+    return Table(f"Worst members by {metric.text}", columns, tuple(rows), sortable=True, detail=True)
+
+
+def _input_column(name: str) -> Column:
+    shown = shown_input(name)
+    return Column(name, of_unit(shown.unit) if shown.unit else NUMBER)
+
+
+def _notes(found: EnsembleData) -> tuple[Note, ...]:
+    warnings = [oscillation_warning(found.members)]
+    if found.metadata.get("substeps") is not None and "tolerance" in found.metadata:
+        warnings.append(integration_warning(found.members, float(found.metadata["tolerance"])))
+    notes = [Note(text, "warning") for text in warnings if text]
+    sampling = found.metadata.get("sampling", "random")
+    if sampling != "random":
+        kind = str(sampling).replace("_", " ")
+        notes.append(
+            Note(
+                f"Confidence intervals are as if members were drawn independently; sampling {kind} covers the ranges "
+                "more evenly, so they are as a rule too wide."
+            )
+        )
+    return tuple(notes)
+
+
+def _charts(found: EnsembleData, by: str, known: Sensitivity | None) -> list[Section]:
+    names = [by, *(name for name in usual_metrics(found.members) if name != by)]
+    histograms = [_histogram(found, name) for name in names if len(counted(found.members, name)) > 1]
+    sections = [Section("Distribution", tuple(histograms))] if histograms else []
+    signals = list(dict.fromkeys(found.bands["signal"].to_list()))
+    signals.sort(key=lambda name: not name.startswith("error."))
+    if signals:
+        sections.append(Section("Over time", tuple(_band(found, name) for name in signals)))
+    inputs = [known.inputs[k] for k in known.order] if known is not None else list(found.varied)
+    there = [name for name in inputs if name in found.varied and len(finite(found.values(name)))][:_MOST_BARS]
+    if there:
+        sections.append(Section("Dependence", tuple(_dependence(found, by, name) for name in there)))
+    if known is not None:
+        sections.append(Section("Sensitivity", (_bars(known),)))
+    return sections
+
+
+def _histogram(found: EnsembleData, name: str) -> Chart:
+    metric, values = metric_of(name), counted(found.members, name)
+    low, high = float(values.min()), float(values.max())
+    ends = (low, high) if high > low else (low - 0.5, high + 0.5)
+    counts, edges = np.histogram(values, min(_BINS, max(5, int(np.sqrt(len(values))) + 1)), ends)
+    marks = tuple(
+        Mark(float(np.quantile(values, level)), f"{100 * level:g} %", "vertical", "median")
+        for level in (0.05, 0.5, 0.95)
+    )
+    series = Series("members", NUMBER, counts, "neutral")
+    axis = Axis(metric.text, metric.quantity, edges)
+    return Chart(metric.text, axis, (series,), "histogram", y=Axis("members"), marks=marks, group="distribution")
+
+
+def _band(found: EnsembleData, name: str) -> Chart:
+    part, shown = found.bands.filter(polars.col("signal") == name), shown_signal(name)
+    quantity = of_unit(shown.unit)
+    values = {each: part[each].fill_null(np.nan).to_numpy() for each in ("lowest", *QUANTILES, "highest")}
+    series = (
+        Series("lowest to highest", quantity, values["q50"], "band", low=values["lowest"], high=values["highest"]),
+        Series("5 to 95 %", quantity, values["q50"], "band", low=values["q05"], high=values["q95"]),
+        Series("25 to 75 %", quantity, values["q50"], "band", low=values["q25"], high=values["q75"]),
+        Series("median", quantity, values["q50"], "median"),
+    )
+    some = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
+    note = f"Of the members still running.{some}"
+    axis = Axis(shown.text, quantity)
+    return Chart(shown.text, time_axis(part["time"].to_numpy()), series, y=axis, note=note, group="bands")
+
+
+def _dependence(found: EnsembleData, by: str, name: str) -> Chart:
+    metric, shown = metric_of(by), shown_input(name)
+    completed = (found.members[OUTCOME] == "completed").to_numpy()
+    x, y = found.values(name), np.where(completed, found.values(by), np.nan)
+    series = Series("members", metric.quantity, y, "actual", members=found.members[MEMBER].to_numpy().astype(float))
+    axis = Axis(name, of_unit(shown.unit) if shown.unit else NUMBER, x)
+    return Chart(
+        f"{metric.text} by {name}", axis, (series,), "points", y=Axis(metric.text, metric.quantity), group="dependence"
+    )
+
+
+def _bars(known: Sensitivity) -> Chart:
+    order = known.order[:_MOST_BARS]
+    parts: list[tuple[str, FloatArray, FloatArray, Any]] = [
+        ("alone" if known.total is not None else "β", known.main, known.main_confidence, "actual")
+    ]
+    if known.total is not None and known.total_confidence is not None:
+        parts.append(("in total", known.total, known.total_confidence, "neutral"))
+    series = tuple(
+        Series(name, NUMBER, values[order], role, low=(values - half)[order], high=(values + half)[order])
+        for name, values, half, role in parts
+    )
+    what = "share of the variance" if known.total is not None else "standardised regression coefficient β"
+    title = f"what makes the {metric_of(known.metric).text} vary"
+    return Chart(title, Axis("input", labels=tuple(known.inputs[k] for k in order)), series, "bars", y=Axis(what),
+                 note=known.remark, group="sensitivity")  # fmt: skip

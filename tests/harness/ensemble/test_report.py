@@ -1,0 +1,150 @@
+"""The report of an ensemble as plain data: how many machines do it, how well, how sure, what makes them differ."""
+
+import re
+from typing import Any
+
+import numpy as np
+import polars
+import pytest
+from scipy.stats import binomtest
+
+from gough_stewart.harness.ensemble.report import ensemble_report
+from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
+from gough_stewart.harness.report.document import Chart
+from gough_stewart.model.vectors import FloatArray
+from tests.support.ensembles import ensemble_of
+
+PEAK = "tracking.position.norm_peak"
+
+
+def normal(n: int) -> FloatArray:
+    return np.random.default_rng(5).normal(size=(n, 4))
+
+
+def with_columns(ensemble: Ensemble, **columns: Any) -> Ensemble:
+    series = [polars.Series(name.replace("__", "."), values) for name, values in columns.items()]
+    return Ensemble(ensemble.members.with_columns(series), ensemble.bands, ensemble.metadata)
+
+
+@pytest.mark.parametrize(("n", "lost"), [(400, 7), (25, 0), (40, 40)])
+def test_the_verdict_counts_machines_with_an_exact_interval(n: int, lost: int) -> None:
+    """Expected: SciPy's Clopper–Pearson interval in percent, to three digits; all, some or none complete."""
+    found = ensemble_of(normal(n), ["completed"] * (n - lost) + ["diverged"] * lost)
+    verdict = ensemble_report(found, PEAK).verdict
+    test = binomtest(n - lost, n).proportion_ci(0.95, "exact")
+    parts = re.match(
+        r"([\d,]+) of ([\d,]+) machines complete their runs \(95 % confidence: (\S+) to (\S+) %\)", verdict.text
+    )
+    assert parts is not None, verdict.text
+    assert (parts[1], parts[2]) == (str(n - lost), str(n))
+    assert [float(parts[3]), float(parts[4])] == pytest.approx([100 * test.low, 100 * test.high], rel=6e-3)
+    assert verdict.status == ("good" if not lost else "bad" if lost == n else "marginal")
+    share = verdict.numbers[0]
+    assert (share.value, share.low, share.high) == pytest.approx(((n - lost) / n, test.low, test.high))
+    assert "Clopper" in share.explanation
+
+
+def test_most_machines_stay_within_a_quantile_that_is_bounded_by_order_statistics() -> None:
+    """Expected: the 95 % quantile of the completed, rounded up; ends that bracket it with ≥ 95 % by binomial sums."""
+    rng = np.random.default_rng(3)
+    made = ensemble_of(normal(1000), ["completed"] * 990 + ["stopped"] * 10)
+    found = with_columns(made, **{PEAK: np.where(np.arange(1000) < 990, rng.gamma(3.0, 1e-4, 1000), 9.0)})
+    verdict = ensemble_report(found, PEAK).verdict
+    values = np.sort(found.values(PEAK)[:990])
+    number = verdict.numbers[1]
+    assert number.value == pytest.approx(np.quantile(values, 0.95))
+    assert number.low is not None
+    assert number.high is not None
+    below, above = int((values < number.low).sum()), int((values <= number.high).sum())
+
+    # P(r-th <= q) and P(s-th >= q), summed term by term
+    def at_most(k: int) -> float:
+        return sum(float(np.exp(_log_binomial(990, j, 0.95))) for j in range(k + 1))
+
+    assert at_most(below) <= 0.025 < at_most(below + 1)
+    assert at_most(above - 2) < 0.975 <= at_most(above - 1)
+    said = float(verdict.text.partition("stay within ")[2].split()[0])
+    assert number.value is not None
+    assert 1e3 * number.value <= said <= 1e3 * number.value * 1.1
+    assert verdict.text.partition("stay within ")[2].startswith(f"{said:g} mm of their reference (")
+
+
+def _log_binomial(n: int, k: int, p: float) -> float:
+    from math import lgamma, log
+
+    return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) + k * log(p) + (n - k) * log(1 - p)
+
+
+def test_too_few_machines_give_no_upper_end() -> None:
+    """Expected: with 25 members, 1 − 0.95²⁵ = 72 % is too little confidence that the largest is above the quantile."""
+    verdict = ensemble_report(ensemble_of(normal(25)), PEAK).verdict
+    assert verdict.numbers[1].high is None
+    assert "; too few members for more)" in verdict.text
+
+
+def test_a_growing_loop_does_not_count_and_the_cause_is_named_only_if_it_is_sure() -> None:
+    made = ensemble_of(normal(30))
+    kinds = ["growing"] * 2 + [None] * 28
+    found = with_columns(made, oscillation=kinds, oscillation__amplitude=[0.1, 0.2, *[None] * 28],
+                         oscillation__frequency=[None] * 30)  # fmt: skip
+    names, main = ("a", "b"), np.array([0.3, -0.8])
+    sure = Sensitivity(PEAK, "regression", names, main, np.array([0.1, 0.2]), None, None, 0.9, 30, 0)
+    doubtful = Sensitivity(PEAK, "regression", names, main, np.array([0.1, 0.9]), None, None, 0.9, 30, 0)
+    report = ensemble_report(found, PEAK, sure)
+    assert report.verdict.text.startswith("28 of 30 machines complete their runs without a growing loop")
+    assert report.verdict.text.endswith("; b matters most")
+    assert "matters most" not in ensemble_report(found, PEAK, doubtful).verdict.text
+    assert [note.kind for note in report.notes] == ["warning"]
+
+
+def test_a_metric_that_is_better_if_larger_has_its_lower_quantile() -> None:
+    """Expected: 95 % have at least the 5 % quantile, rounded down."""
+    found = ensemble_of(normal(500))
+    report = ensemble_report(found, "stroke.margin")
+    value = np.quantile(found.values("stroke.margin"), 0.05)
+    said = re.search(r"95 % of them have a stroke margin of at least (\S+) mm", report.verdict.text)
+    assert said is not None
+    assert 0 <= 1e3 * value - float(said[1]) < 0.1 * abs(1e3 * value)
+    assert report.number("stroke.margin").value == pytest.approx(value)
+
+
+def test_every_metric_has_a_value_for_each_member_and_none_where_the_run_ended_early() -> None:
+    """Expected: the column of the table; NaN of members that did not complete, but for margins."""
+    found = ensemble_of(normal(20), ["completed"] * 17 + ["diverged"] * 3)
+    report = ensemble_report(found, PEAK)
+    peak, disk = (report.number(path).members for path in (PEAK, "margins.disk"))
+    assert peak is not None
+    assert disk is not None
+    np.testing.assert_array_equal(peak[:17], found.values(PEAK)[:17])
+    assert np.isnan(peak[17:]).all()
+    np.testing.assert_array_equal(disk, found.values("margins.disk"))
+
+
+def test_who_has_not_settled_is_told_with_the_time_waited() -> None:
+    """Expected: 12 of 18 completed members without a settling time, 1.5 s after a step at 0.5 s of 2 s."""
+    made = ensemble_of(normal(20), ["completed"] * 18 + ["diverged"] * 2)
+    times = [0.4] * 6 + [None] * 14
+    found = with_columns(made, step_response__z__settling_time=times, step_response__z__at=[0.5] * 20,
+                         ended=[2.0] * 18 + [0.7] * 2)  # fmt: skip
+    table = next(part for part in ensemble_report(found, PEAK).parts() if not isinstance(part, Chart))
+    assert "In 12 of 18 members z had not settled to 2 % 1.5 s after its step" in table.note  # type: ignore[union-attr]
+
+
+def test_charts_begin_with_the_metric_of_the_verdict() -> None:
+    """Expected: its distribution first; counts that sum to the members; medians and bands of the table of bands."""
+    found = ensemble_of(normal(200))
+    report = ensemble_report(found, "stroke.margin")
+    first = report.charts[0]
+    assert (first.title, first.kind) == ("stroke margin", "histogram")
+    assert first.series[0].values.sum() == 200
+    assert [mark.text for mark in first.marks] == ["5 %", "50 %", "95 %"]
+    assert first.marks[1].value == pytest.approx(np.median(found.values("stroke.margin")))
+    bands = [chart for chart in report.charts if chart.group == "bands"]
+    for chart in bands:
+        signal = found.bands.filter(polars.col("q50") == chart.series[-1].values[0])
+        assert signal.height >= 1
+        assert chart.series[1].low is not None
+        assert (chart.series[1].low <= chart.series[-1].values + 1e-15).all()
+    points = next(chart for chart in report.charts if chart.kind == "points")
+    np.testing.assert_array_equal(points.series[0].values, found.values("stroke.margin"))
