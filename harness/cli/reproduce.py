@@ -17,7 +17,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     platform_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, errors, preparing, show
+from gough_stewart.harness.cli.terminal import errors, preparing, show_report
 from gough_stewart.harness.errors import MissedError, UsageError
 
 if TYPE_CHECKING:
@@ -71,7 +71,6 @@ def reproduce_command(
     with clear_errors() as command:
         out = out or platform_folder("reproduce", preset, platform)
         with preparing():
-            from gough_stewart.harness.paper.report import report_sheets, weight_sentence
             from gough_stewart.harness.paper.reproduce import FILES, reproduce
             from gough_stewart.harness.view.page import PAGE
             from gough_stewart.model.process.files import check_output_folder, write_files
@@ -81,9 +80,7 @@ def reproduce_command(
         result = reproduce(case, errors, report)
         write_files(out, result.files, [PAGE])
         command.written.append(out)
-        show(*report_sheets(result.report))
-        if result.report["readings"]:
-            Terminal().print(weight_sentence(result.report["published_forces"]))
+        show_report(result.document())
         command.close(result.files, out, open_it=open_it)
         if not result.agrees:
             raise MissedError("a comparison misses its bound; see the table above and report.md")

@@ -34,7 +34,7 @@ from gough_stewart.harness.report.document import (
     time_axis,
 )
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
-from gough_stewart.harness.report.words import about, at_least, sentence
+from gough_stewart.harness.report.words import about, at_least, counted, sentence
 
 _SHOWN_MODES = 8
 _POINTS = 500
@@ -97,7 +97,7 @@ def margins_report(found: Analysed, step: tuple[np.ndarray, np.ndarray] | None =
         margins_verdict(found),
         tuple(sections),
         study="margins",
-        lead=f"sampled every {about(_DELAY, found.sample_time, 4)}, delay of {found.delay} samples{lag}",
+        lead=f"sampled every {about(_DELAY, found.sample_time, 4)}, delay of {counted(found.delay, 'sample')}{lag}",
         numbers=_numbers(found),
         notes=(Note(_LINEAR),),
     )

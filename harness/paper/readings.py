@@ -28,6 +28,7 @@ class Reading:
     position_change: float | None  # largest component [m]; None if the other reading cannot run
     orientation_change: float | None  # [rad]
     remark: str = ""
+    height: float | None = None  # of the platform at the end [m]
 
 
 def other_readings(minus_first: bool = False, progress: Callable[[], None] | None = None) -> list[Reading]:
@@ -139,11 +140,14 @@ def _compare(
         try:
             platform = make(paper_case().platform)
         except PlatformError as error:
-            return Reading(point, decided, other, None, None, f"impossible: {error}")
+            return Reading(point, decided, other, None, None, remark=f"impossible: {error}")
         platform = with_pairs_swapped(platform) if minus_first else platform
         changed = replace(paper_case(minus_first), platform=platform)
-    difference = np.abs(run_kernel(changed, _RTOL).states[-1] - final)
-    return Reading(point, decided, other, float(difference[:3].max()), float(difference[3:6].max()))
+    end = run_kernel(changed, _RTOL).states[-1]
+    difference = np.abs(end - final)
+    return Reading(
+        point, decided, other, float(difference[:3].max()), float(difference[3:6].max()), height=float(end[2])
+    )
 
 
 def _body_fixed_angles(final: FloatArray) -> Reading:
@@ -156,4 +160,5 @@ def _body_fixed_angles(final: FloatArray) -> Reading:
         0.0,
         float(np.abs(moving - final[3:6]).max()),
         "the same motion under other angles",
+        float(final[2]),
     )

@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,12 @@ from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper.agreement import Row
 from gough_stewart.harness.paper.open_loop import Trajectory
 from gough_stewart.harness.paper.readings import Reading
+from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Table, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, POSITION, Quantity
+from gough_stewart.harness.report.sheets import table_of
+from gough_stewart.harness.report.words import sentence
+from gough_stewart.harness.results.record import Record, platform_of
+from gough_stewart.harness.results.run_charts import run_charts, scenes, shown
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.formulations.kane_simulation import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
@@ -124,25 +130,110 @@ def agreement_sheet(report: dict[str, Any]) -> Sheet:
     return sheet
 
 
-def report_sheets(report: dict[str, Any]) -> list[Sheet]:
-    """The tables, for the terminal."""
-    case, result = report["case"], report["result"]
+def report_of_case(content: dict[str, Any], record: Record | None = None) -> Report:
+    """What the reproduction found: whether the formulations agree, what the published forces do, what that means.
+
+    With a `record` of the case also its signals over time and the platform in motion.
+    """
+    case, result = content["case"], content["result"]
     motion = Sheet(_capital(case["title"]), ("", "start", f"after {case['duration']:.4g} s"))
     for name, unit in _STATE_UNITS.items():
         ends = (_numbers(part[name], 5) for part in (case["start"], result["end"]))
         motion.add(Named(name, unit), *ends)
     drift = Sheet("Drift of Kane's DAE without and with Baumgarte", ("run", "closure gap m", "slip m/s, rad/s"))
-    for label, d in report["drift"].items():
+    for label, d in content["drift"].items():
         drift.add(label, f"{d['closure_gap_end']:.1e}", f"{d['slip_end']:.1e}")
-    sheets = [motion, agreement_sheet(report), drift]
-    if report["readings"]:
-        title = "What the scan leaves open, and the effect of another reading after 1 s"
-        readings = Sheet(title, ("decided", "other reading", "position m", "angles rad"))
-        for r in report["readings"]:
-            changes = (_change(r[f"{name}_change"]) for name in ("position", "orientation"))
-            readings.add(Named(f"{r['point']}:", r["decided"]), r["other"], *changes)
-        sheets.append(readings)
-    return sheets
+    tables = [table_of(motion), table_of(agreement_sheet(content)), table_of(drift)]
+    if content["readings"]:
+        tables.append(_readings_table(content["readings"]))
+    sections = [Section("The case", tuple(tables))]
+    if record is not None and (drawn := shown(record, platform_of(record), "case")) is not None:
+        first, others = run_charts([drawn])
+        sections = [Section("Motion", tuple(scenes([drawn]))), *sections, first, others]
+    notes = [Note(weight_sentence(content["published_forces"])), Note(_advice(content))] if content["readings"] else []
+    start, end = (case["start"]["position"][2], result["end"]["position"][2])
+    numbers = [
+        Number("case.height.start", "height at the start", start, POSITION),
+        Number("case.height.end", "height at the end", end, POSITION),
+        Number("case.leg_length.end", "longest leg at the end", max(result["leg_length_end"]), POSITION),
+        *_agreements(content),
+    ]
+    verdict = verdict_of_case(content)
+    return Report(
+        _capital(case["title"]),
+        verdict,
+        tuple(sections),
+        study="reproduce",
+        lead=f"platform {case['platform']}, constant forces for {case['duration']:.6g} s",
+        numbers=tuple(numbers),
+        notes=tuple(notes),
+    )
+
+
+def _advice(content: dict[str, Any]) -> str:
+    """What follows for a reader of the paper."""
+    longest = max(content["result"]["leg_length_end"])
+    return (
+        "For a reader of the paper: its example checks equations, and its figures 4 to 7 serve for that. It is no "
+        f"motion about a pose at rest, and hardly one of a machine: the longest leg ends at {longest:.3g} m."
+    )
+
+
+def verdict_of_case(content: dict[str, Any]) -> Verdict:
+    """Whether all agree, and how far the platform rises under the published forces, in which readings of the scan."""
+    case, result, rows = content["case"], content["result"], content["agreement"]
+    held = sum(row["holds"] for row in rows)
+    start, end = case["start"]["position"][2], result["end"]["position"][2]
+    agree = f"{'all' if held == len(rows) else held} {'' if held == len(rows) else f'of {len(rows)} '}comparisons"
+    agree = f"{agree} of the formulations and FMUs are within their bounds"
+    moves = "rises" if end > start else "sinks"
+    forces = "the published forces" if content["readings"] else "the constant forces of the case"
+    text = f"under {forces} the platform {moves} from {start:.4g} m to {end:.3g} m in {case['duration']:.3g} s"
+    heights = [each["height"] for each in content["readings"] if each["height"] is not None]
+    if heights:
+        others = [height > start for height in heights]
+        every = "every reading" if all(others) else f"{sum(others)} of {len(others)} readings"
+        text += f", in {every} of the scan that is possible ({min(heights):.3g} to {max(heights):.3g} m)"
+    weight = content["published_forces"]
+    static = None
+    if weight is not None:
+        most, least = max(case["actuator_force"]), min(case["actuator_force"])
+        static = f"they are {least:.3g} and {most:.3g} N where {weight['static_leg_force']:.3g} N would hold it"
+    numbers = (
+        Number("case.height.start", "height at the start", start, POSITION),
+        Number("case.height.end", "height at the end", end, POSITION, *_ends(heights)),
+    )
+    return Verdict(sentence([text, static, agree]), "good" if held == len(rows) else "bad", numbers)
+
+
+def _ends(values: list[float]) -> tuple[float | None, float | None]:
+    return min(values, default=None), max(values, default=None)
+
+
+def _agreements(content: dict[str, Any]) -> list[Number]:
+    """Each comparison with its bound."""
+    return [
+        Number(
+            f"agreement.{k}", row["what"], row["measured"], limit=row["bound"], margin=row["bound"] - row["measured"]
+        )
+        for k, row in enumerate(content["agreement"], 1)
+    ]
+
+
+def _readings_table(readings: list[dict[str, Any]]) -> Table:
+    angle, length = replace(ANGLE, digits=3), Quantity("m", "m", digits=3)
+    columns = (
+        Column("decided"),
+        Column("other reading"),
+        Column("height at the end", POSITION),
+        Column("position changes by", length),
+        Column("angles change by", angle),
+    )
+    rows = tuple(
+        (f"{r['point']}: {r['decided']}", r["other"], r["height"], r["position_change"], r["orientation_change"])
+        for r in readings
+    )
+    return Table("What the scan leaves open, and the effect of another reading after 1 s", columns, rows)
 
 
 # Characters that CommonMark treats as markup within a line.

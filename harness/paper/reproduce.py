@@ -18,6 +18,7 @@ from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper import figures, readings, report
 from gough_stewart.harness.paper.agreement import agreement, of_fmus
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model import interface
@@ -65,6 +66,16 @@ class Reproduction:
     def agrees(self) -> bool:
         """Whether every comparison is within its bound."""
         return all(row["holds"] for row in self.report["agreement"])
+
+    def document(self) -> Report:
+        """What the reproduction found: whether all agree, what the published forces do, and what that means.
+
+        Returns
+        -------
+        Report
+            Verdict, numbers and tables.
+        """
+        return report.report_of_case(self.report)
 
     def __repr__(self) -> str:
         """Whether all comparisons hold, and the files, in one line."""

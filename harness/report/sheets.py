@@ -1,7 +1,7 @@
-"""Tables of a report for notebooks and older pages, whose units stand beside the names of rows."""
+"""Tables of a report as sheets, whose units stand beside the names of rows, and back."""
 
 from gough_stewart.harness.output.tables import Named, Sheet
-from gough_stewart.harness.report.document import Table, Value
+from gough_stewart.harness.report.document import Column, Table, Value
 
 
 def sheet_of(table: Table) -> Sheet:
@@ -21,3 +21,13 @@ def sheet_of(table: Table) -> Sheet:
             cells[0] = Named(texts[0], unit)
         sheet.add(*cells, ends_group=k in table.group_ends)
     return sheet
+
+
+def table_of(sheet: Sheet) -> Table:
+    """The sheet as a table of texts."""
+
+    def cell(each: str | Named) -> str:
+        return each if isinstance(each, str) else f"{each.what} [{each.unit}]" if each.unit else each.what
+
+    rows = tuple(tuple(map(cell, row)) for row in sheet.rows)
+    return Table(sheet.title, tuple(map(Column, sheet.heads)), rows, group_ends=tuple(sheet.group_ends))

@@ -20,10 +20,10 @@ from rich.progress import Progress
 import gough_stewart as gs
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import DASHES
-from gough_stewart.harness.output.tables import Named
 from gough_stewart.harness.paper import agreement, figures, readings, report, reproduce
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.paper.reproduce import record_of_case
+from gough_stewart.harness.report.document import Table
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case
 from tests.support.lagrangian import Pose, legs_along
@@ -35,7 +35,7 @@ ROWS = [
     agreement.Row("second thing", 3.4e-5, 2e-6, "relative"),
 ]
 READINGS = [
-    readings.Reading("a point", "decided so", "other way", 0.01234, 0.56789, "a remark"),
+    readings.Reading("a point", "decided so", "other way", 0.01234, 0.56789, "a remark", 3.125),
     readings.Reading("another", "thus", "not thus", None, None, "impossible: why"),
 ]
 WEIGHT = {"static_leg_force": 44.125, "share_of_total_weight": 49.534}
@@ -156,6 +156,7 @@ def test_record_has_every_number_of_the_run(run: Trajectory, content: dict[str, 
             "position_change": 0.01234,
             "orientation_change": 0.56789,
             "remark": "a remark",
+            "height": 3.125,
         },
         {
             "point": "another",
@@ -164,6 +165,7 @@ def test_record_has_every_number_of_the_run(run: Trajectory, content: dict[str, 
             "position_change": None,
             "orientation_change": None,
             "remark": "impossible: why",
+            "height": None,
         },
     ]
     assert content["published_forces"] == WEIGHT
@@ -233,28 +235,64 @@ def test_page_has_every_number_in_its_place(content: dict[str, Any]) -> None:
 
 def test_tables_of_the_terminal_have_every_number(content: dict[str, Any]) -> None:
     """Expected: written out."""
-    motion, agreed, drift, other = report.report_sheets(_plain(content))
-    assert (motion.title, motion.heads) == ("Uneven *case*", ("", "start", "after 0.3 s"))
-    assert motion.rows == [
-        (Named("position", "m"), "(0.12, -0.09, 2.97)", "(0.1, -0.2, 3.25)"),
-        (Named("orientation", "rad"), "(0.09, -0.14, 0.21)", "(0, 0.5, 0.625)"),
-        (Named("velocity", "m/s"), "(0.21, -0.13, 0.08)", "(1, 2, 3)"),
-        (Named("angular_velocity", "rad/s"), "(-0.11, 0.17, 0.26)", "(4, 5, 6)"),
+    found = report.report_of_case(_plain(content))
+    motion, agreed, drift, other = (part for part in found.parts() if isinstance(part, Table))
+    assert motion.title == "Uneven *case*"
+    assert [column.name for column in motion.columns] == ["", "start", "after 0.3 s"]
+    assert list(motion.rows) == [
+        ("position [m]", "(0.12, -0.09, 2.97)", "(0.1, -0.2, 3.25)"),
+        ("orientation [rad]", "(0.09, -0.14, 0.21)", "(0, 0.5, 0.625)"),
+        ("velocity [m/s]", "(0.21, -0.13, 0.08)", "(1, 2, 3)"),
+        ("angular_velocity [rad/s]", "(-0.11, 0.17, 0.26)", "(4, 5, 6)"),
     ]
-    assert agreed == report.agreement_sheet(content)
-    assert (agreed.title, agreed.heads) == ("Agreement of the formulations", ("comparison", "measured", "bound", ""))
-    assert agreed.rows == [
-        (Named("first thing", "m, rad"), "2.5e-09", "1e-08", "ok"),
-        (Named("second thing", "relative"), "3.4e-05", "2e-06", "MISSED"),
+    assert agreed.title == "Agreement of the formulations"
+    assert list(agreed.rows) == [
+        ("first thing [m, rad]", "2.5e-09", "1e-08", "ok"),
+        ("second thing [relative]", "3.4e-05", "2e-06", "MISSED"),
     ]
-    assert drift.heads == ("run", "closure gap m", "slip m/s, rad/s")
-    assert drift.rows == [("loose", "2.0e-05", "5.0e-04"), ("tight", "7.0e-08", "1.0e-07")]
-    assert other.heads == ("decided", "other reading", "position m", "angles rad")
-    assert other.rows == [
-        (Named("a point:", "decided so"), "other way", "0.0123", "0.568"),
-        (Named("another:", "thus"), "not thus", "–", "–"),
+    assert [column.name for column in drift.columns] == ["run", "closure gap m", "slip m/s, rad/s"]
+    assert list(drift.rows) == [("loose", "2.0e-05", "5.0e-04"), ("tight", "7.0e-08", "1.0e-07")]
+    assert list(other.rows) == [
+        ("a point: decided so", "other way", 3.125, 0.01234, 0.56789),
+        ("another: thus", "not thus", None, None, None),
     ]
-    assert len(report.report_sheets({**_plain(content), "readings": []})) == 3
+    assert [column.quantity.unit for column in other.columns[2:] if column.quantity] == ["m", "m", "deg"]
+    bare = report.report_of_case({**_plain(content), "readings": [], "published_forces": None})
+    assert len([part for part in bare.parts() if isinstance(part, Table)]) == 3
+    assert [number.value for number in found.numbers][-2:] == [2.5e-9, 3.4e-5]
+    assert found.number("agreement.2").margin == pytest.approx(2e-6 - 3.4e-5)
+
+
+def test_the_verdict_says_how_far_the_platform_moves_in_every_reading(content: dict[str, Any]) -> None:
+    """Expected: heights and forces of the content; a reading that cannot run does not count; one that sinks does."""
+    made = _plain(content)
+    verdict = report.verdict_of_case(made)
+    low, high = min(CASE.actuator_force), max(CASE.actuator_force)
+    assert verdict.text == (
+        "Under the published forces the platform rises from 2.97 m to 3.25 m in 0.3 s, in every reading of the scan "
+        f"that is possible (3.12 to 3.12 m); they are {low:.3g} and {high:.3g} N where 44.1 N would hold it; 1 of 2 "
+        "comparisons of the formulations and FMUs are within their bounds"
+    )
+    assert verdict.status == "bad"
+    assert (verdict.numbers[1].low, verdict.numbers[1].high) == (3.125, 3.125)
+    sinks = {**made["readings"][0], "height": 2.5}
+    text = report.verdict_of_case({**made, "readings": [*made["readings"], sinks]}).text
+    assert "in 1 of 2 readings of the scan that is possible (2.5 to 3.12 m)" in text
+    assert report.verdict_of_case({**made, "readings": [], "published_forces": None}).text.startswith(
+        "Under the constant forces of the case the platform rises from 2.97 m to 3.25 m in 0.3 s; 1 of 2 "
+    )
+
+
+def test_every_possible_reading_of_the_paper_rises() -> None:
+    """Expected: with friction of 1 N s/m in each leg, the height that the stepping model reaches; all far above 3 m."""
+    found = readings.other_readings()
+    assert sum(each.height is None for each in found) == 1
+    heights = [each.height for each in found if each.height is not None]
+    assert min(heights) > 6.5
+    case = paper_case()
+    rubbing = replace(case, platform=replace(case.platform, leg_viscous_friction=1.0))
+    (height,) = (each.height for each in found if each.point.startswith("friction"))
+    assert height == pytest.approx(run_stepping(rubbing)[-1][2], abs=1e-6)
 
 
 @pytest.fixture
