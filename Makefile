@@ -30,7 +30,7 @@ help:
 
 demo: $(VENV)/run
 	$(BIN)/gough-stewart reproduce --report --out $(OUT)
-	$(BIN)/gough-stewart run heave_step --plant fmu3 --report --out $(HEAVE)
+	$(BIN)/gough-stewart run heave_step --plant fmu3 --report --figures --out $(HEAVE)
 	@echo "open $(OUT)/report.html and $(HEAVE)/report.html in a browser to see both motions, or try make view"
 
 view: $(VENV)/run

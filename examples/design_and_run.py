@@ -9,4 +9,4 @@ print(gs.margins("heave_step", controller=controller))
 
 record = gs.run("heave_step", plant="fmu3", controller=controller)
 print(gs.metrics(record)["step_response"])
-gs.save_record(record, "results/designed")  # record, metrics, figures
+gs.save_record(record, "results/designed")  # record and metrics

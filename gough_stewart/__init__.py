@@ -74,7 +74,7 @@ Experiments
 Results
     Record                    signals of a run, row by row
     read_record               read a record from its files
-    save_record               write a record to files, with metrics and figures
+    save_record               write a record to files, with its metrics
     metrics                   tracking, step response, forces, power, energy
     view                      a browser page with the moving platform and charts
 

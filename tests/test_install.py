@@ -125,7 +125,7 @@ def test_a_plain_install_has_all_it_needs_to_run_and_show_an_experiment(install:
     assert (done.returncode, "heave_step" in done.stdout) == (0, True), done.stderr
     out = install.environment / "results"
     done = install.run(
-        "gough-stewart", "run", "heave_step", "--set", "loop.duration=0.1", "--report", "--out", str(out)
+        "gough-stewart", "run", "heave_step", "--set", "loop.duration=0.1", "--report", "--figures", "--out", str(out)
     )
     assert done.returncode == 0, done.stderr
     assert {"record.csv", "pose.png", "report.html"} <= {path.name for path in out.iterdir()}

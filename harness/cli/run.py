@@ -13,21 +13,21 @@ from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
-    OpenReportOption,
-    ReportOption,
     SetOption,
     chosen_experiment,
     out_option,
     path,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import errors, progress_bar, show_report, warn
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import errors, progress_bar, warn
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
 
 
+@shows
 def run_command(
     experiment: ExperimentArgument,
     plant: Annotated[
@@ -66,18 +66,19 @@ def run_command(
     ] = None,
     out: Annotated[Path | None, out_option("results/run_NAME, after the experiment")] = None,
     settings: SetOption = None,
-    report: ReportOption = False,
-    open_it: OpenReportOption = False,
     no_python: NoPythonOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Run an experiment: a controller in a loop with the stepping model or the FMU, sampled as on the machine.
 
-    Writes **record.csv**, **record.parquet** and **metadata.json** (all variables, references, errors, controller
-    states, flags), **metrics.json**, and **pose**, **errors**, **forces** and **legs** as PNG and SVG; with `--report`
-    also **report.html**.
+    Says first how closely the platform follows, what it uses of its drives, and when it settles. Writes **record.csv**,
+    **record.parquet** and **metadata.json** (all variables, references, errors, controller states, flags) and
+    **metrics.json**; with `--figures` also **errors**, **pose**, **actuators** and **legs**.
 
-    Exit code 3 if the loop diverged or grows by itself, or was stopped by a limit, by its controller or by the FMU; 130
-    after Ctrl-C. The rows up to that time are still written. A loop that oscillates by itself gets a warning.
+    Exit code 3 if a requirement is not met, or the loop diverged or grows by itself, or was stopped by a limit, by its
+    controller or by the FMU; 4 if a requirement cannot be told; 130 after Ctrl-C. The rows up to that time are still
+    written. A loop that oscillates by itself gets a warning.
 
     Examples
     --------
@@ -91,7 +92,6 @@ def run_command(
 
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
-    report = report or open_it
     with clear_errors() as command:
 
         def executed(chosen: "Experiment") -> tuple[str, ...]:
@@ -108,10 +108,13 @@ def run_command(
             task = progress.add_task("preparing", total=chosen.loop.duration)
             from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
             from gough_stewart.harness.experiment.run import run
+            from gough_stewart.harness.report.document import Note
+            from gough_stewart.harness.results.metric_folds import METRICS
             from gough_stewart.harness.results.oscillation import oscillation
             from gough_stewart.model.process.files import check_output_folder
 
             check_output_folder(folder, names_of_files())
+            requirements = showing.requirements(chosen.requirements, METRICS)
 
             def status(what: str) -> None:
                 progress.update(task, description=what)
@@ -127,24 +130,28 @@ def run_command(
                     status=status,
                     warn=warn,
                 )
-            progress.update(task, total=None, description="files and figures")
-            files, measured = write_results(record, folder, report)
-        command.written.append(folder)
-        show_report(record.report(measured=measured, charts=False))
-        for warning in warnings_of(record):
-            warn(warning)
+            progress.update(task, total=None, description="files and report")
+            own = oscillation(record)
+            warnings = warnings_of(record) + ([own.text()] if own is not None and not own.is_growing else [])
+            files, report = write_results(
+                record,
+                folder,
+                page=showing.page,
+                figures=showing.figures,
+                charts=showing.as_json,
+                requirements=requirements,
+                notes=[Note(warning, "warning") for warning in warnings],
+            )
         outcome = record.metadata["outcome"]
         is_whole = outcome["status"] == "completed"
-        own = oscillation(record)
-        if own is not None and not own.is_growing:
-            warn(own.text())
         simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {chosen.loop.duration:.6g} s"
-        command.close(
-            files,
+        showing.end(
+            command,
+            report,
             folder,
+            files,
             done=f"{'Completed' if is_whole else 'Not completed'}: {simulated} simulated",
-            open_it=open_it,
-            then=None if report else f"gough-stewart view {shlex.quote(str(folder))} --open",
+            then=None if showing.page else f"gough-stewart view {shlex.quote(str(folder))} --open",
         )
         if not is_whole:
             errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
@@ -152,6 +159,7 @@ def run_command(
         if own is not None and own.is_growing:
             errors.say(("growing: ", "bold red"), own.text())
             raise typer.Exit(ExitCode.MISSED)
+        showing.exit(report)
 
 
 def _unit_of(

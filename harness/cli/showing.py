@@ -21,7 +21,7 @@ from gough_stewart.model.process.files import write_files
 
 if TYPE_CHECKING:
     from gough_stewart.harness.report.document import Report
-    from gough_stewart.harness.report.requirements import Required
+    from gough_stewart.harness.report.requirements import Known, Required
 
 PAGE, DATA = "report.html", "report.json"
 
@@ -70,18 +70,21 @@ class Showing:
     as_json: bool = False
     required: "tuple[Required, ...]" = ()
 
-    def check(self, known: Iterable[str], more: Sequence[str] = ()) -> None:
-        """Refuse requirements on numbers that the command will not have, before it begins; `more` as in `present`.
+    def requirements(self, of_file: Sequence[str], known: "Iterable[Known]") -> "list[Required]":
+        """Those of the experiment's file and of the command line, checked before the command begins.
 
         Raises
         ------
         RequirementError
-            An unknown number, or a requirement that cannot be read.
+            An unknown number, a unit of another kind, or a requirement that cannot be read.
         """
-        if self.required or more:
-            from gough_stewart.harness.report.requirements import check_paths, required
+        if not self.required and not of_file:
+            return []
+        from gough_stewart.harness.report.requirements import check_known, required
 
-            check_paths([*map(required, more), *self.required], known)
+        found = [*map(required, of_file), *self.required]
+        check_known(found, known)
+        return found
 
     def present(
         self,
@@ -90,35 +93,46 @@ class Showing:
         folder: Path,
         files: Sequence[str] = (),
         *,
-        more: Sequence[str] = (),
+        requirements: "Sequence[str | Required]" = (),
         done: str | None = "Done",
         then: str | None = None,
-        code: ExitCode = ExitCode.DONE,
-        keeps_data: bool = True,
     ) -> None:
-        """Show a report: on the terminal or as JSON, as a page, as figures; then end with an exit code.
+        """Judge the requirements, write page, figures and report.json, and end the command as `end` and `exit` do.
 
         Parameters
         ----------
         files
             Written by the command itself.
-        more
-            Requirements of the experiment's file.
-        code
-            Of the command itself; requirements give one if it is 0.
-        keeps_data
-            Write report.json, from which `gough-stewart view` shows the folder.
+        requirements
+            From `requirements`, or those of the file as they are written, to which the others are added.
 
         Raises
         ------
+        RequirementError
+            A number that the report does not have.
         typer.Exit
-            With the code, unless it is 0.
+            A requirement is missed or open.
         """
-        if self.required or more:
+        wanted = list(requirements) or list(self.required)
+        if wanted:
             from gough_stewart.harness.report.requirements import with_requirements
 
-            report = with_requirements(report, [*more, *self.required])
-        written = self._write(report, folder, keeps_data)
+            report = with_requirements(report, wanted)
+        written = self._write(report, folder)
+        self.end(command, report, folder, [*files, *written], done=done, then=then)
+        self.exit(report)
+
+    def end(
+        self,
+        command: Command,
+        report: "Report",
+        folder: Path,
+        files: Sequence[str],
+        *,
+        done: str | None = "Done",
+        then: str | None = None,
+    ) -> None:
+        """Print a report whose files are written, on the terminal or as JSON, and the closing lines."""
         if folder not in command.written:
             command.written.append(folder)
         if self.as_json:
@@ -133,18 +147,30 @@ class Showing:
         for note in report.notes:
             if note.kind == "warning":
                 warn(note.text)
-        with diverted(self.as_json):
-            command.close([*files, *written], folder, done=done, then=then, open_it=self.opens)
-        raise_exit(code or _code_of(report))
+        command.close(files, folder, done=done, then=then, open_it=self.opens)
 
-    def _write(self, report: "Report", folder: Path, keeps_data: bool) -> list[str]:
-        """Write page, data and figures as one set; names of the files for the reader."""
-        files: dict[str, bytes] = {}
-        if keeps_data:
-            from gough_stewart.harness.report.codec import to_json
-            from gough_stewart.harness.report.thinning import thinned
+    def exit(self, report: "Report") -> None:
+        """End the command with the exit code of its requirements, each failure of which is said.
 
-            files[DATA] = to_json(thinned(report)).encode()
+        Raises
+        ------
+        typer.Exit
+            A requirement is missed or open.
+        """
+        words = {"missed": ("missed: ", "bold red"), "open": ("cannot be told: ", "bold yellow")}
+        for each in report.requirements:
+            if each.status in words:
+                errors.say(words[each.status], each.text)
+        states = {each.status for each in report.requirements}
+        if states & {"missed", "open"}:
+            raise typer.Exit(ExitCode.MISSED if "missed" in states else ExitCode.OPEN)
+
+    def _write(self, report: "Report", folder: Path) -> list[str]:
+        """Write report.json, from which `gough-stewart view` shows the folder, page and figures as one set."""
+        from gough_stewart.harness.report.codec import to_json
+        from gough_stewart.harness.report.thinning import thinned
+
+        files = {DATA: to_json(thinned(report)).encode()}
         if self.figures:
             from gough_stewart.harness.report.figures import figures
 
@@ -153,24 +179,8 @@ class Showing:
             from importlib import import_module
 
             files[PAGE] = import_module("gough_stewart.harness.report.page").page(report)
-        write_files(folder, files, owned=[PAGE, DATA])
+        write_files(folder, files, owned=[PAGE])
         return list(files)
-
-
-def raise_exit(code: ExitCode) -> None:
-    """End the command with a code, unless it is 0."""
-    if code:
-        raise typer.Exit(code)
-
-
-def _code_of(report: "Report") -> ExitCode:
-    """The exit code of the requirements, each failure of which is said on the error stream."""
-    words = {"missed": ("missed: ", "bold red"), "open": ("cannot be told: ", "bold yellow")}
-    for each in report.requirements:
-        if each.status in words:
-            errors.say(words[each.status], each.text)
-    states = {each.status for each in report.requirements}
-    return ExitCode.MISSED if "missed" in states else ExitCode.OPEN if "open" in states else ExitCode.DONE
 
 
 def shows(function: Callable[..., None]) -> Callable[..., None]:

@@ -1,36 +1,56 @@
 """The files of a run: record, metadata, metrics, figures, page; written as one set."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from gough_stewart.harness.experiment.hints import static_error
-from gough_stewart.harness.results.metrics import Metrics, metrics, metrics_json
+from gough_stewart.harness.report.document import Note, Report
+from gough_stewart.harness.report.requirements import Required, with_requirements
+from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.process.files import Content, FileSet, check_output_folder, file_set
 
-# Those of `run_figures`, whose module takes long to import.
-_FIGURE_FILES = [f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")]
+# Of the groups of charts that a run shows at first, in their order.
+_FIGURES = [f"{name}.{kind}" for name in ("errors", "pose", "actuators", "legs") for kind in ("pdf", "png", "svg")]
 # The record is written first, beginning with its smallest complete form.
-_FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json", *_FIGURE_FILES]
+_FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json"]
 
 
-def names_of_files() -> list[str]:
+class Written(NamedTuple):
+    """The names of the files of a run, and its report."""
+
+    files: list[str]
+    report: Report
+
+
+def names_of_files(page: bool = True, figures: bool = True) -> list[str]:
     """The files that `write_results` may write."""
-    return [*_FILES, PAGE]
+    return [*_FILES, *(_FIGURES if figures else ()), *([PAGE] if page else ())]
 
 
-def write_results(record: Record, folder: Path, report: bool = False) -> tuple[list[str], Metrics]:
-    """Write all files of a run as one set, optionally with the page; returns their names, and the metrics.
+def write_results(
+    record: Record,
+    folder: Path,
+    *,
+    page: bool = False,
+    figures: bool = False,
+    charts: bool = False,
+    requirements: Sequence[str | Required] = (),
+    notes: Sequence[Note] = (),
+) -> Written:
+    """Write all files of a run as one set, optionally with page and figures.
 
     If something fails, the files before it are complete, beginning with the record, and no file of an older run
-    remains; see `file_set`.
+    remains; see `file_set`. `charts` are in the report for other uses than these files.
     """
     with (
-        file_set(folder, names_of_files() if report else _FILES, [PAGE]) as files,
+        file_set(folder, names_of_files(page, figures), names_of_files()) as files,
         ThreadPoolExecutor(1) as aside,  # polars releases the GIL
     ):
         first: dict[str, Content] = {
@@ -39,10 +59,21 @@ def write_results(record: Record, folder: Path, report: bool = False) -> tuple[l
             "metadata.json": record.to_metadata(),
         }
         written = aside.submit(_add, files, first)
-        more, measured = _result_files(record, report)
+        measured = metrics(record)
+        report = record.report(measured=measured, charts=page or figures or charts)
+        report = replace(report, notes=(*report.notes, *notes))
+        if requirements:
+            report = with_requirements(report, requirements)
+        more: dict[str, Content] = {"metrics.json": metrics_json(measured)}
+        if figures:
+            from gough_stewart.harness.report.figures import figures as drawn
+
+            more |= drawn(report)
+        if page:
+            more[PAGE] = view_page([record], [record.metadata["title"]])
         written.result()
         _add(files, more)
-    return files.names, measured
+    return Written(files.names, report)
 
 
 def _add(files: FileSet, contents: Mapping[str, Content]) -> None:
@@ -50,18 +81,7 @@ def _add(files: FileSet, contents: Mapping[str, Content]) -> None:
         files.add(name, content)
 
 
-def _result_files(record: Record, report: bool) -> tuple[dict[str, bytes], Metrics]:
-    """Metrics, figures and, if requested, the page by file name; and the metrics themselves."""
-    from gough_stewart.harness.results.figures import run_figures
-
-    measured = metrics(record)
-    files = {"metrics.json": metrics_json(measured), **run_figures(record)}
-    if report:
-        files[PAGE] = view_page([record], [record.metadata["title"]])
-    return files, measured
-
-
-def save_record(record: Record, folder: Path | str, report: bool = False) -> list[Path]:
+def save_record(record: Record, folder: Path | str, report: bool = False, figures: bool = False) -> list[Path]:
     """Write all files of a run as `gough-stewart run` does; `read_record` and `view` accept the folder.
 
     Parameters
@@ -69,9 +89,11 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
     record
         From `run`.
     folder
-        Created if needed. Gets record.csv, record.parquet, metadata.json, metrics.json, and figures as PNG and SVG.
+        Created if needed. Gets record.csv, record.parquet, metadata.json, metrics.json.
     report
         Also write report.html, the HTML page.
+    figures
+        Also draw errors, pose, forces and legs, each as PDF, PNG and SVG.
 
     Returns
     -------
@@ -90,7 +112,8 @@ def save_record(record: Record, folder: Path | str, report: bool = False) -> lis
     """
     folder = Path(folder)
     check_output_folder(folder, names_of_files())
-    return [folder / name for name in write_results(record, folder, report)[0]]
+    written = write_results(record, folder, page=report, figures=figures)
+    return [folder / name for name in written.files]
 
 
 def warnings_of(record: Record) -> list[str]:

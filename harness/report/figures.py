@@ -25,6 +25,8 @@ _WIDTH, _ROW, _HEAD = 8.0, 1.9, 0.55  # [inch]
 _COLUMNS = 3
 # Points of a line in a panel of about 400 pixels.
 _POINTS = 800
+# Larger values overflow matplotlib's arithmetic.
+_LARGEST = 1e100
 # Lines that stay within this share of the axis hide each other.
 _HIDES = 4e-3
 # Lines that can be told apart in one panel.
@@ -42,22 +44,25 @@ class _Panel(NamedTuple):
     least: float = 0.0  # span of the vertical axis
 
 
-def figures(report: Report, kinds: Sequence[str] = KINDS) -> dict[str, bytes]:
-    """The figures of all charts but those of details, by file name."""
+def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = None) -> dict[str, bytes]:
+    """The figures of all charts but those of details, by file name; of one group alone if it is given."""
     drawn = [
         part
         for section in report.sections
         if not section.detail
         for part in section.parts
-        if isinstance(part, Chart) and not part.detail
+        if isinstance(part, Chart) and not part.detail and group in (None, part.group)
     ]
     found: dict[str, bytes] = {}
     taken: set[str] = set()
-    for group, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
-        name = _name(group, taken)
+    for title, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
+        name = _name(title, taken)
         panels = [_panels(chart) for chart in charts]
         height = _HEAD + sum(_ROW * (1.5 if row[0].is_wide else -(-len(row) // _COLUMNS)) for row in panels)
-        files = files_of(partial(_draw, report.title, panels), _WIDTH, height, tuple(kinds))
+        # what did not go well should look like it
+        is_well = report.verdict.status in ("good", "told")
+        head = report.title if is_well else f"{report.title} — {report.verdict.text}"
+        files = files_of(partial(_draw, head, panels), _WIDTH, height, tuple(kinds))
         found |= {f"{name}.{kind}": file for kind, file in files.items()}
     return found
 
@@ -87,7 +92,7 @@ def _panels(chart: Chart) -> list[_Panel]:
 
 def _extent(series: Sequence[Series], component: str | None = None) -> float:
     """The span of the values of a component, or of all, as shown."""
-    values = [s.quantity.factor * s.values for s in series if component is None or s.component == component]
+    values = [_drawable(s.quantity.factor * s.values) for s in series if component is None or s.component == component]
     finite = np.concatenate([each[np.isfinite(each)] for each in values])
     return float(np.ptp(finite)) if finite.size else 0.0
 
@@ -148,7 +153,7 @@ def _lines(axes: Axes, panel: _Panel) -> None:
     for k, label in _told_apart(panel):
         series, style = panel.series[k], _style(panel, k)
         scale = series.quantity.factor
-        x, values = chart.x.quantity.factor * chart.x_of(series), scale * series.values
+        x, values = chart.x.quantity.factor * chart.x_of(series), _drawable(scale * series.values)
         if series.low is not None and series.high is not None:
             low, high = (scale * each for each in (series.low, series.high))
             if chart.kind == "points":
@@ -164,6 +169,11 @@ def _lines(axes: Axes, panel: _Panel) -> None:
         axes.plot(*decimated(x, values, _POINTS), label=label, zorder=order, **style, **held, **marker)
     axes.margins(x=0)
     _span(axes, panel)
+
+
+def _drawable(values: FloatArray) -> FloatArray:
+    """Values with gaps where they would overflow the arithmetic of axes."""
+    return np.where(np.abs(values) <= _LARGEST, values, np.nan)
 
 
 def _told_apart(panel: _Panel) -> list[tuple[int, str]]:
@@ -187,7 +197,7 @@ def _coincide(chart: Chart, one: Series, other: Series, near: float) -> bool:
         return False
     if len(one.values) != len(other.values) or not np.array_equal(chart.x_of(one), chart.x_of(other)):
         return False
-    gap = one.quantity.factor * np.abs(one.values - other.values)
+    gap = np.abs(_drawable(one.quantity.factor * one.values) - _drawable(other.quantity.factor * other.values))
     return bool(np.all((gap <= near) | (np.isnan(one.values) & np.isnan(other.values))))
 
 
@@ -256,6 +266,7 @@ def _heat(axes: Axes, panel: _Panel) -> None:
 
 def _marks(axes: Axes, panel: _Panel) -> None:
     chart, named = panel.chart, set[str]()
+    limits = {True: axes.get_ylim(), False: axes.get_xlim()}
     for mark in chart.marks:
         style: dict[str, Any] = {
             "color": colour_of(mark.role),
@@ -264,7 +275,7 @@ def _marks(axes: Axes, panel: _Panel) -> None:
         }
         is_across = mark.direction == "horizontal"
         value = mark.value * (panel.series[0] if is_across else chart.x).quantity.factor
-        low, high = axes.get_ylim() if is_across else axes.get_xlim()
+        low, high = limits[is_across]
         # a distant limit would flatten the lines
         if not low - 2 * (high - low) <= value <= high + 2 * (high - low):
             continue

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -107,18 +108,34 @@ def _share(text: str | None, what: str) -> float | None:
     return size
 
 
-def check_paths(requirements: Iterable[Required], known: Iterable[str]) -> None:
-    """Refuse a number that the study does not have; for use before it begins.
+class Known(Protocol):
+    """A number that a study will have."""
+
+    @property
+    def path(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def quantity(self) -> Quantity:
+        """Its unit."""
+        ...
+
+
+def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> None:
+    """Refuse a number that the study does not have, and a unit of another kind; for use before it begins.
 
     Raises
     ------
     RequirementError
-        An unknown path; suggests the nearest.
+        An unknown path, with the nearest; or such a unit.
     """
-    names = list(known)
+    quantities = {each.path: each.quantity for each in known if each.path}
     for each in requirements:
-        if each.path not in names:
-            raise RequirementError(f"the requirement '{each.text}': no number '{each.path}'{nearest(each.path, names)}")
+        if each.path not in quantities:
+            hint = nearest(each.path, quantities) if quantities else "; this study has none"
+            raise RequirementError(f"the requirement '{each.text}': no number '{each.path}'{hint}")
+        each.bound_of(quantities[each.path])
 
 
 def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report:
@@ -130,7 +147,7 @@ def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report
         As `required`, an unknown number, a unit of another kind, or a share of members of a single run.
     """
     wanted = [required(each) if isinstance(each, str) else each for each in texts]
-    check_paths(wanted, (number.path for number in report.numbers))
+    check_known(wanted, report.numbers)
     judged = tuple(judge(each, report.number(each.path)) for each in wanted)
     return replace(report, requirements=(*report.requirements, *judged))
 

@@ -142,7 +142,8 @@ def row_texts(table: Table, index: int) -> list[Text]:
     row, texts = table.rows[index], [Text(each) for each in table.texts(index)]
     values = [cell for cell in row[1:] if isinstance(cell, Value)]
     units = {each.quantity.unit for each in values}
-    if len(values) > 1 and len(units) == 1 and (unit := units.pop()):
+    stated = any(column.quantity is not None for column in table.columns[1:])
+    if values and not stated and len(units) == 1 and (unit := units.pop()):
         texts = [
             Text(cell.quantity.text(cell.value, unit=False)) if k and isinstance(cell, Value) else text
             for k, (cell, text) in enumerate(zip(row, texts, strict=True))

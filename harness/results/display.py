@@ -2,11 +2,12 @@
 
 import base64
 import html
+from collections.abc import Callable
 
 import numpy as np
 
 from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_html
-from gough_stewart.harness.results.figures import pose_png
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
@@ -23,16 +24,23 @@ def record_text(record: RecordData) -> str:
     return "\n".join([sheet.title, *(f"  {_head(row[0]):{width}}  {row[1]}" for row in sheet.rows)])
 
 
-def record_html(record: RecordData) -> str:
+def record_html(record: RecordData, report_of: Callable[[], Report]) -> str:
     """The same as a table, with metrics and the pose figure if the record has the columns they need."""
     parts = [to_html(_circumstances(record))]
     is_whole = {"outcome", "platform"} <= record.metadata.keys() and all(name in record for name in _MEASURED)
     if is_whole and record.table.height:
         parts += [to_html(sheet) for sheet in metrics_sheets(metrics(record))]
-        picture = base64.b64encode(pose_png(record)).decode()
+        picture = base64.b64encode(_pose(report_of())).decode()
         title = html.escape(str(record.metadata.get("title", "untitled")), quote=True)
         parts.append(f'<img alt="pose over time: {title}" width="800" src="data:image/png;base64,{picture}">')
     return f"<div>{''.join(parts)}</div>"
+
+
+def _pose(report: Report) -> bytes:
+    """The pose over time as PNG."""
+    from gough_stewart.harness.report.figures import figures  # slow to import
+
+    return figures(report, ("png",), "pose").get("pose.png", b"")
 
 
 def _circumstances(record: RecordData) -> Sheet:

@@ -64,7 +64,7 @@ class Record(RecordData):
         """In a notebook: the same with metrics and the pose over time."""
         from gough_stewart.harness.results.display import record_html
 
-        return record_html(self)
+        return record_html(self, self.report)
 
     def report(
         self, *, measured: "Metrics | None" = None, robustness: "Robustness | None" = None, charts: bool = True

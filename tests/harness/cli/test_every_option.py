@@ -16,6 +16,7 @@ import polars
 import pytest
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY
+from gough_stewart.harness.experiment.files import Written
 from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform_toml import load_preset
@@ -82,12 +83,12 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
         options["progress"](0.123)
         options["warn"]("near a limit")
 
-    def write(_: Record, folder: Path, with_page: bool) -> tuple[list[str], str]:
+    def write(_: Record, folder: Path, *, page: bool, notes: list[Note], **__: Any) -> Written:
         folder.mkdir(parents=True)
-        names = ["record.csv", "report.html"] if with_page else ["record.csv", "metrics.json"]
+        names = ["record.csv", "report.html"] if page else ["record.csv", "metrics.json"]
         for name in names:
             (folder / name).write_bytes(b"x" * 600)
-        return names, "measured"
+        return Written(names, replace(made_report("errors"), notes=tuple(notes)))
 
     @contextmanager
     def exported(*args: Any, **options: Any) -> Iterator[str]:
@@ -100,13 +101,13 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     notes.replace(f"{RUNS}.run.run", record, act)
     notes.replace(f"{RUNS}.files.write_results", act=write)
     notes.replace(f"{RUNS}.files.warnings_of", ["it hangs"])
-    notes.replace("harness.results.run_report.report_of_run", made_report("errors"))
     notes.set("gough_stewart.harness.export.own_unit.exported_controller", exported)
     opened = notes.opened()
     done = invoke("run", "heave_step", *{
         "default": (),
         "all": (*("--plant", "fmu2", "--fmu", "u.fmu", "--controller", "fmu3", "--anyway", "--no-python", "--report"),
-                *("--out", "o p", "--set", "loop.duration=0.75", "--set", "loop.delay=2")),
+                *("--figures", "--require", "force.peak < 2 kN", "--out", "o p", "--set", "loop.duration=0.75"),
+                *("--set", "loop.delay=2")),
         "report": ("--report",),
         "open": ("--open", "--out", "o"),
         "own unit": ("--controller", "~x/c.fmu"),
@@ -126,9 +127,13 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     duration, delay = (0.75, 2) if kind == "all" else (2.0, 1)
     assert (chosen.loop.duration, chosen.loop.delay) == (duration, delay)
     with_page = kind in ("all", "report", "open")
-    assert notes.one("write_results") == ((record, Path(out), with_page), {})
-    (of, *_), asked = notes.one("report_of_run")
-    assert (of, asked) == (record, {"measured": "measured", "robustness": None, "charts": False})
+    (of, folder), asked = notes.one("write_results")
+    assert (of, folder) == (record, Path(out))
+    assert {name: asked[name] for name in ("page", "figures", "charts")} == {
+        "page": with_page, "figures": kind == "all", "charts": False,
+    }  # fmt: skip
+    assert [each.text for each in asked["requirements"]] == (["force.peak < 2 kN"] if kind == "all" else [])
+    assert asked["notes"] == [Note("it hangs", "warning")]
     assert notes.one("warnings_of") == ((record,), {})
     warnings = ["warning: near a limit", "warning: it hangs"]
     if kind == "all":
@@ -137,7 +142,7 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
         warnings.insert(0, "warning: the stability of the loop with ~x/c.fmu is not judged: an FMU has no linear form")
     assert done.stderr.splitlines() == warnings
     # bars for imports come first
-    expected_bar = {"description": "files and figures", "total": None, "completed": 0.123, "done": 0}
+    expected_bar = {"description": "files and report", "total": None, "completed": 0.123, "done": 0}
     assert notes.bars[-1] == expected_bar
     lines = ["errors found", "errors", f"Completed: 0.5 s simulated in T s. Wrote to {out} (1.2 kB):"]
     page = f"Open {out}/report.html in a browser."
@@ -164,9 +169,8 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
 def test_how_a_run_ends(notes: Notes, status: str, time: float, code: int, end: str) -> None:
     """Expected: the files, how much was simulated of how much, and the cause with the exit code of the table."""
     notes.replace(f"{RUNS}.run.run", recorded(status, time))
-    notes.replace(f"{RUNS}.files.write_results", (["a"], "measured"))
+    notes.replace(f"{RUNS}.files.write_results", Written(["a"], made_report("errors")))
     notes.replace(f"{RUNS}.files.warnings_of", [])
-    notes.replace("harness.results.run_report.report_of_run", made_report("errors"))
     Path("o").mkdir()
     Path("o/a").touch()
     done = invoke("run", "heave_step", "--set", "loop.duration=1.75", "--out", "o")
@@ -185,9 +189,12 @@ def test_a_loop_that_moves_by_itself(notes: Notes, growing: bool, code: int) -> 
         wave = record["error.leg_length[5]"] * 30 ** (record["time"] / 0.5) / 10
         record = Record(record.table.with_columns(**{"error.leg_length[5]": wave}), record.metadata)
     notes.replace(f"{RUNS}.run.run", record)
-    notes.replace(f"{RUNS}.files.write_results", (["a"], "measured"))
+
+    def write(*_: Any, notes: list[Note], **__: Any) -> Written:
+        return Written(["a"], replace(made_report("errors"), notes=tuple(notes)))
+
+    notes.replace(f"{RUNS}.files.write_results", act=write)
     notes.replace(f"{RUNS}.files.warnings_of", [])
-    notes.replace("harness.results.run_report.report_of_run", made_report("errors"))
     Path("o").mkdir()
     Path("o/a").touch()
     done = invoke("run", "heave_step", "--out", "o")

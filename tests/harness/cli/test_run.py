@@ -18,8 +18,8 @@ from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
 
-FIGURES = {f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")}
-FILES = {"record.csv", "record.parquet", "metadata.json", "metrics.json"} | FIGURES
+FIGURES = {f"{name}.{kind}" for name in ("errors", "pose", "actuators", "legs") for kind in ("pdf", "png", "svg")}
+FILES = {"record.csv", "record.parquet", "metadata.json", "metrics.json"}
 
 
 @pytest.fixture(scope="module")
@@ -27,13 +27,13 @@ def heave(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Fmu]) -> tup
     """The heave step on the FMU."""
     out = tmp_path_factory.mktemp("heave") / "new" / "folder"
     fmu = str(fmus["3.0"].path)
-    return invoke("run", "heave_step", "--plant", "fmu3", "--fmu", fmu, "--out", str(out)), out
+    return invoke("run", "heave_step", "--plant", "fmu3", "--fmu", fmu, "--figures", "--out", str(out)), out
 
 
 def test_run_writes_its_files_and_prints_the_metrics(heave: tuple[Result, Path]) -> None:
     done, out = heave
     assert done.exit_code == 0, done.output
-    assert {p.name for p in out.iterdir()} == FILES
+    assert {p.name for p in out.iterdir()} == FILES | FIGURES
     for title in ("Tracking error", "Step response", "Legs"):
         assert title in done.output
     assert re.search(
@@ -43,7 +43,7 @@ def test_run_writes_its_files_and_prints_the_metrics(heave: tuple[Result, Path])
 
 
 def test_figures_are_pictures_with_something_on_them(heave: tuple[Result, Path]) -> None:
-    """Expected: PNG of some size with many colours, SVG with paths."""
+    """Expected: PNG of some size with many colours, SVG with paths, PDF."""
     for name in FIGURES:
         content = (heave[1] / name).read_bytes()
         if name.endswith("png"):
@@ -52,8 +52,10 @@ def test_figures_are_pictures_with_something_on_them(heave: tuple[Result, Path])
             colours = picture.getcolors(1 << 24)
             assert colours is not None
             assert len(colours) > 50
-        else:
+        elif name.endswith("svg"):
             assert content.count(b"<path") > 20
+        else:
+            assert content.startswith(b"%PDF")
 
 
 def test_metrics_and_record_agree(heave: tuple[Result, Path]) -> None:
@@ -282,16 +284,17 @@ def test_a_file_with_the_name_of_a_shipped_experiment_has_a_folder_of_its_own(ow
 
 
 def test_no_file_of_an_older_run_stays_beside_a_new_record(own: Path) -> None:
-    """Expected: with a page at first, then without one: as after the second alone."""
-    assert invoke("run", "heave_step", "--set", "loop.duration=0.3", "--report", "--out", "out").exit_code == 0
-    assert (own / "out" / "report.html").is_file()
+    """Expected: with page and figures at first, then without: as after the second alone."""
+    short = ("run", "heave_step", "--set", "loop.duration=0.3")
+    assert invoke(*short, "--report", "--figures", "--out", "out").exit_code == 0
+    assert {path.name for path in (own / "out").iterdir()} == FILES | FIGURES | {"report.html"}
     assert invoke("run", "heave_step", "--set", "loop.duration=0.3", "--out", "out").exit_code == 0
     assert {path.name for path in (own / "out").iterdir()} == FILES
 
 
 def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: the record first of all, what is missing named, and no figure of the run before."""
-    short = ("run", "heave_step", "--set", "loop.duration=0.3", "--out", "out")
+    short = ("run", "heave_step", "--set", "loop.duration=0.3", "--figures", "--out", "out")
     assert invoke(*short).exit_code == 0
 
     def fails(*_: object) -> None:
@@ -301,7 +304,7 @@ def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyP
     done = invoke(*short)
     assert done.exit_code == 1
     assert "No space left on device; out has record.parquet" in done.output
-    assert "missing: metrics.json, pose.png" in done.output
+    assert "missing: metrics.json, errors.pdf" in done.output
     assert {path.name for path in (own / "out").iterdir()} == {"record.parquet", "record.csv", "metadata.json"}
     assert read_record(own / "out").metadata["rows"] == 301
 

@@ -33,7 +33,7 @@ def test_umlauts_in_a_locale_of_ascii_and_the_backend_of_a_notebook_that_is_not_
     done = started(*arguments, cwd=tmp_path, **surroundings)
     assert done.returncode == 0, done.stderr
     assert read_record(tmp_path / "umläut").metadata["title"] == "Größe"
-    assert (tmp_path / "umläut" / "pose.png").is_file()
+    assert (tmp_path / "umläut" / "metrics.json").is_file()
 
 
 def test_a_folder_that_is_not_utf_8(tmp_path: Path) -> None:

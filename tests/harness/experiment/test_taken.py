@@ -123,7 +123,7 @@ def test_margins_in_plain_types_are_json() -> None:
 def test_the_files_of_a_run_read_back(tmp_path: Path) -> None:
     """Expected: the same table from the folder, all files that are named, and the page of the folder."""
     record = gs.run("circle", SHORT)
-    files = gs.save_record(record, tmp_path / "new" / "circle", report=True)
+    files = gs.save_record(record, tmp_path / "new" / "circle", report=True, figures=True)
     assert {path.name for path in files} == {path.name for path in (tmp_path / "new" / "circle").iterdir()}
     assert {"record.parquet", "metrics.json", "pose.svg", "report.html"} <= {path.name for path in files}
     assert gs.read_record(tmp_path / "new" / "circle").table.equals(record.table)
@@ -160,21 +160,20 @@ def test_feedforward_beyond_the_force_limit_is_said_with_leg_and_time() -> None:
     assert f"{forces.max():.4g} N of leg {leg + 1} at {free['time'][row]:.6g} s; its force limit is" in warning
 
 
-@pytest.mark.parametrize("report", [False, True])
-def test_files_that_could_not_be_written_are_named(
-    report: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: those of the set that was asked for, with or without the page, less the three of the record."""
+@pytest.mark.parametrize("more", [False, True])
+def test_files_that_could_not_be_written_are_named(more: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: those of the set that was asked for, with or without page and figures, less the three of the record."""
     record = gs.run("circle", SHORT)
 
-    def fails(_: gs.Record) -> dict[str, bytes]:
-        raise RuntimeError("no pictures today")
+    def fails(_: object) -> bytes:
+        raise RuntimeError("no numbers today")
 
-    monkeypatch.setattr("gough_stewart.harness.results.figures.run_figures", fails)
-    with pytest.raises(RuntimeError, match="no pictures today") as caught:
-        gs.save_record(record, tmp_path, report=report)
-    pictures = [f"{name}.{kind}" for name in ("pose", "errors", "forces", "legs") for kind in ("png", "svg")]
-    missing = ["metrics.json", *pictures, *(["report.html"] if report else [])]
+    monkeypatch.setattr("gough_stewart.harness.experiment.files.metrics_json", fails)
+    with pytest.raises(RuntimeError, match="no numbers today") as caught:
+        gs.save_record(record, tmp_path, report=more, figures=more)
+    names = ("errors", "pose", "actuators", "legs")
+    pictures = [f"{name}.{kind}" for name in names for kind in ("pdf", "png", "svg")]
+    missing = ["metrics.json", *([*pictures, "report.html"] if more else [])]
     (note,) = caught.value.__notes__
     there, _, rest = note.removeprefix(f"{tmp_path} has ").partition("; missing: ")
     assert rest == ", ".join(missing)

@@ -1,19 +1,18 @@
 """Figures of a report's charts: what is drawn, read back from matplotlib's axes."""
 
+import math
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 
-from gough_stewart.harness.report import figures as drawing
 from gough_stewart.harness.report.document import Axis, Chart, Mark, Report, Section, Series, Verdict, time_axis
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import colour_of
 from gough_stewart.harness.report.quantities import COUNT, DECIBEL, FORCE, FREQUENCY, LENGTH, SHARE
+from tests.support.drawn_figures import drawn
 
 _TIME = np.linspace(7.3, 9.3, 51)
 
@@ -31,17 +30,7 @@ def _report(*charts: Chart) -> Report:
 
 def _drawn(*charts: Chart) -> list[Any]:
     """The axes of all figures."""
-    found: list[Figure] = []
-
-    def noted(draw: Any, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
-        figure = Figure(figsize=(width, height), layout="constrained")
-        draw(figure)
-        found.append(figure)
-        return dict.fromkeys(kinds, b"")
-
-    with patch.object(drawing, "files_of", noted):
-        figures(_report(*charts))
-    return [axes for figure in found for axes in figure.axes]
+    return [axes for figure in drawn(_report(*charts)).values() for axes in figure]
 
 
 def test_each_group_is_a_figure_in_every_format_and_the_same_each_time() -> None:
@@ -58,14 +47,14 @@ def test_each_group_is_a_figure_in_every_format_and_the_same_each_time() -> None
 
 
 def test_values_are_in_the_unit_that_the_title_names() -> None:
-    limits = (Mark(2e-3, "limit"), Mark(-2e-3, "limit"), Mark(9.0, "far"), Mark(8.0, "worst", "vertical", "bad"))
+    limits = (Mark(2e-3, "limit"), Mark(-1.5e-3, "limit"), Mark(9.0, "far"), Mark(8.0, "worst", "vertical", "bad"))
     chart = Chart("error", time_axis(_TIME), (_series("x", 1e-3 * np.sin(_TIME), "error"),), marks=limits)
     (axes,) = _drawn(chart)
     assert (axes.get_title(loc="left") or axes.get_title(), axes.get_xlabel()) == ("error [mm]", "time [s]")
     line, *marks = axes.lines
     assert np.allclose(line.get_xdata(), _TIME)
     assert np.allclose(line.get_ydata(), np.sin(_TIME))
-    assert [float(each.get_ydata()[0]) for each in marks[:2]] == [2.0, -2.0]
+    assert [float(each.get_ydata()[0]) for each in marks[:2]] == [2.0, -1.5]
     assert float(marks[2].get_xdata()[0]) == 8.0
     assert len(marks) == 3
     assert to_hex(line.get_color()) == colour_of("error")
@@ -156,3 +145,17 @@ def test_a_heat_map_leaves_gaps_where_there_is_no_value() -> None:
     assert np.ma.getmaskarray(shown).tolist() == np.isnan(values).tolist()
     assert np.ma.filled(shown, 0).ravel()[5] == pytest.approx(60)
     assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x [mm]", "y [mm]", "volume [%]")
+
+
+@pytest.mark.parametrize("values", [[math.nan], [1e305, -1e305, 0], [1e-300, 0, 2e-300], [3.0, 3.0, 3.0], []])
+def test_odd_values_are_drawn(values: list[float]) -> None:
+    time = time_axis([7.3 + k for k in range(len(values))])
+    assert figures(_report(Chart("odd", time, (_series("x", values), _series("y", values)))), ("svg",))
+
+
+def test_what_did_not_go_well_is_in_the_title() -> None:
+    chart = Chart("x", time_axis(_TIME), (_series("x", _TIME),))
+    for status, is_said in (("good", False), ("bad", True), ("marginal", True), ("told", False)):
+        verdict: Any = Verdict("Diverged: leg 3 costs $5", status)  # type: ignore[arg-type]
+        drawing = figures(Report("a run", verdict, (Section("a", (chart,)),)), ("svg",))["x.svg"]
+        assert (b"Diverged: leg 3 costs $5" in drawing) == is_said

@@ -20,10 +20,9 @@ from lxml import html
 from typer.testing import Result
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
 from tests.support.commands import invoke
-from tests.support.metric_definitions import LEGS, defined_metrics
-from tests.support.svg_figures import Panel, panels_of
+from tests.support.drawn_figures import drawn
+from tests.support.metric_definitions import defined_metrics
 from tests.support.uneven import UNEVEN
 
 MACHINE = replace(
@@ -230,7 +229,7 @@ SHOWN_AS = {"mm": 1e3, "deg": 180 / np.pi}
 
 
 def values_in(cells: Sequence[str]) -> list[float | None]:
-    return [None if cell == "–" else float(cell.replace("−", "-")) for cell in cells]
+    return [None if cell == "–" else float(cell) for cell in cells]
 
 
 def by_unit(scale: float, values: Sequence[float | None]) -> list[Any]:
@@ -269,9 +268,9 @@ def test_the_command_prints_every_number_at_its_place_in_its_unit(
         scales = (1.0, 1e3) if is_length else (180 / np.pi, 180 / np.pi)
         shown = zip((*cells[:2], error), ("from", "to", "final_error"), (0, 0, 1), strict=True)
         for cell, key, kind in shown:
-            number, unit = cell.removeprefix("−").split()
+            number, unit = cell.split()
             assert unit == units[kind]
-            assert float(number) == pytest.approx(abs(scales[kind] * step[key]), rel=6e-4)
+            assert float(number) == pytest.approx(scales[kind] * step[key], rel=6e-4)
     assert not steps
     check_legs(legs, expected)
     printed = tables_in(str(gs.metrics(record)))
@@ -345,121 +344,34 @@ def test_tables_leave_out_what_a_record_lacks(record: gs.Record) -> None:
 # --- pictures --------------------------------------------------------------------------------------------------------
 
 
-def panels(done: tuple[Result, Path], name: str) -> tuple[list[Panel], list[str], dict[str, str]]:
-    return panels_of((done[1] / f"{name}.svg").read_bytes(), (0.0, 0.8))
-
-
-def is_drawn(line: FloatArray, time: FloatArray, values: FloatArray, panel: Panel) -> None:
-    """A line is that of these values, to a quarter of a point, between the ticks that it is read by."""
-    height = panel.y_view[1] - panel.y_view[0]
-    found = np.interp(time, line[:, 0], line[:, 1])
-    # where it is steep, a quarter of a point in time counts, too
-    slack = SEEN * height + 1e-3 * 0.8 * np.abs(np.gradient(values, time))
-    assert (np.abs(found - values) <= slack).all(), panel.title
-    assert (line[0, 0], line[-1, 0]) == pytest.approx((time[0], time[-1]), abs=1e-6)
-    assert (np.nanmin(line[:, 1]), np.nanmax(line[:, 1])) == pytest.approx(
-        (values.min(), values.max()), abs=SEEN * height
-    )
-
-
-def test_the_pose_is_drawn_with_its_reference(done: tuple[Result, Path], record: gs.Record) -> None:
-    """Expected: columns of the record in m and deg, read off by the ticks; six panels, each as high as its values."""
-    found, texts, legend = panels(done, "pose")
-    assert [panel.title for panel in found] == ["x [m]", "y [m]", "z [m]", "roll [deg]", "pitch [deg]", "yaw [deg]"]
-    assert texts == ["in trouble — pose", "time [s]"]
-    assert list(legend) == ["actual", "reference"]
-    for k, panel in enumerate(found):
-        name, scale = (POSE[0], 1.0) if k < 3 else (POSE[1], degrees(1))
-        values = [scale * record[column][:, k % 3] for column in (name, f"reference.{name}")]
-        assert panel.styles == [legend["actual"], legend["reference"]]
-        for line, each in zip(panel.lines, values, strict=True):
-            is_drawn(line, record["time"], each, panel)
-        low, high = min(map(np.min, values)), max(map(np.max, values))
-        margin = 0.06 * (high - low)
-        assert panel.y_view == pytest.approx((low - margin, high + margin), abs=SEEN * (high - low))
-        # labels are round numbers at their values, of times in the lower row alone
-        assert len(panel.y_ticks) >= 2
-        for value, text in panel.y_ticks.items():
-            assert float(text.replace("−", "-")) == pytest.approx(value, abs=1e-6 * (high - low))
-        assert list(panel.x_ticks.values()) == ([] if k < 3 else ["0.0", "0.2", "0.4", "0.6", "0.8"])
-
-
-def test_errors_are_drawn_by_axis_and_leg(done: tuple[Result, Path], record: gs.Record) -> None:
-    """Expected: columns of the record in mm and degrees; lines differ in colour and dashes, as the legend says."""
-    found, texts, _ = panels(done, "errors")
-    assert texts == ["in trouble — errors, reference − actual", "time [s]"]
-    kinds = {
-        "position [mm]": ("position", ["x", "y", "z"]),
-        "orientation [deg]": ("orientation", ["roll", "pitch", "yaw"]),
-        "leg length [mm]": ("leg_length", [f"leg {k}" for k in LEGS]),
-    }
-    assert [panel.title for panel in found] == list(kinds)
-    for panel in found:
-        name, lines = kinds[panel.title]
-        assert list(panel.legend) == lines
-        assert panel.styles == list(panel.legend.values())
-        assert len(set(panel.styles)) == len(lines)
-        for k, line in enumerate(panel.lines):
-            is_drawn(
-                line,
-                record["time"],
-                (180 / np.pi if name == "orientation" else 1e3) * record[f"error.{name}"][:, k],
-                panel,
-            )
-
-
-def test_forces_are_drawn_with_their_limits_and_flags(done: tuple[Result, Path], record: gs.Record) -> None:
-    """Expected: forces held from row to row, lines at ±88 N, and marks where the columns of flags are set."""
-    found, texts, legend = panels(done, "forces")
-    assert texts[0] == "in trouble — actuator forces"
-    assert list(legend) == ["force", "limit", "force limited", "rate limited"]
-    time, force = record["time"], record["actuator_force"]
-    middle = (time[1:] + time[:-1]) / 2
-    bucket = 1.5 * 0.8 / 200
-    for k, panel in enumerate(found):
-        assert panel.title == f"leg {k + 1} [N]"
-        assert panel.styles == [legend["force"], legend["limit"], legend["limit"]]
-        line = panel.lines[0]
-        shown = np.interp(middle, line[:, 0], line[:, 1])
-        assert np.abs(shown - force[:-1, k]).max() <= SEEN * 220
-        assert sorted(float(each[0, 1]) for each in panel.lines[1:]) == pytest.approx([-88, 88], abs=0.3)
-        # the same limits for all legs, above them room for the marks
-        assert panel.y_view == pytest.approx((-88 - 0.06 * 176, 88 + 0.16 * 176), abs=1.0)
-        for name, (low, high) in (("force limited", (0.955, 1.0)), ("rate limited", (0.9, 0.945))):
-            flag = record[f"flag.{name.replace(' ', '_')}"][:-1, k]
-            strips = [strip for strip in panel.strips if strip.colour == legend[name]]
-            for strip in strips:
-                assert (strip.low, strip.high) == pytest.approx((low, high), abs=1e-3)
-            marked = np.array([any(s.start <= t <= s.end for s in strips) for t in middle])
-            assert marked[flag].all()
-            near = np.array([flag[np.abs(middle - t) <= bucket].any() for t in middle])
-            assert not marked[~near].any()
-
-
-def test_leg_lengths_are_drawn_with_their_stroke(done: tuple[Result, Path], record: gs.Record) -> None:
-    """Expected: columns of the record; lines at 2.6 and 3.45 m; the same limits in all six panels."""
-    found, texts, legend = panels(done, "legs")
-    assert texts[0] == "in trouble — leg lengths"
-    assert list(legend) == ["actual", "reference", "stroke limit"]
-    for k, panel in enumerate(found):
-        assert panel.title == f"leg {k + 1} [m]"
-        assert panel.styles == [legend[name] for name in ("actual", "reference", "stroke limit", "stroke limit")]
-        for line, name in zip(panel.lines[:2], ("leg_length", "reference.leg_length"), strict=True):
-            is_drawn(line, record["time"], record[name][:, k], panel)
-        assert [float(each[0, 1]) for each in panel.lines[2:]] == pytest.approx([2.6, 3.45], abs=5e-3)
-        # labels of values once in a row, of times once in a column
-        assert bool(panel.y_ticks) == (k % 3 == 0)
-        assert bool(panel.x_ticks) == (k >= 3)
-
-
-def test_panels_stand_in_rows_without_touching(done: tuple[Result, Path]) -> None:
-    """Expected: three in a row, or one; equal sizes, all within the picture."""
-    for name, columns in (("pose", 3), ("errors", 1), ("forces", 3), ("legs", 3)):
-        boxes = np.array([panel.box for panel in panels(done, name)[0]]).reshape(-1, columns, 4)
-        widths, heights = boxes[..., 2] - boxes[..., 0], boxes[..., 3] - boxes[..., 1]
-        assert np.ptp(widths) < 1e-3
-        assert np.ptp(heights) < 1e-3
-        assert (boxes[:, 1:, 0] - boxes[:, :-1, 2] > 5).all()
-        assert (boxes[1:, :, 1] - boxes[:-1, :, 3] > 15).all()
-        assert boxes[..., 0].min() > 10
-        assert 400 < boxes[..., 2].max() < 576
+def test_figures_show_the_columns_of_the_record_with_their_limits(record: gs.Record) -> None:
+    """Expected: every line of the four figures is a column in the unit of its title; limits where they were set."""
+    figures = drawn(record.report())
+    assert list(figures) == ["errors", "pose", "actuators", "legs"]
+    assert [axes.get_title() for axes in figures["errors"]] == ["position error [mm]", "orientation error [deg]"]
+    for axes, name, scale in zip(figures["errors"], POSE, (1e3, degrees(1)), strict=True):
+        for k, line in enumerate(axes.lines):
+            assert np.allclose(line.get_xdata(), record["time"])
+            assert np.allclose(line.get_ydata(), scale * record[f"error.{name}"][:, k])
+    home = (MACHINE.home_position, MACHINE.home_orientation)
+    for k, axes in enumerate(figures["pose"]):
+        name, scale, zero = (POSE[0], 1e3, home[0][k % 3]) if k < 3 else (POSE[1], degrees(1), home[1][k % 3])
+        assert axes.get_title().endswith("[mm]" if k < 3 else "[deg]")
+        for line, column in zip(axes.lines, (name, f"reference.{name}"), strict=True):
+            assert np.allclose(line.get_ydata(), scale * (record[column][:, k % 3] - zero), atol=1e-9)
+    (forces,) = figures["actuators"]
+    lines, limits = forces.lines[:-2], [float(line.get_ydata()[0]) for line in forces.lines[-2:]]
+    assert sorted(limits) == [-88, 88]
+    assert len(lines) == 6
+    for k, line in enumerate(lines):
+        assert line.get_drawstyle() == "steps-post"
+        assert np.allclose(line.get_ydata(), record["actuator_force"][:, k])
+    for k, axes in enumerate(figures["legs"]):
+        actual, reference, *limit_lines = axes.lines
+        assert np.allclose(actual.get_ydata(), record["leg_length"][:, k])
+        assert np.allclose(reference.get_ydata(), record["reference.leg_length"][:, k])
+        values = np.concatenate([actual.get_ydata(), reference.get_ydata()])
+        # with 5 % of room on both sides; farther limits would flatten the lines
+        low, high, span = values.min(), values.max(), 1.1 * np.ptp(values)
+        near = [limit for limit in (2.6, 3.45) if low - 2.05 * span < limit < high + 2.05 * span]
+        assert [float(line.get_ydata()[0]) for line in limit_lines] == near
