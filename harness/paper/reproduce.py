@@ -19,8 +19,8 @@ from gough_stewart.harness.paper import figures, readings, report
 from gough_stewart.harness.paper.agreement import agreement, of_fmus
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.results.record import Record, plain
-from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
 from gough_stewart.model.platform import Platform
@@ -179,7 +179,7 @@ def reproduce(
             **fmus,
         }
         if page:
-            files[PAGE] = view_page([record_of_case(case, kernel)], [case.title], [report.agreement_sheet(content)])
+            files[PAGE] = page_of(report.report_of_case(content, record_of_case(case, kernel)))
     return Reproduction(content, files)
 
 

@@ -1,40 +1,126 @@
-"""Metrics of several runs side by side."""
+"""Several runs side by side, as a report: what differs between their files, their metrics, and their differences."""
 
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from gough_stewart.harness.output.colours import COLOURS
+import numpy as np
+
 from gough_stewart.harness.output.tables import quantity_text
+from gough_stewart.harness.report.document import (
+    Axis,
+    Cell,
+    Chart,
+    Column,
+    Note,
+    Number,
+    Report,
+    Section,
+    Series,
+    Setting,
+    Table,
+    Verdict,
+)
+from gough_stewart.harness.report.quantities import LENGTH
+from gough_stewart.harness.report.words import at_most, listed
+from gough_stewart.harness.results.circumstances import parameters_table, plain_text, run_table, versions_table
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of, shown_metric
-from gough_stewart.harness.results.metrics import flattened
+from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.outcome import is_sound, outcome_text
-from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.record import Record, platform_of
+from gough_stewart.harness.results.run_charts import Shown, run_charts, scenes
+from gough_stewart.harness.results.tables import metrics_tables
+from gough_stewart.model.vectors import FloatArray
 
-_BEST = '<span class="best">★</span> '
+_BEST = "★ "
+_PEAK = "tracking.position.norm_peak"
+# Times of two clocks closer than this are the same, computed differently [s].
+_SAME_TIME = 1e-9
 
 
-def comparison_table(records: Sequence[Record], metrics: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
-    """A table with one column per run, in HTML.
+def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: str) -> Report:
+    """The report of several runs; charts show the runs over each other, and each run minus the first."""
+    names, found = tuple(each.name for each in shown), [metrics(record) for record in records]
+    first, others = run_charts(shown)
+    sections = [
+        Section("Motion", tuple(scenes(shown))),
+        Section("Metrics side by side", (side_by_side(records, found, names),)),
+        first,
+        Section(f"Differences from {names[0]}", tuple(differences(first, names))),
+        others,
+    ]
+    for record, each, measured in zip(records, shown, found, strict=True):
+        believed = platform_of(record)
+        tables = (*metrics_tables(measured), run_table(record, believed), parameters_table(each.machine, believed))
+        sections.append(Section(f"{each.name}: all metrics, run, parameters", (*tables, versions_table(record)), True))
+    return Report(
+        title,
+        _verdict(records, found, names),
+        tuple(each for each in sections if each.parts),
+        study="compare",
+        settings=differing_settings(records),
+        runs=names,
+        notes=tuple(
+            Note(f"{name}: {outcome_text(each['outcome'])}", "warning")
+            for name, each in zip(names, found, strict=True)
+            if not is_sound(each["outcome"])
+        ),
+    )
+
+
+def _verdict(records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Verdict:
+    """Which run follows best, if all had the same task and completed it."""
+    peaks = [((each["tracking"] or {}).get("position") or {}).get("norm_peak") for each in found]
+    numbers = tuple(
+        Number("", f"position error, peak: {name}", peak, LENGTH)
+        for name, peak in zip(names, peaks, strict=True)
+        if peak is not None
+    )
+    if not all(is_sound(each["outcome"]) for each in found):
+        ended = [name for name, each in zip(names, found, strict=True) if not is_sound(each["outcome"])]
+        return Verdict(f"{listed(ended)} did not end well; the others are side by side below", "marginal", numbers)
+    if not has_same_task(records):
+        return Verdict("The runs have different references or durations, so that none is best", "told", numbers)
+    top = best(_PEAK, [None if peak is None else 1e3 * peak for peak in peaks])
+    if not top:
+        return Verdict(f"{listed(names)} follow equally well", "told", numbers)
+    known = {k: peak for k, peak in enumerate(peaks) if peak is not None}
+    last = max(known, key=lambda k: known[k])
+    leaders = listed([names[k] for k in sorted(top)])
+    follow = "follows" if len(top) == 1 else "follow"
+    return Verdict(
+        f"{leaders} {follow} best, within {at_most(LENGTH, known[min(top)])}; {names[last]} within "
+        f"{at_most(LENGTH, known[last])}",
+        "told",
+        numbers,
+    )
+
+
+def side_by_side(records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
+    """The metrics of the runs, one column each.
 
     The best values of a row are marked if all runs have the same reference and duration, all completed, and no loop
     oscillates or grows by itself.
     """
-    flat = [flattened(each) for each in metrics]
+    flat = [flattened(each) for each in found]
     paths = dict.fromkeys(path for each in flat for path in each)
-    heads = "".join(
-        f'<th scope="col"><span class="swatch" style="background:{COLOURS[k]}"></span>{escape(name)}</th>'
-        for k, name in enumerate(names)
-    )
-    outcomes = "".join(f"<td>{escape(outcome_text(each['outcome']))}</td>" for each in metrics)
-    rows = [f'<tr><th scope="row">outcome</th>{outcomes}</tr>']
-    marks = _same_task(records) and all(is_sound(each["outcome"]) for each in metrics)
+    marks = has_same_task(records) and all(is_sound(each["outcome"]) for each in found)
+    rows: list[tuple[Cell, ...]] = [("outcome", *(outcome_text(each["outcome"]) for each in found))]
     for path in (metric.path for metric in METRICS if metric.is_compared and metric.path in paths):
         rows.append(_row(path, [each.get(path) for each in flat], marks))
-    note = ' <span class="unit">★ best of the row</span>' if marks else ""
-    caption = f"<caption>Runs side by side{note}</caption>"
-    head = f"<thead><tr><td></td>{heads}</tr></thead>"
-    return f'<table class="comparison">{caption}{head}<tbody>{"".join(rows)}</tbody></table>'
+    note = f"{_BEST.strip()} is the best of its row." if marks else ""
+    return Table("", (Column(""), *map(Column, names)), tuple(rows), note=note)
+
+
+def _row(path: str, values: Sequence[float | None], marks: bool) -> tuple[Cell, ...]:
+    shown = shown_metric(path)
+    scaled = [None if value is None else shown.factor * value for value in values]
+    tops = best(path, scaled) if marks else set()
+    head = f"{shown.text} [{shown.unit}]" if shown.unit else shown.text
+    return (
+        head,
+        *(f"{_BEST if k in tops else ''}{quantity_text(value, shown.unit)}" for k, value in enumerate(scaled)),
+    )
 
 
 def best(path: str, values: Sequence[float | None]) -> set[int]:
@@ -52,22 +138,90 @@ def best(path: str, values: Sequence[float | None]) -> set[int]:
     return found if len(found) < len(known) else set()
 
 
-def _row(path: str, values: Sequence[float | None], marks: bool) -> str:
-    shown = shown_metric(path)
-    scaled = [None if value is None else shown.factor * value for value in values]
-    tops = best(path, scaled) if marks else set()
-    cells = (
-        f"<td>{_BEST if k in tops else ''}{escape(quantity_text(value, shown.unit))}</td>"
-        for k, value in enumerate(scaled)
-    )
-    unit = f' <span class="unit">{escape(shown.unit)}</span>' if shown.unit else ""
-    return f'<tr><th scope="row">{escape(shown.text)}{unit}</th>{"".join(cells)}</tr>'
-
-
-def _same_task(records: Sequence[Record]) -> bool:
+def has_same_task(records: Sequence[Record]) -> bool:
+    """Whether all runs had the same reference for the same time."""
     first = records[0].metadata
     return all(
         each.metadata.get("duration") == first.get("duration")
         and (each.metadata.get("experiment") or {}).get("reference") == (first.get("experiment") or {}).get("reference")
         for each in records
     )
+
+
+def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
+    """The keys of the runs' files, and the parameters of their machines, that are not the same in all runs."""
+    files = []
+    for record in records:
+        metadata = record.metadata
+        own = {
+            "plant": metadata.get("plant"),
+            "experiment": metadata.get("experiment"),
+            "machine": metadata["platform"],
+        }
+        files.append(dict(_flat(own)))
+    keys = dict.fromkeys(key for each in files for key in each)
+    rows = [(key, [plain_text(each[key]) if key in each else "–" for each in files]) for key in keys]
+    return tuple(
+        Setting(key.removeprefix("experiment."), tuple(values)) for key, values in rows if len(set(values)) > 1
+    )
+
+
+def _flat(value: Any, path: str = "") -> list[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        return [pair for key, each in value.items() for pair in _flat(each, f"{path}.{key}" if path else str(key))]
+    if isinstance(value, list) and value and isinstance(value[0], Mapping):
+        return [pair for k, each in enumerate(value) for pair in _flat(each, f"{path}[{k + 1}]")]
+    return [] if value is None else [(path, value)]
+
+
+def differences(section: Section, names: Sequence[str]) -> list[Chart]:
+    """The charts of a section with every other run minus the first, component by component."""
+    found = []
+    for chart in section.parts:
+        if not isinstance(chart, Chart):
+            continue
+        firsts = {(each.role, each.component): each for each in chart.series if each.run == 0}
+        series = []
+        for each in chart.series:
+            first = firsts.get((each.role, each.component))
+            if not each.run or first is None or each.role == "reference":
+                continue
+            times = (chart.x_of(first), chart.x_of(each))
+            common, values = difference(times, (first.values, each.values), chart.kind == "step")
+            if len(common):
+                name = f"{names[each.run]}: {each.component}"
+                series.append(replace(each, name=name, values=values, x=common, role="error"))
+        if series:
+            y = Axis("difference", series[0].quantity)
+            found.append(Chart(f"{chart.title}, difference", _axis_of(chart, series), tuple(series), chart.kind, y))
+    return found
+
+
+def _axis_of(chart: Chart, series: Sequence[Series]) -> Axis:
+    longest = max((each.x for each in series if each.x is not None), key=len)
+    return replace(chart.x, values=longest)
+
+
+def difference(
+    time: tuple[FloatArray, FloatArray], values: tuple[FloatArray, FloatArray], holds: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """The second of two arrays (n,) and (m,) minus the first, at the times of both in their common span.
+
+    Between rows, values are interpolated linearly, or held if `holds`. Without a common span there are no times.
+    """
+    if np.array_equal(*time):
+        return time[0], values[1] - values[0]
+    common = np.union1d(*time)
+    # the last of those that are the same, at which both records have that row
+    common = common[np.append(np.diff(common) > _SAME_TIME, True)]
+    start, end = (pick(float(each[at]) for each in time) for pick, at in ((max, 0), (min, -1)))
+    common = common[(common >= start) & (common <= end + _SAME_TIME)]
+    first, second = (_at(common, each, held, holds) for each, held in zip(time, values, strict=True))
+    return common, second - first
+
+
+def _at(common: FloatArray, time: FloatArray, values: FloatArray, holds: bool) -> FloatArray:
+    if holds:
+        held: FloatArray = values[np.searchsorted(time, common, side="right") - 1]
+        return held
+    return np.interp(common, time, values)

@@ -15,7 +15,7 @@ from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.model_description import Identity
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.documentation import documentation_page
-from gough_stewart.harness.view.tables import parameters_sheet
+from gough_stewart.harness.results.circumstances import parameters_table
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -251,10 +251,8 @@ def test_the_units_page_names_every_parameter_and_which_are_tunable(uneven: Plat
 
 
 def test_the_page_of_records_shows_every_parameter_with_its_unit(uneven: Platform) -> None:
-    rows = {
-        getattr(first, "what", first): getattr(first, "unit", None)
-        for first, *_ in parameters_sheet(uneven, uneven).rows
-    }
+    heads = [str(first).removesuffix("]").partition(" [") for first, *_ in parameters_table(uneven, uneven).rows]
+    rows = {name: unit for name, _, unit in heads}
     assert {name: rows[name] for name in ALL} == {name: expected.unit for name, expected in ALL.items()}
 
 

@@ -49,6 +49,8 @@ def open_report(browser: Browser, path: Path, moment: float | None = None) -> Wa
     found = watched(browser)
     found.page.goto(path.as_uri() + ("" if moment is None else f"#t={moment}"))
     until(found.page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
+    # the options of the view are a click away
+    found.page.evaluate("document.querySelectorAll('.stage-options').forEach((each) => { each.open = true; })")
     return found
 
 

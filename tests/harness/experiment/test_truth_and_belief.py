@@ -14,8 +14,8 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.results.circumstances import parameters_table
 from gough_stewart.harness.results.record import machine_of, platform_of
-from gough_stewart.harness.view.tables import parameters_sheet
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform_toml import load_preset
@@ -200,10 +200,10 @@ def test_jitter_and_the_encoders_clock_come_from_the_file() -> None:
 def test_the_page_shows_the_machine_and_what_was_believed_of_it_otherwise() -> None:
     """Expected: both masses in one row; nothing beside what agrees."""
     record = run(experiment_with({"platform_mass": 777.0}, loop={"duration": 0.01}))
-    sheet = parameters_sheet(machine_of(record), platform_of(record))
+    sheet = parameters_table(machine_of(record), platform_of(record))
     rows = {str(row[0]): [str(cell) for cell in row[1:]] for row in sheet.rows}
     mass = next(row for name, row in rows.items() if "platform_mass" in name)
     assert mass == ["777", f"{load_preset('motion_base').platform_mass:g}"]
     assert next(row for name, row in rows.items() if "base_points" in name)[1] == ""
     same = run(experiment_with({}, loop={"duration": 0.01}))
-    assert all(len(row) == 2 for row in parameters_sheet(machine_of(same), platform_of(same)).rows)
+    assert all(len(row) == 2 for row in parameters_table(machine_of(same), platform_of(same)).rows)

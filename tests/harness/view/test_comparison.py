@@ -1,32 +1,36 @@
-"""Metrics of several runs side by side."""
+"""Several runs side by side: metrics, what differs between their files, and differences of their signals."""
 
+from dataclasses import replace
 from typing import Any
 
-import lxml.html
 import numpy as np
 import pytest
 
-from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.tables import quantity_text
+from gough_stewart.harness.report.document import Chart, Report, Table
 from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.comparison import best, comparison_table
-from gough_stewart.harness.view.tables import limits_sheet
+from gough_stewart.harness.results.record import Record, plain
+from gough_stewart.harness.view.comparison import best, difference, differing_settings, side_by_side
+from gough_stewart.harness.view.page import view_report
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.records import oscillating, says_it_oscillates, waving_record
+from tests.support.uneven_records import record_of
 
 
-def rows_of(records: list[Record]) -> tuple[list[str], dict[str, list[str]]]:
+def cells_of(table: Table) -> dict[str, tuple[str, ...]]:
+    return {table.texts(k)[0]: table.texts(k)[1:] for k in range(len(table.rows))}
+
+
+def rows_of(records: list[Record]) -> tuple[list[str], dict[str, tuple[str, ...]]]:
     names = [f"run <{k}>" for k in range(len(records))]
-    table: Any = lxml.html.fromstring(comparison_table(records, [metrics(each) for each in records], names))
-    heads = [head.text_content() for head in table.xpath("thead//th")]
-    swatches = table.xpath("thead//*[@class='swatch']/@style")
-    assert swatches == [f"background:{colour}" for colour in COLOURS[: len(records)]]
-    rows = {
-        row.xpath("th")[0].text_content(): [c.text_content() for c in row.xpath("td")]
-        for row in table.xpath("tbody/tr")
-    }
-    return heads, rows
+    table = side_by_side(records, [metrics(each) for each in records], names)
+    return [column.name for column in table.columns], cells_of(table)
+
+
+def charts_of(report: Report, section: str) -> dict[str, Chart]:
+    (found,) = (each for each in report.sections if each.title == section)
+    return {part.title: part for part in found.parts if isinstance(part, Chart)}
 
 
 def test_each_run_has_a_column_and_the_best_values_are_marked() -> None:
@@ -34,13 +38,30 @@ def test_each_run_has_a_column_and_the_best_values_are_marked() -> None:
     base = load_preset("motion_base")
     records = [waving_record(base, size=size) for size in (0.04, 0.02)]
     heads, rows = rows_of(records)
-    assert heads == ["run <0>", "run <1>"]
+    assert heads == ["", "run <0>", "run <1>"]
     peaks = [1e3 * np.linalg.norm(each["error.position"], axis=1).max() for each in records]
-    shown = rows["position error, peak mm"]
+    shown = rows["position error, peak [mm]"]
     assert [float(text.removeprefix("★ ")) for text in shown] == pytest.approx(peaks, rel=1e-3)
     assert [text.startswith("★") for text in shown] == [False, True]
-    assert [text.startswith("★") for text in rows["stroke margin mm"]] == [False, True]
-    assert not any("★" in text for text in (*rows["peak force N"], *rows["outcome"], *rows["work, net J"]))
+    assert [text.startswith("★") for text in rows["stroke margin [mm]"]] == [False, True]
+    assert not any("★" in text for text in (*rows["peak force [N]"], *rows["outcome"], *rows["work, net [J]"]))
+
+
+def test_the_verdict_names_the_run_that_follows_best() -> None:
+    """Expected: of peaks found from the columns, the smallest first and the largest last, in mm, rounded up."""
+    base = load_preset("motion_base")
+    records = [waving_record(base, size=size) for size in (0.03, 0.02, 0.04)]
+    report = view_report(records, ["a", "b", "c"])
+    peaks = [np.linalg.norm(each["error.position"], axis=1).max() for each in records]
+    assert [number.value for number in report.verdict.numbers] == pytest.approx(peaks)
+    first, _, last = report.verdict.text.partition("; ")
+    assert first.startswith("b follows best, within ")
+    assert last.startswith("c within ")
+    for text, peak in ((first, peaks[1]), (last, peaks[2])):
+        shown = float(text.split()[-2])
+        assert 1e3 * peak <= shown <= 1.1e3 * peak
+    later = Record(records[1].table, {**records[1].metadata, "duration": 7.0})
+    assert "none is best" in view_report([records[0], later], ["a", "b"]).verdict.text
 
 
 @pytest.mark.parametrize(
@@ -53,20 +74,27 @@ def test_each_run_has_a_column_and_the_best_values_are_marked() -> None:
 )
 def test_nothing_is_best_where_runs_had_different_tasks_or_did_not_complete(other: dict[str, Any]) -> None:
     base = load_preset("motion_base")
-    _, rows = rows_of([waving_record(base, size=0.04), waving_record(base, size=0.02, **other)])
+    records = [waving_record(base, size=0.04), waving_record(base, size=0.02, **other)]
+    _, rows = rows_of(records)
     assert not any("★" in text for row in rows.values() for text in row)
+    assert "best" not in view_report(records, ["a", "b"]).verdict.text.replace("none is best", "")
 
 
 def test_nothing_is_best_where_a_loop_oscillates_and_its_outcome_says_so() -> None:
     """Expected: an error of leg 5 made of 40 Hz and 3 mm, in words; the other run completed and is named as such."""
     base = load_preset("motion_base")
     sound = waving_record(base, size=0.0)
-    heads, rows = rows_of([sound, oscillating(sound)])
-    assert heads == ["run <0>", "run <1>"]
+    _, rows = rows_of([sound, oscillating(sound)])
     outcomes = rows["outcome"]
     assert outcomes[0] == "completed at 0.5 s"
     assert says_it_oscillates(outcomes[1])
     assert not any("★" in text for row in rows.values() for text in row)
+    report = view_report([sound, oscillating(sound)], ["still", "shaking"])
+    (note,) = report.notes
+    assert note.kind == "warning"
+    assert note.text.startswith("shaking: ")
+    assert says_it_oscillates(note.text.removeprefix("shaking: "))
+    assert report.verdict.status == "marginal"
 
 
 def test_values_that_read_alike_are_equally_good() -> None:
@@ -80,16 +108,131 @@ def test_values_that_read_alike_are_equally_good() -> None:
 
 
 def test_what_is_less_than_the_least_of_its_unit_is_shown_as_less() -> None:
-    """Expected: of 1.9e-11 mm that it is below 0.001 mm; all else as it is; so also shares of limits."""
+    """Expected: of 1.9e-11 mm that it is below 0.001 mm; all else as it is."""
     assert quantity_text(-1.9e-11, "mm") == "< 0.001"
     assert [quantity_text(value, "mm") for value in (0.0, 0.001, -0.5, None)] == ["0", "0.001", "-0.5", "–"]
     assert quantity_text(1e-9, "") == "1e-09"
+
+
+def test_what_differs_between_the_files_comes_first() -> None:
+    """Expected: the keys with other values, of tables, lists and machines; nothing that all have."""
     base = load_preset("motion_base")
-    still = waving_record(base, rows=5, size=0.0)
-    record = Record(
-        still.table.with_columns(**{f"leg_velocity[{k}]": np.full(5, 1e-9) for k in range(1, 7)}), still.metadata
-    )
-    sheet = limits_sheet(record, base)
-    assert sheet is not None
-    shown = {getattr(row[0], "what", row[0]): row[1:] for row in sheet.rows}
-    assert shown["velocity, most of its limit"] == ("< 0.001",) * 6
+    heavy = replace(base, platform_mass=1300.0)
+    files = [
+        {"controller": {"bandwidth": 2.0, "type": "pd"}, "disturbance": [{"at": 0.1}, {"at": 0.2}]},
+        {"controller": {"bandwidth": 4.0, "type": "pd"}, "disturbance": [{"at": 0.1}, {"at": 0.3}]},
+        {"controller": {"bandwidth": 4.0, "type": "pd", "damping": 0.7}, "disturbance": [{"at": 0.1}, {"at": 0.2}]},
+    ]
+    records = [waving_record(base, rows=9, experiment=file) for file in files]
+    records[2] = Record(records[2].table, {**records[2].metadata, "platform": plain(heavy)})
+    found = {each.key: each.values for each in differing_settings(records)}
+    assert found == {
+        "controller.bandwidth": ("2", "4", "4"),
+        "disturbance[2].at": ("0.2", "0.3", "0.2"),
+        "controller.damping": ("–", "–", "0.7"),
+        "machine.platform_mass": (f"{base.platform_mass:.6g}", f"{base.platform_mass:.6g}", "1300"),
+    }
+    assert view_report(records, ["a", "b", "c"]).settings == differing_settings(records)
+
+
+def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
+    """Expected: three runs with the numbers of their metrics in words and units; the best marked of those that rank."""
+    records = [record_of(0.03), record_of(0.02), record_of(0.025)]
+    found = [metrics(each) for each in records]
+    table = side_by_side(records, found, ["a", "b", "c"])
+    assert table.note == "★ is the best of its row."
+    rows = cells_of(table)
+    # by the words that are shown: path in the metrics, factor, and which run is best
+    words = {
+        "position error, RMS [mm]": (("tracking", "position", "norm_rms"), 1e3, 1),
+        "position error, peak [mm]": (("tracking", "position", "norm_peak"), 1e3, 1),
+        "orientation error, RMS [deg]": (("tracking", "orientation", "norm_rms"), 180 / np.pi, 1),
+        "orientation error, peak [deg]": (("tracking", "orientation", "norm_peak"), 180 / np.pi, 1),
+        "stroke margin [mm]": (("stroke", "margin"), 1e3, 1),
+        "work, net [J]": (("energy", "net_total"), 1.0, None),
+        "work, absolute [J]": (("energy", "absolute_total"), 1.0, 1),
+    }
+    for name, (path, factor, top) in words.items():
+        values: list[Any] = list(found)
+        for key in path:
+            values = [value[key] for value in values]
+        texts = rows[name]
+        assert [float(text.removeprefix("★ ")) for text in texts] == pytest.approx(
+            [factor * value for value in values], rel=1e-3
+        ), name
+        assert [text.startswith("★") for text in texts] == [k == top for k in range(3)], name
+    assert list(rows)[:5] == ["outcome", *list(words)[:4]]
+    step = {"axis": "z", "from": 1.0, "to": 1.05, "at": 7.4, "overshoot_percent": 12.5, "rise_time": 0.1}
+    stepped = {**found[0], "step_response": [{**step, "settling_time": 0.3, "final_error": 1.5e-3}]}
+    cells = {name: row[0] for name, row in cells_of(side_by_side([records[0]], [stepped], ["a"])).items()}
+    of_axes = [
+        f"{what} error, {kind} [{unit}]"
+        for what, unit in (("position", "mm"), ("orientation", "deg"))
+        for kind in ("RMS", "peak")
+    ]
+    assert list(cells) == [
+        "outcome", *of_axes, "leg error, RMS [mm]", "leg error, peak [mm]",
+        "z: overshoot [%]", "z: rise time [s]", "z: settling time [s]", "z: final error [mm]",
+        "peak force [N]", "RMS force [N]", "peak power [W]", "mean power [W]", "work, absolute [J]", "work, net [J]",
+        "force limited [%]", "rate limited [%]", "stroke margin [mm]", "beyond stroke [%]",
+        "leg velocity, of its limit [%]", "actuator force, of its limit [%]", "actuator power, of its limit [%]",
+    ]  # fmt: skip
+    names = ("overshoot [%]", "rise time [s]", "settling time [s]", "final error [mm]")
+    assert [cells[f"z: {name}"] for name in names] == ["12.5", "0.1", "0.3", "1.5"]
+    assert cells["rate limited [%]"] == f"{100 * found[0]['saturation']['rate_limited']['any']:.4g}"
+
+
+def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None:
+    """Expected: of two records with other clocks, six sines that differ by a sine; colours by run, names by component.
+
+    A row's straight line is off by (2π f h)²/8 of the amplitude at most.
+    """
+    platform: Platform = load_preset("motion_base")
+    records = [waving_record(platform, rows=501, size=0.04), waving_record(platform, rows=251, size=0.03, step=1.7e-3)]
+    report = view_report(records, ["long", "short"])
+    position = charts_of(report, "Over time")["position from home"]
+    actual = [each for each in position.series if each.role == "actual"]
+    assert [(each.run, each.component) for each in actual] == [(run, axis) for run in (0, 1) for axis in "xyz"]
+    assert np.array_equal(position.x_of(actual[5]), records[1]["time"])
+    change = charts_of(report, "Differences from long")["position from home, difference"]
+    assert {each.run for each in change.series} == {1}
+    (z,) = (each for each in change.series if each.component == "z")
+    time = change.x_of(z)
+    assert time[-1] == pytest.approx(250 * 1.7e-3)
+    amplitude = platform.characteristic_length * (0.03 - 0.04)
+    bound = 0.07 * platform.characteristic_length * (2 * np.pi * 1.7e-3) ** 2 / 8
+    assert z.values == pytest.approx(amplitude * np.sin(2 * np.pi * time), abs=bound)
+    assert np.ptp(z.values) > 100 * bound
+    assert not [each for each in change.series if each.role == "reference"]
+    (first, second) = (part for part in report.parts() if type(part).__name__ == "Scene")
+    assert (first.run, second.run) == (0, 1)  # type: ignore[union-attr]
+
+
+def test_a_difference_is_of_the_times_that_both_records_span() -> None:
+    """Expected: of two straight lines 3 + 2t and 1 − t the line −2 − 3t, at the times of both from 0.5 s to 1 s."""
+    one, other = np.arange(0, 1.01, 0.25), np.arange(0.5, 2, 0.2)
+    lines = (3 + 2 * one, 1 - other)
+    time, values = difference((one, other), lines)
+    assert time == pytest.approx([0.5, 0.7, 0.75, 0.9, 1.0])
+    assert values == pytest.approx(-2 - 3 * time)
+    assert len(difference((one, other + 5), lines)[0]) == 0
+    same, gap = difference((one, one), (np.zeros(5), np.ones(5)))
+    assert (same.tolist(), gap.tolist()) == (one.tolist(), [1.0] * 5)
+
+
+def test_a_flag_holds_in_a_difference() -> None:
+    """Expected: the first flag is up from 0.2 s to 0.4 s, the other never, and nothing is between 0 and 1."""
+    one, other = np.array([0.0, 0.2, 0.4]), np.array([0.0, 0.3, 0.4])
+    time, values = difference((one, other), (np.array([0.0, 1.0, 0.0]), np.zeros(3)), holds=True)
+    assert dict(zip(time, values, strict=True)) == {0.0: 0.0, 0.2: -1.0, 0.3: -1.0, 0.4: 0.0}
+
+
+def test_clocks_that_agree_but_for_rounding_have_the_same_rows() -> None:
+    """Expected: tenths as multiples and as sums differ in the last bits; equal flags have no difference at any row."""
+    one, other = np.linspace(0.0, 1.1, 12), np.cumsum(np.full(12, 0.1)) - 0.1
+    assert not np.array_equal(one, other)
+    flags = (np.arange(12.0) % 3 == 0).astype(float)
+    time, values = difference((one, other), (flags, flags), holds=True)
+    assert time == pytest.approx(one)
+    assert not values.any()
+    assert difference((one, other), (one, 3 * other))[1] == pytest.approx(2 * one)

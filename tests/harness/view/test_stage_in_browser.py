@@ -10,7 +10,7 @@ from PIL import Image
 from playwright.sync_api import Browser
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.output.colours import COLOURS
+from gough_stewart.harness.report.palette import colour_of_six
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.platform import Platform
@@ -68,7 +68,7 @@ def test_colour_tells_the_run(two: Watched) -> None:
     """Expected: legs and path in the run's colour; a plate of the same hue, lighter: on the line from it to white."""
     assert two.page.input_value("#colour") == "run"
     for run in (0, 1):
-        shown, colour = drawn(two.page, run), rgb_of(COLOURS[run])
+        shown, colour = drawn(two.page, run), rgb_of(colour_of_six(run))
         for leg in shown["legs"]:
             assert leg["colour"] == pytest.approx(colour, abs=1e-6)
         assert shown["pathColour"] == pytest.approx(colour, abs=1e-6)
@@ -95,7 +95,7 @@ def test_the_platform_and_the_base_throw_shadows(two: Watched, record: Record, p
     place = seen(page, shadow[None])
     with_machines = at(pixels(page), place)
     for run in (0, 1):
-        page.uncheck(f"input[data-record='{run}']")
+        page.uncheck(f"#runs input >> nth={run}")
     without = at(pixels(page), place)
     assert with_machines.mean() < 0.8 * without.mean()
     # of the base's edges, the one whose outward normal goes most with the rays
@@ -112,7 +112,7 @@ def test_the_platform_and_the_base_throw_shadows(two: Watched, record: Record, p
     light = at(picture, seen(page, np.array(line))).mean(axis=1)
     assert light[:15].min() < np.median(light[30:]) - 10
     for run in (0, 1):
-        page.check(f"input[data-record='{run}']")
+        page.check(f"#runs input >> nth={run}")
     for box in ("ghost", "frames", "trail"):
         page.check(f"#{box}")
     page.select_option("#from", "corner")

@@ -24,7 +24,7 @@
     const pen = canvas.getContext("2d"), pixel = width / across;
     const sky = pen.createLinearGradient(0, 0, 0, height);
     sky.addColorStop(0, theme.paper);
-    sky.addColorStop(1, theme.card);
+    sky.addColorStop(1, theme.paper);
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.fillStyle = sky;
     pen.fillRect(0, 0, width, height);
@@ -33,10 +33,9 @@
     pen.drawImage(source, 0, 0, width, height);
     pen.setTransform(pixel, 0, 0, pixel, 0, 0);
     pen.font = `13px ${FONT}`;
-    const boxes = [...document.querySelectorAll("input[data-record]")];
-    const runs = GS.records.length > 1 ? GS.records.filter((_, k) => !boxes[k] || boxes[k].checked) : [];
+    const runs = GS.records.length > 1 ? GS.records.filter((r) => !GS.runsHidden(r.run)) : [];
     const note = $("enlarged").hidden ? [] : [[$("enlarged").textContent]];
-    write(pen, [...note, ...runs.map((r) => [r.name, GS.page.colours[r.index]])], 12, 22, theme.ink);
+    write(pen, [...note, ...runs.map((r) => [r.name, theme.six[r.run % 6]])], 12, 22, theme.ink);
     pen.textAlign = "right";
     write(pen, [[$("clock").textContent]], across - 12, 22, theme.ink);
     pen.textAlign = "left";
@@ -66,6 +65,6 @@
   GS.savePicture = (view) => {
     const canvas = document.createElement("canvas");
     GS.compose(view, canvas, 2 * view.canvas.clientWidth);
-    canvas.toBlob((blob) => GS.save(blob, `-${GS.player.time.toFixed(3)}s.png`), "image/png");
+    canvas.toBlob((blob) => GS.save(blob, `-${GS.state.time.toFixed(3)}s.png`), "image/png");
   };
 })();

@@ -1,21 +1,20 @@
 "use strict";
-// The records of the page, and poses between their frames.
+// The scenes of the page, and poses between their frames.
 (() => {
-  const { numbers, page } = GoughStewart;
-  const read = (scene, index) => {
-    const record = { ...scene, index };
-    for (const name of ["time", "pose", "reference", "orientation", "length", "force", "external_force"]) {
-      record[name] = scene[name] && numbers(scene[name]);
+  const GS = GoughStewart, NAMES = { leg_length: "length", actuator_force: "force" };
+  GS.records = [];
+  // Unpacks all scenes; `stage` builds what is drawn from them.
+  GS.unpackScenes = async () => {
+    for (const [index, scene] of GS.page.scenes.entries()) {
+      const record = { ...scene, index, run: scene.run ?? index, reference: null, force: null, external_force: null, orientation: null };
+      await Promise.all(Object.entries(scene.arrays).map(async ([name, number]) => { record[NAMES[name] || name] = await GS.array(number); }));
+      if (record.nearness) record.nearness = { of: scene.nearnessOf, values: record.nearness };
+      GS.records.push(record);
     }
-    if (scene.nearness) record.nearness = { of: scene.nearness.of, values: numbers(scene.nearness.values) };
-    return record;
   };
-  GoughStewart.records = page.scenes.map(read);
-  GoughStewart.start = Math.min(...GoughStewart.records.map((r) => r.time[0]));
-  GoughStewart.end = Math.max(...GoughStewart.records.map((r) => r.time[r.time.length - 1]));
 
   // The frame at or before a time, and the share of the way to the next one, 0 to 1.
-  GoughStewart.frameAt = (record, time) => {
+  GS.frameAt = (record, time) => {
     const t = record.time;
     let low = 0, high = t.length - 1;
     if (time >= t[high]) return { frame: high, share: 0 };
@@ -28,7 +27,7 @@
   };
 
   // Values between two frames, interpolated linearly; at a frame, exactly its own.
-  GoughStewart.between = (values, size, at) => {
+  GS.between = (values, size, at) => {
     const from = at.frame * size;
     return Array.from({ length: size }, (_, k) => {
       const a = values[from + k];

@@ -1,16 +1,16 @@
 "use strict";
 // The values at the present time: a table per run with its pose, and force and length of each leg.
 (() => {
-  const GS = GoughStewart;
-  const { fixed } = GS;
+  const GS = GoughStewart, { fixed } = GS;
 
   const tableOf = (record, host) => {
     const table = document.createElement("table");
     const heads = ["", ...[1, 2, 3, 4, 5, 6].map((k) => `leg ${k}`)];
-    const rows = ["force N", "length m", ...(record.nearness ? ["of limit %"] : [])];
+    const rows = [...(record.force ? ["force [N]"] : []), "length [m]", ...(record.nearness ? ["of limit [%]"] : [])];
     table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => (h ? `<th scope="col">${h}</th>` : "<td></td>")).join("")}</tr></thead><tbody>${
       rows.map((r, k) => `<tr><th scope="row">${r}</th>${`<td>${k ? "" : "<i></i>"}<span></span></td>`.repeat(6)}</tr>`).join("")}</tbody>`;
     host.append(table);
+    table.classList.add("now");
     return {
       record, caption: table.caption, dots: [...table.querySelectorAll("i")], cells: [...table.querySelectorAll("td span")],
       title: GS.records.length > 1 ? `${record.name}: ` : "",
@@ -24,13 +24,15 @@
       for (const { record, caption, dots, cells, title } of tables) {
         const at = GS.frameAt(record, time), length = GS.between(record.length, 6, at);
         const [x, y, z] = GS.between(record.pose, 7, at).slice(0, 3).map((v) => fixed(v, 4));
-        const turned = GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, 2)}°`);
-        caption.textContent = `${title}x ${x}  y ${y}  z ${z} m   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}`;
+        const turned = record.orientation ? GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, 2)}°`) : null;
+        caption.textContent = `${title}x ${x}  y ${y}  z ${z} m${turned ? `   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}` : ""}`;
         for (let k = 0; k < 6; k++) {
           dots[k].style.background = GS.css(GS.legColour(colour, record, at, k));
-          cells[k].textContent = GS.text(record.force[6 * at.frame + k]);
-          cells[6 + k].textContent = length[k].toFixed(4);
-          if (record.nearness) cells[12 + k].textContent = (100 * record.nearness.values[6 * at.frame + k]).toFixed(0);
+          const texts = [
+            ...(record.force ? [GS.text(record.force[6 * at.frame + k])] : []), length[k].toFixed(4),
+            ...(record.nearness ? [(100 * record.nearness.values[6 * at.frame + k]).toFixed(0)] : []),
+          ];
+          texts.forEach((text, row) => { cells[6 * row + k].textContent = text; });
         }
       }
     };

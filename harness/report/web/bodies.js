@@ -1,6 +1,6 @@
 "use strict";
 // The bodies of the 3-D view: base, legs of two parts, joints, platform, frames, paths, and the reference as a ghost.
-(() => {
+GoughStewart.prepareBodies = () => {
   const GS = GoughStewart;
   const { vector, mean, material, tube, cone, merged, plate, curve, label, frame } = GS.shapes;
   const REFERENCE = 0x2e7d32, FORCE = 0xb3261e;
@@ -97,7 +97,7 @@
 
   // One machine: its moving parts.
   const machine = (record, index) => {
-    const colour = new THREE.Color(GS.page.colours[index]);
+    const colour = new THREE.Color(GS.page.palette.light.six[several ? record.run % 6 : 0]);
     const group = new THREE.Group(), platform = new THREE.Group();
     const seen = vector(MIDDLE).sub(vector(record.pose));
     const above = seen.applyQuaternion(new THREE.Quaternion(...record.pose.subarray(3, 7)).invert()).z > 0 ? -1 : 1;
@@ -132,4 +132,4 @@
   };
 
   GS.bodies = { stand, machine, joint, steel, unit, extent, SIZE, MIDDLE, roomOf };
-})();
+};

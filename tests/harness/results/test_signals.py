@@ -1,20 +1,15 @@
-"""Everything that the charts of a page show, recomputed from the columns of uneven records at uneven settings."""
+"""The signals of records, recomputed from the columns of uneven records at uneven settings."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.signals import GROUPS, SHOWN, Signal, signals_of
-from gough_stewart.harness.view.charts import chart_of, coinciding, difference, points_of
-from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.vectors import FloatArray
-from tests.support.uneven_records import LEGS, MACHINE, OTHER, RUN, numbers, record_of
+from tests.support.uneven_records import LEGS, MACHINE, OTHER, RUN
 
 XYZ, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 
@@ -136,133 +131,3 @@ def test_runs_with_other_columns_share_signals_where_they_can() -> None:
     odd = Record(RUN.table.drop("velocity[3]"), RUN.metadata)  # two components of three
     (velocity,) = (signal for signal in signals_of([odd], [MACHINE]) if signal.name == "velocity")
     assert (velocity.components, velocity.kind) == (("1", "2"), "other")
-
-
-def test_the_data_of_charts_hold_the_lines_of_all_runs_and_their_differences() -> None:
-    """Expected: of each group the first component, by run, within the resolution of single precision.
-
-    A difference is the second run minus the first at the times of both; a flag is held between rows.
-    """
-    third = record_of(0.025, title="third")
-    records = [RUN, OTHER, third]
-    chart = chart_of(records, [MACHINE] * 3)
-    assert chart["shown"] == list(SHOWN)
-    assert chart["range"] == pytest.approx([7.3, 7.35 + 210 * 1.7e-3])
-    assert chart["signals"].keys() == SIGNALS.keys()
-    points = points_of(3)
-    assert (points, points_of(1), points_of(8), points_of(9)) == (266, 800, 100, 100)
-    for name, found in chart["signals"].items():
-        title, group, unit, kind, components, reference, _ = SIGNALS[name]
-        said = [found[key] for key in ("title", "group", "unit", "kind", "reference", "holds")]
-        assert said == [title, group, unit, kind, reference, group == "flags"], name
-        assert tuple(found["components"]) == components
-        groups = found["curves"]["groups"]
-        assert sorted(k for members in groups for k in members) == list(range(len(components)))
-        for k, record in enumerate(records):
-            _check_lines(found["curves"]["lines"], k, records, name, groups, points)
-            values = expected_values(record, name)
-            for members in groups:
-                gap = np.abs(values[:, members] - values[:, members[:1]])
-                assert gap.max() < found["curves"]["least"]
-        if name in ("position from home", "flag.rate_limited", "leg_length"):
-            _check_differences(found, name, records)
-
-
-def _check_lines(
-    lines: list[Any], k: int, records: Sequence[Record], name: str, groups: list[list[int]], points: int
-) -> None:
-    if isinstance(lines[k], int):  # the same as an earlier run's
-        j = lines[k]
-        assert j < k
-        assert np.array_equal(records[j]["time"], records[k]["time"])
-        assert np.array_equal(expected_values(records[j], name), expected_values(records[k], name))
-        return
-    values, time = expected_values(records[k], name), records[k]["time"]
-    assert len(lines[k]) == len(groups)
-    for line, members in zip(lines[k], groups, strict=True):
-        x, y = numbers(line["x"]), numbers(line["y"])
-        wanted = values[:, members[0]]
-        rows = np.abs(time[:, None] - x).argmin(axis=0)
-        assert x == pytest.approx(time[rows], rel=1e-6)
-        assert y == pytest.approx(wanted[rows], rel=1e-5, abs=1e-6 * np.abs(wanted).max())
-        assert 2 <= len(x) <= points
-        assert (rows[0], rows[-1]) == (0, len(time) - 1)
-        if len(x) == 2:
-            assert np.ptp(wanted) == 0
-        else:
-            assert (y.min(), y.max()) == pytest.approx((wanted.min(), wanted.max()), rel=1e-5, abs=1e-9)
-
-
-def _check_differences(found: dict[str, Any], name: str, records: Sequence[Record]) -> None:
-    groups = found["differences"]["groups"]
-    assert found["differences"]["lines"].keys() == {"0,1", "0,2", "1,2"}
-    for pair, lines in found["differences"]["lines"].items():
-        j, k = map(int, pair.split(","))
-        times = [records[j]["time"], records[k]["time"]]
-        values = [expected_values(records[j], name), expected_values(records[k], name)]
-        both = np.unique(np.round(np.concatenate(times), 9))
-        for line, members in zip(lines, groups, strict=True):
-            x, y = numbers(line["x"]), numbers(line["y"])
-            assert np.abs(both[:, None] - x).min(axis=0).max() < 1e-6
-            x, at = both[np.abs(both[:, None] - x).argmin(axis=0)], []
-            for time, column in zip(times, (each[:, members[0]] for each in values), strict=True):
-                held = column[np.searchsorted(time, x + 1e-8, side="right") - 1]
-                at.append(held if name.startswith("flag") else np.interp(x, time, column))
-            assert y == pytest.approx(at[1] - at[0], rel=1e-3, abs=2e-3 * np.abs(values[0]).max())
-            assert x[0] == pytest.approx(max(time[0] for time in times))
-            assert x[-1] == pytest.approx(min(time[-1] for time in times))
-
-
-@pytest.mark.parametrize("rows", [1, 2, 3])
-def test_lines_of_very_short_runs_have_a_point_for_each_row(rows: int) -> None:
-    """Expected: as many points as rows, but for what rests, which has its two ends."""
-    chart = chart_of([record_of(rows=rows)], [MACHINE])
-    lines = chart["signals"]["position from home"]["curves"]["lines"][0]
-    assert [len(numbers(line["x"])) for line in lines] == [rows] * len(lines)
-    (resting,) = chart["signals"]["external_torque"]["curves"]["lines"][0][:1]
-    assert len(numbers(resting["x"])) == min(rows, 2)
-
-
-def test_clocks_that_agree_but_for_rounding_have_the_same_rows() -> None:
-    """Expected: tenths as multiples and as sums differ in the last bits; equal flags have no difference at any row."""
-    one, other = np.linspace(0.0, 1.1, 12), np.cumsum(np.full(12, 0.1)) - 0.1
-    assert not np.array_equal(one, other)
-    flags = (np.arange(12.0) % 3 == 0)[:, None].astype(float)
-    time, values = difference((one, other), (flags, flags), holds=True)
-    assert time == pytest.approx(one)
-    assert not values.any()
-    lines = (one[:, None], 3 * other[:, None])
-    assert difference((one, other), lines)[1][:, 0] == pytest.approx(2 * one)
-
-
-def test_columns_that_are_close_share_a_line_only_if_all_rows_are() -> None:
-    """Expected: the last of 33 rows keeps columns apart, and so does a gap of the second run; less than, not up to."""
-    base = np.linspace(0.0, 1.0, 33)
-    for row in (0, 1, 2, 31, 32):
-        other = base.copy()
-        other[row] += 0.25
-        assert coinciding([np.stack([base, other], axis=1)], 0.25) == [[0], [1]]
-        assert coinciding([np.stack([base, other], axis=1)], 0.2501) == [[0, 1]]
-    assert coinciding([], 1.0) == []
-    time = np.array([0.0, 1.0, 2.0])
-    same, gap = difference((time, time), (np.zeros((3, 2)), np.ones((3, 2))))
-    assert (same.tolist(), gap.tolist()) == ([0.0, 1.0, 2.0], [[1.0, 1.0]] * 3)
-
-
-def test_rows_beyond_what_can_be_drawn_are_left_out_of_every_column_that_is_drawn() -> None:
-    """Expected: rows up to the first of a value of 1e9 in any column that is drawn, of either sign; tables have all."""
-    for name in (
-        "position[3]",
-        "orientation[2]",
-        "leg_length[6]",
-        "leg_velocity[4]",
-        "actuator_force[5]",
-        "external_force[1]",
-    ):
-        values = RUN[name].copy()
-        values[123:] = -1.5e9
-        page = view_page([Record(RUN.table.with_columns(**{name: values}), RUN.metadata)], ["x"])
-        assert b"The animation shows 123 of 301 rows" in page, name
-        values[:] = 1e9
-        with pytest.raises(RecordError, match="x: no row with finite values; there is nothing to show"):
-            view_page([Record(RUN.table.with_columns(**{name: values}), RUN.metadata)], ["x"])

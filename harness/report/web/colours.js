@@ -1,6 +1,6 @@
 "use strict";
 // Colours of the legs, and their scale.
-(() => {
+GoughStewart.prepareColours = () => {
   const GS = GoughStewart;
   const PUSH = [0.84, 0.37, 0.0], PULL = [0.0, 0.45, 0.7], REST = [0.80, 0.83, 0.86], PLAIN = [0.62, 0.67, 0.72];
   const mix = (a, b, share) => a.map((x, k) => x + share * (b[k] - x));
@@ -17,13 +17,18 @@
     const [[a, from], [b, to]] = [stops[k - 1], stops[k]];
     return mix(from, to, (near - a) / (b - a));
   };
-  const LARGEST = GS.records.reduce((most, r) => r.force.reduce((m, f) => Math.max(m, Math.abs(f)), most), 1e-12);
-  GS.runColours = GS.page.colours.map(rgb);
-  GS.legColour = (kind, record, at, leg) => {
-    if (kind === "run") return GS.runColours[record.index];
-    if (kind === "force") return byForce(record.force[6 * at.frame + leg], LARGEST);
+  const LARGEST = GS.records.reduce((most, r) => (r.force || []).reduce((m, f) => Math.max(m, Math.abs(f)), most), 1e-12);
+  const PALE = 0.82;
+  const plain = (kind, record, at, leg) => {
+    if (kind === "run") return rgb(GS.theme().six[record.run % 6]);
+    if (kind === "force" && record.force) return byForce(record.force[6 * at.frame + leg], LARGEST);
     if (kind === "nearness" && record.nearness) return byNearness(record.nearness.values[6 * at.frame + leg]);
     return PLAIN;
+  };
+  // Legs that are not picked step back.
+  GS.legColour = (kind, record, at, leg) => {
+    const colour = plain(kind, record, at, leg), { leg: picked } = GS.state;
+    return picked === null || picked === leg + 1 ? colour : mix(colour, GS.theme().dark ? [0.16, 0.19, 0.23] : [0.93, 0.94, 0.95], PALE);
   };
   GS.css = (colour) => `rgb(${colour.map((x) => Math.round(255 * x)).join(",")})`;
   GS.mixed = mix;
@@ -38,4 +43,4 @@
     if (kind !== "nearness" || !limits) return null;
     return { title: `nearest of ${limits}`, colours: evenly(21).map(byNearness), low: "middle", high: "limit" };
   };
-})();
+};

@@ -1,6 +1,6 @@
 "use strict";
 // The 3-D view: machines in a room, posed for the present time.
-(() => {
+GoughStewart.prepareScene = () => {
   const GS = GoughStewart;
   const { stand, machine, joint, steel, unit, extent, SIZE, MIDDLE, roomOf } = GS.bodies;
   const { UP, vector, frame } = GS.shapes;
@@ -163,6 +163,19 @@
         viewer.changed();
       },
       showMachine: (k, on) => { machines[k].group.visible = on; viewer.moved(); },
+      // the leg nearest to a pixel, 1 to 6; null if none is near
+      legAt: (x, y) => {
+        let best = { away: 12, leg: null };
+        const stage = GS.stage(root, viewer, floor, SUN);
+        GS.drawn(root, machines).forEach(({ legs }, k) => legs.forEach(({ foot: from, head }, leg) => {
+          if (!machines[k].group.visible) return;
+          const [a, b] = [from, head].map(stage.seen), [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+          const share = Math.min(Math.max(((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy || 1), 0), 1);
+          const away = Math.hypot(a[0] + share * dx - x, a[1] + share * dy - y);
+          if (away < best.away) best = { away, leg: leg + 1 };
+        }));
+        return best.leg;
+      },
       // reduce resolution first, then shadows
       simpler: () => {
         if (!viewer.coarser()) sun.castShadow = floor.visible = false;
@@ -172,4 +185,4 @@
       stage: () => GS.stage(root, viewer, floor, SUN),
     };
   };
-})();
+};

@@ -15,7 +15,7 @@
     const kind = GS.videoKind(), canvas = document.createElement("canvas"), parts = [];
     const wide = Math.min(WIDEST, view.canvas.clientWidth * Math.min(window.devicePixelRatio, 2));
     player.pause();
-    player.seek(GS.start);
+    player.seek(GS.state.start);
     GS.compose(view, canvas, wide, false);
     const recorder = new MediaRecorder(canvas.captureStream(RATE), { mimeType: kind, videoBitsPerSecond: 8e6 });
     recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));

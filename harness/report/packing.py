@@ -1,0 +1,123 @@
+"""Arrays of numbers in a page: compressed, each once; long records as blocks with their smallest and largest value.
+
+The browser unpacks an array when something that shows it is drawn (`web/arrays.js`).
+"""
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.output.display_resolution import least_span
+from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.model.vectors import Array, FloatArray
+
+# Rows of a series that a page holds one by one; of a longer one it holds blocks.
+MOST_ROWS = 20_001
+# A curve is stored in steps of this share of its range, or of the resolution of display if that is more: no screen has
+# more pixels.
+_STEPS = 2.0**20
+_LEVEL = 9
+# Rows of a uniform clock are within this share of a step of where they are expected.
+_UNIFORM = 1e-6
+
+
+class Arrays:
+    """The arrays of a page, in the order in which they were first added."""
+
+    def __init__(self) -> None:
+        self.packed: list[dict[str, Any]] = []
+        self._known: dict[tuple[Any, ...], int] = {}
+
+    def add(self, values: Array, quantity: Quantity | None = None) -> int:
+        """Keep an array of any shape, in C order, and return its number; the same values are kept once.
+
+        With a quantity, the values are rounded to its resolution of display, or finer; otherwise all bits are kept.
+        """
+        array = np.ascontiguousarray(values, dtype=float).ravel()
+        least = None if quantity is None else _step(array, quantity)
+        key = (array.tobytes(), least)
+        if key not in self._known:
+            self._known[key] = len(self.packed)
+            self.packed.append(_uniform(array) or (_exact(array) if least is None else _rounded(array, least)))
+        return self._known[key]
+
+
+def blocks(time: FloatArray, values: FloatArray, most: int = MOST_ROWS) -> tuple[FloatArray, FloatArray]:
+    """Times and values of a series (n,) with at most about this number of rows.
+
+    A longer series becomes blocks of equally many rows. Each gives its smallest and its largest finite value, in the
+    order in which they occur, at the times of its first and its middle row: every series of a record keeps the same
+    times. No peak is lost; it moves by less than a block.
+    """
+    n = len(time)
+    if n <= most:
+        return time, values
+    width = -(-2 * n // most)
+    count = -(-n // width)
+    padding = count * width - n
+    table = np.concatenate([values, np.repeat(values[-1], padding)]).reshape(count, width)
+    finite = np.isfinite(table)
+    low, high = np.where(finite, table, np.inf), np.where(finite, table, -np.inf)
+    falls = low.argmin(axis=1) > high.argmax(axis=1)
+    least, most_ = low.min(axis=1), high.max(axis=1)
+    pairs = np.stack([np.where(falls, most_, least), np.where(falls, least, most_)], axis=1)
+    pairs[~finite.any(axis=1)] = np.nan
+    starts = width * np.arange(count)
+    times = np.stack([time[starts], time[np.minimum(starts + width // 2, n - 1)]], axis=1)
+    return times.ravel(), pairs.ravel()
+
+
+def _step(array: FloatArray, quantity: Quantity) -> float:
+    finite = array[np.isfinite(array)]
+    if not len(finite):
+        return 1.0
+    low, high = float(finite.min()), float(finite.max())
+    # whole numbers, as of flags, stay whole
+    if high - low < _STEPS and np.array_equal(finite, np.rint(finite)):
+        return 1.0
+    resolution = least_span(quantity.unit, quantity.factor * max(abs(low), abs(high))) / quantity.factor
+    return max((high - low) / _STEPS, resolution / 8)
+
+
+def _uniform(array: FloatArray) -> dict[str, Any] | None:
+    """Evenly spaced numbers, such as most clocks: the first, the last and their count."""
+    if len(array) < 3 or not np.isfinite(array).all():
+        return None
+    even = np.linspace(array[0], array[-1], len(array))
+    step = abs(even[1] - even[0])
+    if np.abs(array - even).max() > _UNIFORM * step:
+        return None
+    return {"k": "even", "n": len(array), "a": float(array[0]), "b": float(array[-1])}
+
+
+def _exact(array: FloatArray) -> dict[str, Any]:
+    planes = np.ascontiguousarray(array.astype("<f8").view(np.uint8).reshape(-1, 8).T)
+    return {"k": "f8", "n": len(array), "d": _squeezed(planes.tobytes())}
+
+
+def _rounded(array: FloatArray, step: float) -> dict[str, Any]:
+    """Whole numbers of steps from the smallest value, as second differences, which are small for smooth curves."""
+    finite = np.isfinite(array)
+    low = float(array[finite].min()) if finite.any() else 0.0
+    # a gap holds the value before it, so that it costs nothing
+    last = np.maximum.accumulate(np.where(finite, np.arange(len(array)), 0))
+    filled = np.where(np.isfinite(array[last]), array[last], low) if len(array) else array
+    steps = np.rint((filled - low) / step).astype(np.int64)
+    found = min((_planes(steps, order) for order in range(3)), key=lambda each: len(each[1]))
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], finite, [True]])))
+    gaps = {"g": edges.tolist()} if len(edges) else {}
+    return {"k": "q", "n": len(array), "o": found[0], "a": low, "s": step, "d": found[1], **gaps}
+
+
+def _planes(steps: Array, order: int) -> tuple[int, str]:
+    """The bytes of differences of an order (zigzag, so that small ones of both signs have empty high bytes)."""
+    for _ in range(order):
+        steps = np.diff(steps, prepend=0)
+    zigzag = ((steps << 1) ^ (steps >> 63)).astype("<u4")
+    return order, _squeezed(np.ascontiguousarray(zigzag.view(np.uint8).reshape(-1, 4).T).tobytes())
+
+
+def _squeezed(data: bytes) -> str:
+    return base64.b64encode(zlib.compress(data, _LEVEL)).decode()

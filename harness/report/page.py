@@ -1,0 +1,307 @@
+"""One HTML page of a report: verdict, numbers and picture first, then charts and tables; works offline.
+
+Texts and tables are HTML, so that they are there without a script; charts and scenes are data, drawn by `web/`.
+"""
+
+import html
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from gough_stewart.harness.report.document import (
+    Cell,
+    Chart,
+    Column,
+    Note,
+    Number,
+    Report,
+    Requirement,
+    Scene,
+    Section,
+    Setting,
+    Table,
+)
+from gough_stewart.harness.report.glossary import explained, with_terms
+from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
+from gough_stewart.harness.report.offline import asset, document
+from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
+from gough_stewart.harness.report.page_data import chart_data, scene_data
+from gough_stewart.harness.report.page_tables import table_html
+from gough_stewart.harness.report.palette import (
+    DASHES,
+    GROUND,
+    INK,
+    ROLES,
+    SIX_DASHES,
+    THEMES,
+    Theme,
+    colour_of,
+    colour_of_six,
+)
+from gough_stewart.harness.report.quantities import TIME
+
+PAGE = "report.html"
+_SCENE_SCRIPTS = (
+    *("records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js", "viewer.js", "scene.js"),
+    *("drawn.js", "picture.js", "video.js", "moment.js"),
+)
+_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "terms.js", "members.js")
+_CHART_SCRIPTS = ("reduce.js", "lines.js", "figure.js", "legend.js", "pointer.js", "charts.js", "player.js", "print.js")
+_STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
+_SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}
+_SAID = {"good": "good", "marginal": "marginal", "bad": "bad", "told": "result"}
+# Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and beyond it. Lightness and the contrast of
+# blue and yellow tell them apart without red and green (simulated as by Machado et al., IEEE Trans. Vis.
+# Comput. Graph. 15 (2009), 1291-1298).
+NEARNESS: dict[str, Any] = {
+    "stops": [(0.0, "#6baed6"), (0.5, "#b8d0dc"), (0.8, "#f5b722"), (1.0, "#a50f15")],
+    "beyond": "#5c1a7e",
+}
+# Largest number of values that stand beside the verdict.
+_MOST_NUMBERS = 6
+
+
+def page_of(report: Report) -> bytes:
+    """The page; it loads nothing, and the same report gives the same bytes.
+
+    Series of more than `packing.MOST_ROWS` rows are kept as blocks with their smallest and largest value, and the page
+    says so.
+    """
+    arrays = Arrays()
+    charts = [part for part in report.parts() if isinstance(part, Chart)]
+    scenes = [part for part in report.parts() if isinstance(part, Scene)]
+    data = {
+        "title": report.title,
+        "runs": report.runs,
+        "palette": {theme: _palette(theme) for theme in THEMES},
+        "dashes": {role: DASHES.get(role, ()) for role in ROLES},
+        "sixDashes": SIX_DASHES,
+        "nearness": NEARNESS,
+        "charts": [chart_data(chart, arrays) for chart in charts],
+        "scenes": [scene_data(scene, arrays) for scene in scenes],
+        "arrays": arrays.packed,
+    }
+    first = next((chart for chart in charts if not chart.detail), None) if not scenes else None
+    body = _Body(charts, first)
+    main = "".join(
+        [
+            _head(report),
+            '<main id="main">',
+            _first(report, body, scenes, first),
+            _bar(charts, scenes),
+            _settings(report),
+            *(body.section(section) for section in report.sections),
+            _files(report),
+            "</main>",
+            _footer(charts, bool(scenes)),
+        ]
+    )
+    own = [asset(name) for name in (*_SCRIPTS, *(_SCENE_SCRIPTS if scenes else ()), *_CHART_SCRIPTS)]
+    # the scene first, so that it appears while the library of the charts is still loading
+    scripts = [*([three()] if scenes else []), "\n".join(own)]
+    scripts += [bokeh(), "GoughStewart.charts();"] if charts else []
+    style = "".join(asset(name) for name in _STYLES)
+    return document(report.title, main, _colours() + style, data, scripts)
+
+
+def _palette(theme: Theme) -> dict[str, Any]:
+    return {
+        "ground": GROUND[theme],
+        "ink": INK[theme],
+        "roles": {role: colour_of(role, theme) for role in ROLES},
+        "six": [colour_of_six(k, theme) for k in range(6)],
+    }
+
+
+def _colours() -> str:
+    """The colours of roles as custom properties, for light and dark, and for high contrast."""
+    both = "".join(f"--{role}: light-dark({colour_of(role, 'light')}, {colour_of(role, 'dark')}); " for role in ROLES)
+    six = "".join(f"--six-{k}: light-dark({colour_of_six(k, 'light')}, {colour_of_six(k, 'dark')}); " for k in range(6))
+    strong = "".join(f"--{role}: {colour_of(role, 'contrast')}; " for role in ROLES)
+    strong += "".join(f"--six-{k}: {colour_of_six(k, 'contrast')}; " for k in range(6))
+    return f":root {{ {both}{six}}}\n:root[data-theme=contrast] {{ {strong}}}\n"
+
+
+# The HTML
+
+
+def _head(report: Report) -> str:
+    study = f'<p class="study">{html.escape(report.study)}</p>' if report.study else ""
+    lead = f'<p class="lead">{html.escape(report.lead)}</p>' if report.lead else ""
+    themes = "".join(
+        f'<option value="{value}">{text}</option>'
+        for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
+    )
+    theme = f'<label class="theme">colours <select id="theme" autocomplete="off">{themes}</select></label>'
+    return f"<header>{theme}<div>{study}<h1>{html.escape(report.title)}</h1>{lead}</div></header>"
+
+
+def _first(report: Report, body: "_Body", scenes: Sequence[Scene], first: Chart | None) -> str:
+    verdict = report.verdict
+    said = f'<span class="sign" aria-hidden="true">{_SIGNS[verdict.status]}</span>'
+    said += f'<span class="unseen">{_SAID[verdict.status]}: </span>{with_terms(verdict.text)}'
+    numbers = "".join(map(_number, verdict.numbers[:_MOST_NUMBERS]))
+    parts = [
+        f'<p class="verdict {verdict.status}">{said}</p>',
+        f'<dl class="numbers">{numbers}</dl>' if numbers else "",
+        _requirements(report.requirements),
+        *map(_note, report.notes),
+    ]
+    if scenes:
+        parts.append(
+            '<div id="now" class="sideways" role="region" aria-label="values at this time" tabindex="0"></div>'
+        )
+    picture = asset("stage.html") if scenes else body.chart(first) if first is not None else ""
+    alone = "" if picture else " alone"
+    return (
+        f'<section class="first{alone}" aria-label="verdict"><div class="answer">{"".join(parts)}</div>'
+        f'{picture and f"""<div class="picture">{picture}</div>"""}</section>'
+    )
+
+
+def _number(number: Number) -> str:
+    told = []
+    if number.low is not None and number.high is not None:
+        told.append(f"{number.quantity.text(number.low, unit=False)} to {number.quantity.text(number.high)}")
+    if number.limit is not None:
+        told.append(f"limit {number.quantity.text(number.limit)}")
+    if number.margin is not None:
+        beyond = number.margin < 0
+        told.append(f"{'beyond by' if beyond else 'margin'} {number.quantity.text(abs(number.margin))}")
+    state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
+    small = f"<small>{html.escape('; '.join(told))}</small>" if told else ""
+    unit = f' <span class="unit">{html.escape(number.quantity.unit)}</span>' if number.quantity.unit else ""
+    value = html.escape(number.quantity.text(number.value, unit=False))
+    name = explained(number.name, number.explanation)
+    return f"<div{state}><dt>{name}</dt><dd><b>{value}</b>{unit}{small}</dd></div>"
+
+
+def _requirements(requirements: Sequence[Requirement]) -> str:
+    if not requirements:
+        return ""
+    items = []
+    for each in requirements:
+        value = html.escape(each.quantity.text(each.value))
+        margin = f", margin {html.escape(each.quantity.text(each.margin))}" if each.margin is not None else ""
+        note = f" {html.escape(each.note)}" if each.note else ""
+        sign = f'<span class="sign" aria-hidden="true">{_SIGNS[each.status]}</span>'
+        said = f"<b>{each.status}</b>: {html.escape(each.text)}; {value}{margin}.{note}"
+        items.append(f'<li class="{each.status}">{sign}{said}</li>')
+    return f'<ul class="requirements" aria-label="requirements">{"".join(items)}</ul>'
+
+
+def _note(note: Note) -> str:
+    sign = '<span class="sign" aria-hidden="true">!</span>' if note.kind == "warning" else ""
+    return f'<p class="note {note.kind}">{sign}{with_terms(note.text)}</p>'
+
+
+def _settings(report: Report) -> str:
+    """What differs from the file, or between the runs."""
+    if not report.settings:
+        return ""
+    several = len(report.runs) > 1
+    heads = report.runs if several else ("value",)
+    with_default = any(each.default for each in report.settings)
+    columns = [Column("setting"), *map(Column, heads), *([Column("in the file")] if with_default else [])]
+
+    def cells(each: Setting) -> tuple[Cell, ...]:
+        return (each.key, *each.values, *([each.default] if with_default else []))
+
+    title = "What differs between the runs" if several else "Set for this run"
+    table = Table(title, tuple(columns), tuple(map(cells, report.settings)))
+    return f'<section class="part">{table_html(table)}</section>'
+
+
+def _files(report: Report) -> str:
+    if not report.files:
+        return ""
+    items = "".join(
+        f'<li><a href="{html.escape(each.name)}">{html.escape(each.name)}</a> {html.escape(each.what)}</li>'
+        for each in report.files
+    )
+    return f'<section class="part"><details><summary>Files</summary><ul class="files">{items}</ul></details></section>'
+
+
+class _Body:
+    """Sections as HTML; charts by their number."""
+
+    def __init__(self, charts: Sequence[Chart], first: Chart | None) -> None:
+        self._number = {id(chart): k for k, chart in enumerate(charts)}
+        self._first = first
+
+    def section(self, section: Section) -> str:
+        """A section, with what is only opened if needed at its end."""
+        parts = [part for part in section.parts if part is not self._first and not isinstance(part, Scene)]
+        if not parts:
+            return ""
+        shown = self._parts(part for part in parts if section.detail or not getattr(part, "detail", False))
+        hidden = [part for part in parts if not section.detail and getattr(part, "detail", False)]
+        title = f"<h2>{html.escape(section.title)}</h2>"
+        if section.detail:
+            return (
+                f'<section class="part"><details><summary>{html.escape(section.title)}</summary>{shown}</details>'
+                "</section>"
+            )
+        more = ""
+        if hidden:
+            named = ", ".join(dict.fromkeys(part.title for part in hidden if isinstance(part, Chart | Table)))
+            named = named if len(named) <= 120 else f"{named[:117].rpartition(', ')[0]} …"
+            more = f"<details><summary>More: {html.escape(named)}</summary>{self._parts(hidden)}</details>"
+        return f'<section class="part">{title if shown else ""}{shown}{more}</section>'
+
+    def chart(self, chart: Chart) -> str:
+        """The frame of a chart, which a script fills."""
+        note = f'<p class="hint">{with_terms(chart.note)}</p>' if chart.note else ""
+        k = self._number[id(chart)]
+        return (
+            f'<figure class="chart {chart.kind}" data-chart="{k}"><figcaption><h3 id="chart-{k}">'
+            f'{with_terms(chart.title)}</h3><ul class="key"></ul></figcaption><div class="plot"></div>{note}</figure>'
+        )
+
+    def _parts(self, parts: Iterable[Table | Chart | Scene | Note]) -> str:
+        """Parts in order; neighbours of a kind share a grid."""
+        found, kind = [], ""
+        for part in parts:
+            here = "charts" if isinstance(part, Chart) else "tables" if isinstance(part, Table) else "notes"
+            if here != kind:
+                found += ["</div>" if kind else "", f'<div class="{here}">']
+                kind = here
+            found.append(
+                self.chart(part)
+                if isinstance(part, Chart)
+                else table_html(part)
+                if isinstance(part, Table)
+                else _note(part)
+                if isinstance(part, Note)
+                else ""
+            )
+        return "".join(found) + ("</div>" if kind else "")
+
+
+def _bar(charts: Sequence[Chart], scenes: Sequence[Scene]) -> str:
+    """The controls of time, where there is time."""
+    has_time = scenes or any(chart.x.quantity == TIME for chart in charts if chart.kind in ("line", "step"))
+    return asset("bar.html") if has_time else ""
+
+
+def _footer(charts: Sequence[Chart], scene: bool) -> str:
+    rows = max(
+        (len(chart.x_of(each)) for chart in charts if chart.kind in ("line", "step") for each in chart.series),
+        default=0,
+    )
+    kept = (
+        f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
+        f"{-(-2 * rows // MOST_ROWS)} rows. "
+        if rows > MOST_ROWS
+        else "Charts have all rows, rounded finer than a pixel. "
+        if rows
+        else ""
+    )
+    inside = [*(["three.js"] if scene else []), *(["Bokeh"] if charts else [])]
+    includes = f"; includes {' and '.join(inside)}" if inside else ""
+    licences = "\n\n".join([*([three_licence()] if scene else []), *([bokeh_licence()] if charts else [])])
+    details = (
+        f"<details><summary>Licences of what is inside</summary><pre>{html.escape(licences)}</pre></details>"
+        if inside
+        else ""
+    )
+    return f"<footer>{kept}Made by gough-stewart{includes}.{details}</footer>"

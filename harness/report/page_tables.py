@@ -1,0 +1,64 @@
+"""Tables of a report as HTML."""
+
+import html
+
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.glossary import explained, with_terms
+
+
+def table_html(table: Table) -> str:
+    """A table; the columns of numbers are at the right, and rows beyond the first ones wait for a button."""
+    at_right = [k > 0 and _is_numeric(table, k) for k in range(len(table.columns))]
+    heads = "".join(
+        _head_cell(column, table.sortable, right) for column, right in zip(table.columns, at_right, strict=True)
+    )
+    rows = []
+    for k, row in enumerate(table.rows):
+        classes = ["group-end"] if k in table.group_ends else []
+        classes += ["late"] if table.first_shown is not None and k >= table.first_shown else []
+        kind = f' class="{" ".join(classes)}"' if classes else ""
+        texts = table.texts(k)
+        cells = [f'<th scope="row">{with_terms(texts[0])}</th>']
+        for cell, text, right in zip(row[1:], texts[1:], at_right[1:], strict=True):
+            value = _sorted_by(cell) if table.sortable else ""
+            cells.append(f"<td{_class('n' if right else '')}{value}>{html.escape(text)}</td>")
+        rows.append(f"<tr{kind}>{''.join(cells)}</tr>")
+    late = len(table.rows) - (table.first_shown or len(table.rows))
+    button = f'<button type="button" class="all">show all {len(table.rows)} rows</button>' if late > 0 else ""
+    caption = f"<caption>{with_terms(table.title)}</caption>"
+    note = f'<p class="hint">{with_terms(table.note)}</p>' if table.note else ""
+    head = f"<thead><tr>{heads}</tr></thead>" if any(column.name for column in table.columns) else ""
+    body = f"<table{_class('folded' if late > 0 else '')}>{caption}{head}<tbody>{''.join(rows)}</tbody></table>"
+    label = html.escape(table.title or "table")
+    return (
+        f'<div class="table" role="group" aria-label="{label}"><div class="sideways">{body}</div>{button}{note}</div>'
+    )
+
+
+def _class(name: str) -> str:
+    return f' class="{name}"' if name else ""
+
+
+def _is_numeric(table: Table, column: int) -> bool:
+    if table.columns[column].quantity is not None:
+        return True
+    cells = [row[column] for row in table.rows if row[column] is not None]
+    return bool(cells) and all(isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells)
+
+
+def _head_cell(column: Column, sortable: bool, right: bool) -> str:
+    kind = _class("n" if right else "")
+    if not column.name:
+        return f"<td{kind}></td>"
+    title = column.quantity.headed(column.name) if column.quantity else column.name
+    text = explained(title, column.explanation)
+    if not sortable:
+        return f'<th scope="col"{kind}>{text}</th>'
+    return (
+        f'<th scope="col"{kind} aria-sort="none"><button type="button" class="sort">{html.escape(title)}</button></th>'
+    )
+
+
+def _sorted_by(cell: Cell) -> str:
+    value = cell.value if isinstance(cell, Value) else cell
+    return f' data-value="{float(value)!r}"' if isinstance(value, int | float) and not isinstance(value, bool) else ""

@@ -1,0 +1,242 @@
+"use strict";
+// One chart as a Bokeh figure: its models, their data in a range, and their colours.
+(() => {
+  const GS = GoughStewart;
+  const FONT = 'system-ui, "Segoe UI", sans-serif', LEFT = 68, RIGHT = 14, AIR = 0.06, NEAR = 0.02;
+  const HEAT = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"];
+
+  const times = (values, factor) => (factor === 1 ? values : values.map((v) => factor * v));
+  // The numbers of a chart, in the units shown.
+  const unpacked = async (chart) => {
+    const x = times(await GS.array(chart.x.values), chart.x.factor), { factor } = chart.y;
+    const one = async (number, by) => (number === undefined ? undefined : times(await GS.array(number), by));
+    const all = await Promise.all(chart.series.map(async (each) => ({
+      x: each.x === undefined ? x : await one(each.x, chart.x.factor), y: await one(each.values, factor),
+      low: await one(each.low, factor), high: await one(each.high, factor), members: await one(each.members, 1),
+    })));
+    return { x, all, rows: chart.rows && times(await GS.array(chart.rows.values), chart.rows.factor) };
+  };
+
+  const heatColours = () => {
+    const stops = HEAT.map((hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)));
+    return Array.from({ length: 256 }, (_, k) => {
+      const at = k / 255 * (stops.length - 1), low = Math.min(Math.floor(at), stops.length - 2);
+      const mixed = stops[low].map((c, i) => Math.round(c + (at - low) * (stops[low + 1][i] - c)));
+      return `#${mixed.map((c) => c.toString(16).padStart(2, "0")).join("")}`;
+    });
+  };
+  const extent = (list) => {
+    let low = Infinity, high = -Infinity;
+    for (const values of list) for (const v of values || []) { if (v < low) low = v; if (v > high) high = v; }
+    return low <= high ? [low, high] : null;
+  };
+  // Both ends of an axis with some air, at least the resolution of display apart.
+  const airy = (found, least, isLog) => {
+    if (!found) return isLog ? [0.1, 10] : [-least, least];
+    const [low, high] = found;
+    if (isLog) return [low / (high / low) ** AIR / 1.02, high * (high / low) ** AIR * 1.02];
+    const span = Math.max(high - low, least), middle = low + (high - low) / 2;
+    return [middle - (0.5 + AIR) * span, middle + (0.5 + AIR) * span];
+  };
+
+  class Figure {
+    constructor(chart, host, data) {
+      Object.assign(this, { chart, host, data, parts: [], spans: [], isTime: chart.isTime });
+      this.isFunction = chart.kind === "line" || chart.kind === "step";
+      this.groups = GS.coinciding(chart, data.all);
+      this.bars = chart.kind === "bars";
+      // long names of bars stand at the left
+      this.lying = this.bars && (chart.x.labels.join("").length > 40 || chart.x.labels.length > 12);
+      const { figure } = Bokeh.Plotting, logX = chart.x.scale === "log", logY = chart.y.scale === "log";
+      const titles = [chart.x.title, chart.y.title];
+      if (this.lying) titles.reverse();
+      this.figure = figure({
+        sizing_mode: "stretch_both", tools: "", toolbar_location: null, output_backend: "canvas", match_aspect: false,
+        x_axis_type: logX ? "log" : "linear", y_axis_type: logY ? "log" : "linear",
+        x_range: new Bokeh.Range1d({ start: 0, end: 1 }), y_range: new Bokeh.Range1d({ start: 0, end: 1 }),
+        x_axis_label: titles[0], y_axis_label: titles[1], min_border_left: this.lying ? 10 : LEFT, min_border_right: RIGHT,
+        min_border_top: 8, min_border_bottom: 44, background_fill_color: null, border_fill_color: null, outline_line_color: null,
+      });
+      this.figure.toolbar.active_drag = null;
+      this.build();
+      for (const mark of chart.marks) {
+        const span = new Bokeh.Span({ location: mark.value * (mark.vertical ? chart.x.factor : chart.y.factor), dimension: mark.vertical ? "height" : "width", line_width: 1.4 });
+        this.figure.add_layout(span);
+        this.spans.push({ span, mark });
+      }
+    }
+
+    async show() {
+      this.dress();
+      this.fit();
+      this.view = await Bokeh.Plotting.show(this.figure, this.host);
+      return this;
+    }
+
+    // Glyphs by kind.
+    build() {
+      const { chart, figure, data } = this, F = (field) => ({ field });
+      chart.series.forEach((series, k) => {
+        const numbers = data.all[k], source = new Bokeh.ColumnDataSource({ data: {} }), part = { series, numbers, source, glyphs: [] };
+        const add = (made, kind) => { part.glyphs.push({ made, kind }); return made; };
+        if (this.isFunction) {
+          if (numbers.low) add(figure.varea({ x: F("x"), y1: F("low"), y2: F("high"), source }), "band");
+          if (series.role !== "band") {
+            add(chart.kind === "step" ? figure.step({ x: F("x"), y: F("y"), source, mode: "after" }) : figure.line({ x: F("x"), y: F("y"), source }), "line");
+            // a single row is a point
+            if (numbers.y.length === 1) add(figure.scatter({ x: F("x"), y: F("y"), source, size: 6 }), "dot");
+          }
+        } else if (chart.kind === "points") {
+          source.data = { x: numbers.x, y: numbers.y, alpha: numbers.y.map(() => 0.75), size: numbers.y.map(() => 5) };
+          add(figure.scatter({ x: F("x"), y: F("y"), size: F("size"), fill_alpha: F("alpha"), line_alpha: 0, source }), "point");
+        } else if (chart.kind === "histogram") {
+          const earlier = data.all.slice(0, k), bottom = numbers.y.map((_, i) => earlier.reduce((sum, each) => sum + each.y[i], 0));
+          source.data = { left: data.x.slice(0, -1), right: data.x.slice(1), bottom, top: numbers.y.map((v, i) => v + bottom[i]) };
+          add(figure.quad({ left: F("left"), right: F("right"), bottom: F("bottom"), top: F("top"), source }), "bar");
+        } else if (this.bars) {
+          const n = chart.series.length, width = 0.8 / n, at = Float64Array.from(numbers.y, (_, i) => i - 0.4 + (k + 0.5) * width);
+          source.data = { at, y: numbers.y, ...(numbers.low && { low: numbers.low, high: numbers.high }) };
+          const made = this.lying
+            ? figure.hbar({ y: F("at"), right: F("y"), left: 0, height: 0.9 * width, source })
+            : figure.vbar({ x: F("at"), top: F("y"), bottom: 0, width: 0.9 * width, source });
+          add(made, "bar");
+          if (numbers.low) {
+            part.whisker = new Bokeh.Whisker({ base: F("at"), lower: F("low"), upper: F("high"), source, dimension: this.lying ? "width" : "height", level: "annotation" });
+            figure.add_layout(part.whisker);
+          }
+        } else if (chart.kind === "heat") this.heat(numbers);
+        this.parts.push(part);
+      });
+      if (this.bars) {
+        const axis = this.lying ? figure.yaxis : figure.xaxis;
+        axis.ticker = new Bokeh.FixedTicker({ ticks: chart.x.labels.map((_, k) => k), minor_ticks: [] });
+        axis.major_label_overrides = new Map(chart.x.labels.map((text, k) => [k, text]));
+      }
+    }
+
+    heat(numbers) {
+      const { chart, figure, data } = this, columns = data.x.length, rows = data.rows.length;
+      const ends = extent([numbers.y]) || [0, 1];
+      const mapper = new Bokeh.LinearColorMapper({ palette: heatColours(), low: ends[0], high: ends[1], nan_color: "rgba(128,128,128,0.25)" });
+      const half = (values) => (values.length > 1 ? (values.at(-1) - values[0]) / (values.length - 1) / 2 : 0.5);
+      const [dx, dy] = [half(data.x), half(data.rows)];
+      const source = new Bokeh.ColumnDataSource({ data: { image: [Array.from({ length: rows }, (_, r) => Array.from(numbers.y.subarray(r * columns, (r + 1) * columns)))] } });
+      figure.image({ image: { field: "image" }, source, x: data.x[0] - dx, y: data.rows[0] - dy, dw: data.x.at(-1) - data.x[0] + 2 * dx, dh: data.rows.at(-1) - data.rows[0] + 2 * dy, color_mapper: mapper });
+      this.colourBar = new Bokeh.ColorBar({ color_mapper: mapper, width: 10, padding: 6, background_fill_color: null, title: chart.y.unit || null });
+      figure.add_layout(this.colourBar, "right");
+    }
+
+    // Data and ranges of the part that is shown; `range` is that of the abscissa, null for all.
+    fit(range = null) {
+      const { chart, figure, data } = this, least = chart.y.least;
+      if (this.bars) {
+        const ends = extent(data.all.flatMap((each) => [each.y, each.low, each.high]));
+        const values = airy(ends && [Math.min(0, ends[0]), Math.max(0, ends[1])], least, false);
+        const names = [chart.x.labels.length - 0.4, -0.6];
+        const [along, across] = this.lying ? [figure.y_range, figure.x_range] : [figure.x_range, figure.y_range];
+        along.setv({ start: this.lying ? names[0] : names[1], end: this.lying ? names[1] : names[0] });
+        across.setv({ start: ends && ends[0] >= 0 ? 0 : values[0], end: values[1] });
+        return;
+      }
+      if (chart.kind === "heat") {
+        const half = (values) => (values.at(-1) - values[0]) / Math.max(values.length - 1, 1) / 2 || 0.5;
+        const [dx, dy] = [half(data.x), half(data.rows)];
+        figure.x_range.setv({ start: data.x[0] - dx, end: data.x.at(-1) + dx });
+        figure.y_range.setv({ start: data.rows[0] - dy, end: data.rows.at(-1) + dy });
+        return;
+      }
+      const whole = this.whole(), [from, to] = range || whole;
+      const width = Math.max(this.host.clientWidth - LEFT - RIGHT, 200), seen = [];
+      for (const { series, numbers, source } of this.parts) {
+        if (!this.isFunction) {
+          if (!GS.isHidden(series)) seen.push(chart.kind === "histogram" ? source.data.top : numbers.y.filter((_, k) => numbers.x[k] >= from && numbers.x[k] <= to));
+          continue;
+        }
+        const columns = ["y", "low", "high"].filter((name) => numbers[name]);
+        const [x, ...values] = GS.reduced(numbers.x, columns.map((name) => numbers[name]), from, to, Math.ceil(width));
+        source.data = { x, ...Object.fromEntries(columns.map((name, k) => [name, values[k]])) };
+        if (!GS.isHidden(series)) seen.push(...values);
+      }
+      this.setY(seen, least);
+      figure.x_range.setv({ start: from, end: to });
+    }
+
+    setY(seen, least) {
+      const { chart, figure } = this, isLog = chart.y.scale === "log";
+      let found = extent(isLog ? seen.map((values) => values.filter((v) => v > 0)) : seen);
+      if (chart.kind === "histogram") found = [0, found ? found[1] : 1];
+      if (found && !isLog && chart.kind !== "histogram") {
+        // marks that are near enough to matter
+        const near = Math.max(found[1] - found[0], NEAR * Math.max(Math.abs(found[0]), Math.abs(found[1])), least);
+        const marks = chart.marks.filter((m) => !m.vertical).map((m) => m.value * chart.y.factor).filter((v) => v >= found[0] - near && v <= found[1] + near);
+        found = [Math.min(found[0], ...marks), Math.max(found[1], ...marks)];
+      }
+      const [start, end] = airy(found, least, isLog);
+      figure.y_range.setv(chart.kind === "histogram" ? { start: 0, end } : { start, end });
+      // powers of ten only where decimals would be long
+      const most = Math.max(Math.abs(start), Math.abs(end));
+      if (!isLog) figure.yaxes[0].formatter.setv({ use_scientific: most >= 1e6 || most < 1e-6 });
+    }
+
+    // The whole range of the abscissa; time is that of the page.
+    whole() {
+      if (this.isTime) return [GS.state.start, GS.state.end];
+      const isLog = this.chart.x.scale === "log", found = extent(this.parts.map(({ numbers }) => (this.chart.kind === "histogram" ? this.data.x : isLog ? numbers.x.filter((v) => v > 0) : numbers.x)));
+      if (!found || this.isFunction || this.chart.kind === "histogram") return found && found[1] > found[0] ? found : airy(found, 1e-9, false);
+      return airy(found, 1e-9, isLog);
+    }
+
+    // Colours and emphasis.
+    dress() {
+      const { figure, chart } = this, { ink, line, roles } = GS.theme();
+      for (const axis of [...figure.xaxes, ...figure.yaxes]) {
+        axis.setv({
+          axis_label_text_color: ink, axis_label_text_font_style: "normal", axis_label_text_font_size: "12px", axis_label_text_font: FONT,
+          major_label_text_color: ink, major_label_text_font_size: "12px", major_label_text_font: FONT, axis_label_standoff: 4,
+          axis_line_color: ink, major_tick_line_color: line, minor_tick_line_color: null, major_tick_in: 0,
+        });
+      }
+      for (const grid of [...figure.xgrids, ...figure.ygrids]) grid.grid_line_color = line;
+      if (this.colourBar) this.colourBar.setv({ major_label_text_color: ink, title_text_color: ink, major_label_text_font: FONT, title_text_font: FONT });
+      for (const { span, mark } of this.spans) span.setv({ line_color: roles[mark.role], line_dash: GS.page.dashes[mark.role].map((d) => 3 * d) });
+      this.parts.forEach((part, k) => {
+        if (chart.kind === "heat") return;
+        const group = this.groups.find((each) => each.includes(k)), plain = GS.look(chart, part.series);
+        const look = group ? GS.striped(plain, group.indexOf(k), group.length) : plain, stands = GS.emphasis(part.series);
+        const visible = !GS.isHidden(part.series), alpha = GS.alpha(part.series);
+        for (const { made, kind } of part.glyphs) {
+          made.visible = visible;
+          if (kind === "line") {
+            // what stands out is drawn whole
+            const dashes = stands > 0 && group ? [] : look.dashes;
+            made.glyph.setv({ line_color: look.colour, line_dash: dashes, line_dash_offset: look.offset || 0, line_width: look.width + (stands > 0 ? 1 : 0), line_alpha: stands > 0 ? 1 : alpha * (look.alpha ?? 1) });
+            made.level = stands > 0 || part.series.role === "reference" ? "annotation" : "glyph";
+          } else if (kind === "band") made.glyph.setv({ fill_color: look.colour, fill_alpha: (part.series.role === "band" ? 0.22 : 0.18) * alpha });
+          else if (kind === "bar") made.glyph.setv({ fill_color: look.colour, line_color: null, fill_alpha: 0.85 * alpha });
+          else made.glyph.setv({ fill_color: look.colour });
+        }
+        if (part.whisker) {
+          part.whisker.setv({ line_color: ink });
+          for (const head of [part.whisker.lower_head, part.whisker.upper_head]) head?.setv({ line_color: ink, size: 6 });
+        }
+      });
+    }
+
+    // Left end and width of the plotted part [px], for cursors and pointers.
+    place() {
+      const box = this.view?.frame.bbox;
+      return box && box.width > 0 ? { left: box.left, top: box.top, width: box.width, height: box.height } : null;
+    }
+
+    // A drawing of the chart as SVG, made at once: for paper.
+    drawing() {
+      const { width, height } = this.host.getBoundingClientRect(), svg = this.view.export("svg", false).canvas;
+      svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+      svg.removeAttribute("width");
+      svg.removeAttribute("height");
+      return svg;
+    }
+  }
+
+  GS.figure = async (chart, host) => new Figure(chart, host, await unpacked(chart)).show();
+})();

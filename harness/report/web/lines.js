@@ -1,0 +1,57 @@
+"use strict";
+// How series look: colour by role, leg or run; dashes; emphasis of what the reader has picked.
+(() => {
+  const GS = GoughStewart, { page, state } = GS, several = page.runs.length > 1;
+  // roles whose series differ by leg or component; all others have the colour of their role
+  const OWN = new Set(["actual", "measured", "error", "neutral"]);
+  const WIDTH = 1.7, STRIPE = 9, PALE = 0.16;
+
+  const scaled = (dashes, width) => dashes.map((each) => Math.max(1, each * width));
+  // Components of a chart in order, such as x, y, z.
+  const componentsOf = (chart) => [...new Set(chart.series.map((each) => each.leg ?? each.component ?? each.name))];
+
+  // Colour, dashes and width of a series in the present theme.
+  GS.look = (chart, series) => {
+    const { roles, six } = GS.theme(), own = OWN.has(series.role), component = componentsOf(chart).indexOf(series.leg ?? series.component ?? series.name);
+    const alike = chart.series.filter((each) => each.role === series.role).length;
+    if (several && series.run !== undefined) {
+      const dashes = own ? page.sixDashes[component % 6] : page.dashes[series.role];
+      // earlier runs are wide and pale under later ones, so that both are seen where they coincide
+      const over = page.runs.length - 1 - series.run, width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
+      return { colour: six[series.run % 6], dashes: scaled(dashes, WIDTH), width, alpha: over ? 0.6 : 1 };
+    }
+    if (!own) return { colour: roles[series.role], dashes: scaled(page.dashes[series.role], WIDTH), width: WIDTH };
+    const index = series.leg !== undefined ? series.leg - 1 : component;
+    return { colour: series.leg !== undefined || alike > 1 ? six[index % 6] : roles[series.role], dashes: [], width: WIDTH };
+  };
+
+  const xOf = (chart, k) => chart.series[k].x ?? chart.x.values;
+  // Full lines that coincide are drawn in turns of dashes, so that each is seen; returns the members of each group.
+  GS.coinciding = (chart, all) => {
+    const groups = [];
+    all.forEach((series, k) => {
+      if (chart.kind !== "line" && chart.kind !== "step") return;
+      if (GS.look(chart, chart.series[k]).dashes.length) return;
+      const equal = ([first]) => {
+        const a = all[first].y, b = series.y;
+        if (xOf(chart, first) !== xOf(chart, k) || chart.series[first].run !== chart.series[k].run || a.length !== b.length) return false;
+        return b.every((value, i) => Math.abs(value - a[i]) < chart.y.least || (Number.isNaN(value) && Number.isNaN(a[i])));
+      };
+      const group = groups.find(equal);
+      if (group) group.push(k); else groups.push([k]);
+    });
+    return groups.filter((group) => group.length > 1);
+  };
+  GS.striped = (look, place, count) => ({ ...look, dashes: [STRIPE, STRIPE * (count - 1)], offset: -STRIPE * place, width: look.width + 0.4 });
+
+  // A name that picks the same series in all charts.
+  GS.keyOf = (series) => [series.role, series.component || series.name].join(" ");
+  // 1 for a series that stands out, −1 for one that steps back, 0 where nothing is picked.
+  GS.emphasis = (series) => {
+    if (state.leg !== null) return series.leg === undefined ? 0 : series.leg === state.leg ? 1 : -1;
+    if (state.picked !== null) return GS.keyOf(series) === state.picked ? 1 : -1;
+    return 0;
+  };
+  GS.alpha = (series) => (GS.emphasis(series) < 0 ? PALE : 1);
+  GS.isHidden = (series) => series.run !== undefined && state.hiddenRuns.has(series.run);
+})();

@@ -1,0 +1,54 @@
+"use strict";
+// Shared by all scripts of the page: its data, numbers as text, colours of the theme.
+const GoughStewart = (() => {
+  const minus = (text) => (Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−"));
+  const significant = (x, digits) => (Math.abs(x) >= 10 ** digits - 0.5 ? x.toFixed(0) : x.toPrecision(digits));
+  const page = JSON.parse(document.getElementById("data").textContent);
+  const root = document.documentElement, listeners = [], $ = (id) => document.getElementById(id);
+
+  // The theme that the reader chose, or that of the system; paper is always light.
+  const dark = matchMedia("(prefers-color-scheme: dark)"), strong = matchMedia("(prefers-contrast: more)");
+  let printing = false;
+  const chosen = () => $("theme").value || (strong.matches ? "contrast" : dark.matches ? "dark" : "light");
+  const theme = () => {
+    const name = printing && chosen() === "dark" ? "light" : chosen(), colours = page.palette[name];
+    const line = { light: "#dfe4ea", dark: "#3a4653", contrast: "#000000" }[name];
+    return { name, dark: name === "dark", ink: colours.ink, paper: colours.ground, line, roles: colours.roles, six: colours.six };
+  };
+  const changed = () => {
+    root.dataset.theme = theme().name;
+    for (const listener of listeners) listener(theme());
+  };
+  root.dataset.theme = theme().name;
+  $("theme").addEventListener("change", changed);
+  for (const query of [dark, strong]) query.addEventListener("change", changed);
+
+  return {
+    page,
+    // a fixed number of decimals
+    fixed: (x, digits) => minus(x.toFixed(digits)),
+    // always as many significant digits, so that changing numbers do not jump
+    text: (x, digits = 4) => minus(significant(x, digits)),
+    // as many significant digits at most
+    short: (x, digits = 4) => (Number.isFinite(x) ? minus(String(Number(significant(x, digits)))) : x > 0 ? "∞" : "–"),
+    theme,
+    // call back when the colours change
+    onTheme: (callback) => { listeners.push(callback); },
+    setPrinting: (is) => {
+      printing = is;
+      root.dataset.theme = theme().name;
+    },
+    isPrinting: () => printing,
+    // an element with attributes, listeners ("onclick") and children
+    element: (tag, attributes = {}, ...children) => {
+      const made = document.createElement(tag);
+      for (const [name, value] of Object.entries(attributes)) {
+        if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+        else if (value !== null) made.setAttribute(name, value);
+      }
+      made.append(...children);
+      return made;
+    },
+    ready: { picture: false, curves: false },
+  };
+})();

@@ -1,0 +1,27 @@
+"use strict";
+// Paper: light colours, charts as drawings that fit the page, the 3-D view as a picture of the present moment.
+(() => {
+  const GS = GoughStewart;
+  addEventListener("beforeprint", () => {
+    GS.setPrinting(true);
+    for (const panel of GS.panels || []) {
+      if (!panel.figure || !panel.host.checkVisibility()) continue;
+      panel.figure.dress();
+      GS.legend(panel);
+      GS.legendValues(panel, panel.group.cursor());
+      panel.paper = GS.element("div", { class: "paper", "aria-hidden": "true" }, panel.figure.drawing());
+      panel.plot.after(panel.paper);
+    }
+    GS.printStage?.();
+  });
+  addEventListener("afterprint", () => {
+    GS.setPrinting(false);
+    for (const panel of GS.panels || []) {
+      panel.paper?.remove();
+      if (!panel.figure) continue;
+      panel.figure.dress();
+      GS.legend(panel);
+      GS.legendValues(panel, panel.group.cursor());
+    }
+  });
+})();
