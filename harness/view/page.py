@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.document import Report, Section, Table
+from gough_stewart.harness.report.document import Part, Report, Scene, Section, Table
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.results.record import Record, machine_of
 from gough_stewart.harness.results.run_charts import Shown, shown
@@ -50,7 +50,10 @@ def view_report(records: Sequence[Record], names: Sequence[str], more: Sequence[
         report = comparison_report(records, drawn, " · ".join(names))
     else:
         report = records[0].report()
-        report = replace(report, title=str(records[0].metadata.get("title", names[0])))
+        sections = tuple(
+            replace(each, parts=tuple(_named(part, names[0]) for part in each.parts)) for each in report.sections
+        )
+        report = replace(report, title=str(records[0].metadata.get("title", names[0])), sections=sections)
     return replace(report, sections=(Section("Results", tuple(more)), *report.sections)) if more else report
 
 
@@ -59,6 +62,10 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     folders = [path.absolute() if path.is_dir() else path.absolute().parent for path in paths]
     names = [folder.name for folder in folders]
     return names if len(set(names)) == len(names) else [str(path) for path in paths]
+
+
+def _named(part: Part, name: str) -> Part:
+    return replace(part, name=name) if isinstance(part, Scene) else part
 
 
 def _shown(record: Record, name: str) -> Shown:
