@@ -6,6 +6,7 @@ It is built once and cached; c/lanes/lanes.h is its interface.
 import platform
 import re
 import subprocess
+from collections.abc import Callable
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
@@ -22,7 +23,7 @@ WIDTH = 8
 FLAGS = (
     *("-O3", "-mcpu=native", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
     # fused operations are the same for all members; NaN is kept, since the checks look for it
-    *("-ffp-contract=fast", "-fno-math-errno", "-freciprocal-math", "-fno-signed-zeros"),
+    *("-ffp-contract=fast-honor-pragmas", "-fno-math-errno", "-fno-signed-zeros"),
 )
 # Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
 CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9}
@@ -41,6 +42,11 @@ class Failure(IntEnum):
     PASSED_SINGULAR = 4
     COLLAPSED = 5  # plus the number of the leg, from 0
     TOO_MANY_STEPS = 11
+    # of c/loop
+    COMMAND = 12
+    STROKE = 13
+    AWAY = 14
+    NOT_STARTED = 15
 
 
 class LanesLibrary(NamedTuple):
@@ -52,7 +58,21 @@ class LanesLibrary(NamedTuple):
 
 
 def lanes_library() -> LanesLibrary:
-    """The library for this processor, from the cache if it was built from the same sources before.
+    """The library of c/lanes for this processor; see `machine_code`."""
+    return machine_code(_NAME, lanes_sources)
+
+
+def machine_code(
+    name: str, sources: Callable[[], tuple[dict[str, str], dict[str, str]]], state: str = ""
+) -> LanesLibrary:
+    """A library for this processor, from the cache if it was built from the same sources of this package before.
+
+    Parameters
+    ----------
+    sources
+        Gives units and headers by file name.
+    state
+        Digest of sources outside of this package.
 
     Raises
     ------
@@ -62,8 +82,11 @@ def lanes_library() -> LanesLibrary:
         The cache cannot be written.
     """
     target, processor = native(), _processor()
-    key = digest_of(f"{state_of_sources()}\n{FLAGS}\n{processor}".encode())[:24]
-    path = kept(cache_folder() / _NAME / f"{key}-{target.name}" / f"{_NAME}{target.suffix}", _compiled)
+    key = digest_of(f"{state_of_sources()}\n{state}\n{FLAGS}\n{processor}".encode())[:24]
+    path = kept(
+        cache_folder() / name / f"{key}-{target.name}" / f"{name}{target.suffix}",
+        lambda: compile_library(name, *sources(), native(), flags=FLAGS),
+    )
     words = set(processor.split())
     sets = [name for name in _VECTOR_SETS if name in words]
     return LanesLibrary(path, " ".join([target.name, *sets, digest_of(path.read_bytes())[:16]]))
@@ -91,13 +114,19 @@ def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
         "internal.h": unit.headers["internal.h"],
         "plant_table.h": plant_header(0.0, is_in_a_system=False),
         "lanes_table.h": _table(scalar),
-        "lanes_kernel.h": f"{GENERATED}\n" + "".join(_in_lanes(f) for f in _vector_kernels()),
+        "lanes_kernel.h": f"{GENERATED}\n" + "".join(in_lanes(f) for f in _vector_kernels()),
     }
     return units, headers
 
 
-def _compiled() -> bytes:
-    return compile_library(_NAME, *lanes_sources(), native(), flags=FLAGS)
+def loop_sources(components: str) -> tuple[dict[str, str], dict[str, str]]:
+    """Units and headers of c/loop, which includes c/lanes, with the components of the loop as `components.h`."""
+    from gough_stewart.fmu_build.sources import c_folder
+
+    units, headers = lanes_sources()
+    own = c_folder("loop")
+    lanes = units.pop("lanes.c")
+    return {**units, **own.units}, {**headers, **own.headers, "lanes.c": lanes, "components.h": components}
 
 
 def _vector_kernels() -> tuple[Any, ...]:
@@ -111,13 +140,50 @@ def _vector_kernels() -> tuple[Any, ...]:
     )
 
 
-def _in_lanes(function: Any) -> str:
-    """A kernel on vectors; divisors are inverted by a function of c/lanes/elementary.h."""
+# Divisors are inverted by a function of c/lanes/elementary.h, faster than a division, for finite numbers.
+_RECIPROCALS = (
+    (r"=1/(\w+);", r"=reciprocal(\1);"),
+    (r"=\((\w+)/(\w+)\);", r"=(\1*reciprocal(\2));"),
+)
+# What vectors cannot do by operators is done by functions there.
+_ON_VECTORS = (
+    (r"=\((\w+)!=0\?(\w+):0\);", r"=if_so(\1,\2);"),
+    (r"=\((\w+)==0\);", r"=is_not(\1);"),
+    (r"=\((\w+)!=0&&(\w+)!=0\);", r"=both(\1,\2);"),
+    (r"=\((\w+)!=0\|\|(\w+)!=0\);", r"=either(\1,\2);"),
+    (r"=\((\w+)<=(\w+)\);", r"=is_at_most(\1,\2);"),
+    (r"=\((\w+)<(\w+)\);", r"=is_less(\1,\2);"),
+    (r"=\((\w+)==(\w+)\);", r"=is_equal(\1,\2);"),
+    (r"=\((\w+)!=(\w+)\);", r"=is_other(\1,\2);"),
+)
+
+
+_KERNEL = "static __attribute__((noinline)) void kernel_"
+
+
+def in_lanes(function: Any, declarator: str = _KERNEL, *, infinite: bool = False) -> str:
+    """The C source of a CasADi Function on vectors of members.
+
+    Parameters
+    ----------
+    declarator
+        The text before its name.
+    infinite
+        Whether divisors may be infinite.
+
+    Raises
+    ------
+    RuntimeError
+        CasADi's code has a construct that is not known.
+    """
     from gough_stewart.fmu_build.codegen import Types, function_source
 
-    text = function_source(function, "static __attribute__((noinline)) void kernel_", Types("lanes"))
-    text = re.sub(r"=1/(\w+);", r"=reciprocal(\1);", text)
-    return re.sub(r"=\((\w+)/(\w+)\);", r"=(\1*reciprocal(\2));", text)
+    text = function_source(function, declarator, Types("lanes"), conditions=True)
+    for scalar, vector in (*(() if infinite else _RECIPROCALS), *_ON_VECTORS):
+        text = re.sub(scalar, vector, text)
+    if left := re.search(r".*(\?|[<>!=]=|[<>]|&&|\|\|).*", text):
+        raise RuntimeError(f"{function.name()}: unknown construct '{left[0].strip()}' in the generated code")
+    return text
 
 
 def _table(scalar_kernel: str) -> str:

@@ -81,6 +81,18 @@ class _Turn(NamedTuple):
     step: Callable[[], None]
 
 
+class LinearParts(NamedTuple):
+    """Everything that a `LinearLaw` computes with."""
+
+    matrices: FloatArray  # [C D; A B], (N, 6 + n, n + size of u), or (1, ...) common to all
+    kinds: int  # see `inputs_of`
+    positions: NDArray[np.intp]  # of its signals among all
+    state: FloatArray  # x (N, n)
+    lengths: FloatArray  # at the last sample (6, N), in task space
+    jacobians: FloatArray | None  # by sample (m, 6, 6, N), or (m, 6, 6, 1), in task space
+    inverses: FloatArray | None
+
+
 class LinearLaw:
     """The linear controllers of N members, of one structure; (x, u) of all members are columns.
 
@@ -110,8 +122,9 @@ class LinearLaw:
         systems = [each.system for each in (controllers[:1] if same else controllers)]
         A, B, C, D = (np.stack([getattr(system, name) for system in systems]) for name in "ABCD")
         n = first.system.nstates
-        self._A = A
+        self._A, self._positions = A, signals.positions(first.signals)
         matrices = np.concatenate([np.concatenate([C, D], axis=2), np.concatenate([A, B], axis=2)], axis=1)
+        self._matrices = matrices
         product, m = Product(matrices, n_members), N_LEGS + n
         one, other = np.zeros((2, m + first.system.ninputs, n_members))
         size = len(signals.positions(first.signals))
@@ -125,7 +138,7 @@ class LinearLaw:
         )
         self.used = first.signals
         self._kinds = first.kinds
-        self._at = as_slice(signals.positions(first.signals))
+        self._at = as_slice(self._positions)
         self._maps = _MapsOfSamples(jacobians, n_members) if first.space == "task" else None
         self._lengths = measured.T[self._at].copy()
         self._pose = np.zeros_like(self._lengths)
@@ -148,6 +161,12 @@ class LinearLaw:
             np.copyto(following.x, now.x, where=~due)
         self._now, self._next = following, now
         return (following.y if self._maps is None else self._maps.to_force(following.y)).T
+
+    @property
+    def parts(self) -> LinearParts:
+        """Everything it computes with, at the present sample."""
+        J, inverses = (None, None) if self._maps is None else self._maps.arrays
+        return LinearParts(self._matrices, self._kinds, self._positions, self.state, self._lengths, J, inverses)
 
     @property
     def state(self) -> FloatArray:
@@ -194,6 +213,11 @@ class _MapsOfSamples:
         self._J_inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(each), 1, -1))
         self._times = MatrixProducts(N_LEGS, n_members)
         self.k = 0
+
+    @property
+    def arrays(self) -> tuple[FloatArray, FloatArray]:
+        """J and its inverse by sample (m, 6, 6, N), or (m, 6, 6, 1)."""
+        return self._J, self._J_inverse
 
     def to_pose(self, change: FloatArray) -> FloatArray:
         return self._times(self._J_inverse[self.k], change)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws import Controller, Known
+from gough_stewart.harness.control.laws import Controller, Known, LinearController
 from gough_stewart.harness.control.laws_of_members import Law, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
@@ -17,12 +17,13 @@ from gough_stewart.harness.experiment.distinct import Distinct
 from gough_stewart.harness.experiment.stages import Planned
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
+from gough_stewart.harness.loop.self_test import loop_kernel
 from gough_stewart.harness.loop.seeds import Seed, Seeds, as_numbers
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Motion, Reference
-from gough_stewart.harness.plants.lanes import LanesPlant, Stepping, lanes_plant
+from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping, lanes_plant
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import Platforms
@@ -48,6 +49,12 @@ class Prepared:
     jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
     warnings: tuple[str, ...] = ()  # limits exceeded with permission, hints at the platform
     reference: Reference | None = None  # the motion at any time
+
+    @property
+    def kernel(self) -> CompiledLanes | None:
+        """What runs its loop in machine code, if it can: with a linear controller, or feedforward alone."""
+        is_linear = self.controller is None or isinstance(self.controller, LinearController)
+        return loop_kernel() if is_linear else None
 
     def law(self, reference: FloatArray, measured: FloatArray) -> Law:
         """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
@@ -179,10 +186,14 @@ class Batch:
             Members that cannot run in parallel; names the difference.
         """
         n, timing = len(self), self.timing[0]
-        copies = -n % LANES
+        kernel = loop_kernel() if compiler is not False else None
+        runs_in_c = kernel is not None and all(
+            each is None or isinstance(each, LinearController) for each in self.controller.values
+        )
+        copies = 0 if runs_in_c else -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])
         machines = Platforms.of(filled.machine.values)[filled.machine.of]
-        plant = lanes_plant(machines, list(filled.start), **stepping._asdict(), compiler=compiler)
+        plant = lanes_plant(machines, list(filled.start), **stepping._asdict(), compiler=compiler, kernel=kernel)
         law_from, controllers = None, [each for each in self.controller if each is not None]
         if controllers:
             flat = filled.planned.arrays(

@@ -94,6 +94,7 @@ def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> di
         "format": FORMAT,
         **circumstances,
         **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
+        "host": run.host,
         "rows": len(run.time),
         "outcome": run.outcome._asdict(),
         "duration": timing.duration,

@@ -18,6 +18,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import Injection
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants.lanes import lanes_plant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.results.record import Record
@@ -134,20 +135,25 @@ def run_prepared(
         name: str = kind
         if (own := choice.own_unit(plant, fmu)) is not None:
             fmu = experiment.folder / own
-        opening: AbstractContextManager[Plant] = open_plant(
-            kind,
-            prepared.machine,
-            prepared.start,
-            tolerance=choice.tolerance,
-            fixed_step_size=choice.fixed_step_size,
-            fmu=fmu,
-            progress=status,
-        )
+        opening: AbstractContextManager[Plant]
+        if kind == "model" and fmu is None and (kernel := prepared.kernel) is not None:
+            opening = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
+        else:
+            opening = open_plant(
+                kind,
+                prepared.machine,
+                prepared.start,
+                tolerance=choice.tolerance,
+                fixed_step_size=choice.fixed_step_size,
+                fmu=fmu,
+                progress=status,
+            )
     else:
         _check_plant(plant, fmu)
         name, opening = type(plant).__name__, nullcontext(plant)
     with opening as opened, prepared.law_in_a_run() as law_from:
         done = simulate(opened, law_from, prepared.loop, progress)
+        done = done.of_member(0) if getattr(opened, "shape", ()) else done
     circumstances: dict[str, Any] = {
         "title": experiment.title,
         "plant": name,

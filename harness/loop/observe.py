@@ -3,18 +3,24 @@
 A run has N members, N >= 1, which run in parallel; arrays have a leading member axis.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
-from gough_stewart.harness.control.laws_of_members import LawFrom
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom
+from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
 from gough_stewart.harness.loop.actuators import Drives
+from gough_stewart.harness.loop.compiled import run_compiled
 from gough_stewart.harness.loop.loop import Change, Loop
 from gough_stewart.harness.loop.outcomes import Outcome, Outcomes
 from gough_stewart.harness.loop.rows import CHECKED, Observer
 from gough_stewart.harness.loop.sampler import Sampler
+from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.alone import Alone, signals_of
+from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
@@ -98,18 +104,53 @@ def observe_all(plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Ob
 
 
 def _run(plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progress: TimeProgress | None) -> None:
-    outcomes, timing = watch.outcomes, loop.timing
-    shape, is_alone = outcomes.going.shape, isinstance(plant, Alone)
-    n, plant_step = timing.steps, timing.plant_step
+    """Run the loop in machine code if plant and controllers allow it, else row by row."""
+    if law_from is not None and loop.reference is None:
+        raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
+    shape = watch.outcomes.going.shape
     acting = members.zeros(shape, interface.size_of(interface.INPUTS))
+    acting[..., :6] = loop.start_force
+    changes = _by_row(loop)
+
+    def changed(row: int) -> FloatArray:
+        for change in changes.get(row, ()):
+            _apply(change, plant, acting)
+        return acting
+
+    if isinstance(plant, LanesPlant) and plant.loop_run is not None:
+        changed(0)
+        reading = Encoders(loop.sensors, None, *shape)(0, plant.signals(), 0)
+        law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
+        if law is None or isinstance(law, LinearLaw):
+            for member, error in ({} if law is None else law.failures).items():
+                watch.outcomes.end(watch.outcomes.only(member), "stopped", str(error))
+            run_compiled(plant, law, reading, loop, watch, changed, changes, progress)
+            return
+        law_from = _already(law)
+    _run_rows(plant, law_from, loop, watch, changed, progress)
+
+
+def _already(law: Law) -> LawFrom:
+    return lambda _reference, _measured: law
+
+
+def _run_rows(
+    plant: Plant,
+    law_from: LawFrom | None,
+    loop: Loop,
+    watch: Watch,
+    changed: Callable[[int], FloatArray],
+    progress: TimeProgress | None,
+) -> None:
+    outcomes, timing, is_alone = watch.outcomes, loop.timing, isinstance(plant, Alone)
+    n, plant_step, acting = timing.steps, timing.plant_step, changed(0)
     forces = acting[..., :6]  # a view
-    forces[...] = loop.start_force
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
-    sampler, changes = Sampler(loop, law_from, drives, outcomes, watch.rows), _by_row(loop)
+    sampler = Sampler(loop, law_from, drives, outcomes, watch.rows)
     read_signals = signals_of(plant)
     for k, time in enumerate(timing.times.tolist()):
-        for change in changes.get(k, ()):
-            _apply(change, plant, acting)
+        if k:
+            changed(k)
         now = read_signals()
         rate_limited = drives.none
         if k < n:

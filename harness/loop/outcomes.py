@@ -56,6 +56,11 @@ class Outcomes:
             if at_next:
                 self._before_limits.add(member)
 
+    def end_after(self, member: int, rows: int, status: Status, cause: str) -> None:
+        """End a member that still runs after a number of rows."""
+        if self.going[member]:
+            self._put(member, status, cause, rows)
+
     def end_at_limit(self, member: int, rows: int, status: Status, cause: str) -> None:
         """End a member after a number of rows, the last of which is beyond a limit, if nothing ended it before."""
         before = self.counting[member]

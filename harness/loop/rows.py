@@ -21,6 +21,8 @@ class Rows:
 
     Attributes
     ----------
+    host
+        What runs the loop, in words.
     first, count
         Index of the first row, and the number of rows.
     counting
@@ -28,6 +30,8 @@ class Rows:
     signals, forces, force_limited, rate_limited
         Sizes 24, 6, 6, 6; the forces act from the row on.
     """
+
+    host = "Python"
 
     def __init__(self, most: int, members: int, signals_: FloatArray, forces: FloatArray) -> None:
         self.most, self.first, self.count = most, 0, 0
@@ -90,6 +94,10 @@ class AllRows(Rows):
         self.rate_limited[k] = rate_limited.T
         self.count = k
 
+    def begin(self, used: tuple[str, ...], n_states: int) -> None:
+        """Before the first sample of controllers that use these signals and have this number of states."""
+        self.used, self.state = used, np.zeros((len(self.measured), n_states, self.measured.shape[2]))
+
     def sample(
         self,
         j: int,
@@ -102,8 +110,7 @@ class AllRows(Rows):
     ) -> None:
         """Keep sample j of the members that are due (N,); None means all."""
         if j == 0:
-            self.used = used
-            self.state = np.zeros((len(self.measured), state.shape[-1], len(state)))
+            self.begin(used, state.shape[-1])
         if due is None:
             self.measured[j], self.state[j] = measured.T, state.T
             self.command[j], self.limited[j] = command.T, force_limited.T

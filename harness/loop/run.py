@@ -37,6 +37,7 @@ class Run:
     force_limited: BoolArray  # (m, 6)
     outcomes: tuple[Outcome, ...]  # one per member
     used: tuple[str, ...] = ()  # the measured signals that controllers use
+    host: str = "Python"  # what ran the loop, see `Rows`
 
     @property
     def outcome(self) -> Outcome:
@@ -86,6 +87,7 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
         _of_members(rows.limited),
         outcomes,
         rows.used,
+        rows.host,
     )
     return run if getattr(plant, "shape", ()) else run.of_member(0)
 

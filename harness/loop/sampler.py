@@ -31,8 +31,6 @@ class Sampler:
         every = None if own is None else timing.steps_in(own, "the sensors' sample_time")
         rows = timing.rows_of_samples
         self._encoders = Encoders(loop.sensors, every, *shape)
-        if law_from is not None and loop.reference is None:
-            raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
         self._every, self._plant_step = timing.steps_a_sample, timing.plant_step
         self._kept = rows_of_run if isinstance(rows_of_run, AllRows) else None

@@ -1,6 +1,6 @@
 """The sensors in a run: what is read, with noise that is reproducible from the seed, and when."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -98,6 +98,10 @@ class _Noise:
         self._normal = np.zeros((_BLOCK, signals.VARIABLES[purpose].size, len(seeds)))
         self._drawn: tuple[int, FloatArray] = (-1, self._normal)
 
+    def rows(self, first: int, last: int) -> FloatArray:
+        """Noise (n, size, N) of readings first to last − 1; the first is the last one before, or follows it."""
+        return np.stack([self(k) for k in range(first, last)])
+
     def __call__(self, k: int) -> FloatArray:
         """Noise of reading k; k stays the same or increases by one."""
         block, row = divmod(k, _BLOCK)
@@ -109,10 +113,22 @@ class _Noise:
         return noise
 
 
+def noise_of(sensors: Sensors, names: Iterable[str]) -> dict[str, Callable[[int, int], FloatArray]]:
+    """For those of some signals that have noise: the noise (n, size, N) or (n, size, 1) of some readings in a row.
+
+    Called with the first reading, which is the last one of the call before or follows it, and the one after the last.
+    """
+    return {name: _Noise(sensors, name).rows for name in names if _has_noise(sensors, name)}
+
+
+def _has_noise(sensors: Sensors, name: str) -> bool:
+    return bool(np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0))
+
+
 def _sensor(sensors: Sensors, name: str) -> tuple[SensorCoefficients, "_Noise | None"] | None:
     """The coefficients and the noise of a signal's sensor; None for an ideal one."""
     # one random stream per signal: noise on one does not change the noise on the others
-    noise = _Noise(sensors, name) if np.any(np.asarray(sensors.noise.get(name, 0.0)) > 0) else None
+    noise = _Noise(sensors, name) if _has_noise(sensors, name) else None
     step = np.asarray(sensors.quantisation.get(name, 0.0), dtype=float)
     coefficients = Sensor.without_idle(Sensor.prepare({"quantisation": step}))
     return None if noise is None and coefficients.step is None else (coefficients, noise)

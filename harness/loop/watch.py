@@ -30,12 +30,32 @@ class Watch:
         if self.outcomes.rows % self.every == 0:
             self.check()
             if self.rows.count + self.every > self.rows.most:
-                self._pass_on()
+                self.pass_on()
 
     def finish(self) -> None:
         """Check all rows, and pass them on."""
         self.check()
-        self._pass_on()
+        self.pass_on()
+
+    def has_checked(self) -> None:
+        """The rows so far have been checked by somebody else, who calls `end_beyond`."""
+        self._checked = self.outcomes.rows
+
+    def end_beyond(self, k: int, row: int, *, stroke: bool) -> None:
+        """End member k at a row of the present block, which is beyond its stroke, or too far from the reference."""
+        rows = self.rows
+        now = rows.signals[row - rows.first + 1, :, k]
+        if stroke:
+            lengths, low_high = now[LENGTHS], [members.of(each, k) for each in self._limits.stroke]
+            beyond = (lengths < low_high[0]) | (lengths > low_high[1])
+            self.outcomes.end_after(k, row + 1, "stopped", _beyond_stroke(self._limits, lengths, beyond, k))
+        elif self._wanted is not None:
+            wanted = self._wanted[row, :3, k if self._wanted.shape[2] > 1 else 0]
+            self.outcomes.end_after(k, row + 1, "diverged", self._too_far(float(np.linalg.norm(wanted - now[:3])), k))
+
+    def _too_far(self, error: float, k: int) -> str:
+        limit = members.of(self._limits.largest_position_error, k)
+        return f"the platform is {error:.3g} m from its reference; the limit is {limit:g} m"
 
     def check(self) -> None:
         """Check the new rows."""
@@ -45,7 +65,8 @@ class Watch:
             with np.errstate(all="ignore"):  # members that have ended may compute NaN
                 self._check(first, rows.signals[first - rows.first + 1 : last - rows.first + 1])
 
-    def _pass_on(self) -> None:
+    def pass_on(self) -> None:
+        """Give the rows since the last call to the observer."""
         rows = self.rows
         if rows.count:
             rows.counting = np.clip(self.outcomes.counting - rows.first, 0, rows.count)
@@ -69,8 +90,7 @@ class Watch:
         x, y, z = gap.swapaxes(0, 1)
         error = np.sqrt(x * x + y * y + z * z)
         for row, k in _first_of_members(~np.less_equal(error, bound) & may_end):  # also true for NaN
-            how = f"the platform is {error[row, k]:.3g} m from its reference; the limit is {members.of(bound, k):g} m"
-            end(k, first + row + 1, "diverged", how)
+            end(k, first + row + 1, "diverged", self._too_far(error[row, k], k))
 
 
 def _first_of_members(beyond: BoolArray) -> list[tuple[int, int]]:

@@ -5,7 +5,7 @@ A member's bits depend only on its own numbers, not on the number or choice of t
 
 import ctypes
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
 from typing import Any, NamedTuple
@@ -53,8 +53,10 @@ class CompiledLanes:
     def __init__(self, library: LanesLibrary) -> None:
         self.features = library.features
         self.library = ctypes.CDLL(str(library.path))
-        for each in (self.library.lanes_check, self.library.lanes_step, self.library.lanes_advance):
-            each.restype = ctypes.c_int64
+        self.loop_run = getattr(self.library, "loop_run", None)
+        for each in (self.library.lanes_check, self.library.lanes_step, self.library.lanes_advance, self.loop_run):
+            if each is not None:
+                each.restype = ctypes.c_int64
 
     def check(self, batch: Batch) -> int:
         """See `LaneKernel`."""
@@ -148,6 +150,32 @@ class LanesPlant(Plant):
         """The largest estimate so far (N,)."""
         return self._batch.error[: self.shape[0]]
 
+    @property
+    def batch(self) -> Batch:
+        """Its members in memory."""
+        return self._batch
+
+    @property
+    def loop_run(self) -> Callable[..., int] | None:
+        """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
+        return self._kernel.loop_run if isinstance(self._kernel, CompiledLanes) else None
+
+    def begin(self) -> dict[int, StepError]:
+        """Failures of members that cannot start a step in their state; they do not run."""
+        failures = self._stop_failed() if self._kernel.check(self._batch) else {}
+        running = self._batch.running[: self.shape[0]]
+        for k, error in short_legs(self._batch, self._platforms, running != 0, self._time).items():
+            failures[k], running[k] = error, 0
+        return failures
+
+    def came_to(self, time: float, now: FloatArray) -> None:
+        """The loop's machine code has run it to a time [s], with these signals (24, M)."""
+        self._time, self._signals, self._steps = time, now, self._steps + 1
+
+    def failure(self, k: int, time: float) -> StepError:
+        """The error of a member whose `failure` is set, in a step that starts at a time [s]."""
+        return failure_of(self._batch, k, time, self.substeps, self.tolerance)
+
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2; a non-finite input fails in the step, for its member only."""
         if inputs.shape != (*self.shape, N_INPUTS):
@@ -181,7 +209,7 @@ class LanesPlant(Plant):
     def do_step(self, time: float, step: float) -> None:
         """Rules 5, 6 and 9."""
         end = end_of_step(time, step, self._time)
-        failures = self._begin() if self._steps == 0 else {}
+        failures = self.begin() if self._steps == 0 else {}
         if self.substeps is None:
             failed = self._kernel.advance(self._batch, step, self.tolerance, self._signals)
         else:
@@ -198,14 +226,6 @@ class LanesPlant(Plant):
 
     def close(self) -> None:
         """Rule 8; there is nothing to release."""
-
-    def _begin(self) -> dict[int, StepError]:
-        """Failures of members that cannot start a step in their state."""
-        failures = self._stop_failed() if self._kernel.check(self._batch) else {}
-        running = self._batch.running[: self.shape[0]]
-        for k, error in short_legs(self._batch, self._platforms, running != 0, self._time).items():
-            failures[k], running[k] = error, 0
-        return failures
 
     def _stop_failed(self) -> dict[int, StepError]:
         batch = self._batch
@@ -225,6 +245,7 @@ def lanes_plant(
     substeps: int | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
     compiler: bool | None = None,
+    kernel: LaneKernel | None = None,
 ) -> LanesPlant:
     """Many platforms as a plant, each in its own start state at time 0.
 
@@ -237,6 +258,8 @@ def lanes_plant(
     compiler
         True: machine code for this processor, compiled with `zig cc` or taken from the cache. False: NumPy, slower.
         None: NumPy if there is no compiler, with a warning.
+    kernel
+        What steps them, in place of `compiler`.
 
     Raises
     ------
@@ -254,7 +277,7 @@ def lanes_plant(
         raise PlantError(f"tolerance is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}")
     if substeps is not None and not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
         raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
-    return LanesPlant(_kernel(compiler), platforms, starts, substeps, tolerance)
+    return LanesPlant(kernel or _kernel(compiler), platforms, starts, substeps, tolerance)
 
 
 def _kernel(compiler: bool | None) -> LaneKernel:

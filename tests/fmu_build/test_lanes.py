@@ -83,11 +83,11 @@ def test_a_library_is_kept_and_a_damaged_one_is_made_anew(tmp_path: Path, monkey
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
     made = []
 
-    def compiled() -> bytes:
+    def compiled(*_: object, **__: object) -> bytes:
         made.append(1)
         return b"machine code"
 
-    monkeypatch.setattr(lanes, "_compiled", compiled)
+    monkeypatch.setattr(lanes, "compile_library", compiled)
     first, second = lanes_library(), lanes_library()
     assert first == second
     assert len(made) == 1
@@ -101,11 +101,11 @@ def test_several_at_once_find_a_whole_library(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
     together = Barrier(4)
 
-    def compiled() -> bytes:
+    def compiled(*_: object, **__: object) -> bytes:
         together.wait(10)
         return b"machine code" * 100_000
 
-    monkeypatch.setattr(lanes, "_compiled", compiled)
+    monkeypatch.setattr(lanes, "compile_library", compiled)
     with ThreadPoolExecutor(4) as threads:
         found = set(threads.map(lambda _: lanes_library(), range(4)))
     (library,) = found
@@ -121,7 +121,7 @@ def test_another_processor_flag_or_source_has_a_library_of_its_own(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(lanes, "_compiled", lambda: b"machine code")
+    monkeypatch.setattr(lanes, "compile_library", lambda *_, **__: b"machine code")
     path = lanes_library().path
     monkeypatch.setattr(lanes, what, ("-O0",) if what == "FLAGS" else lambda: "another fma")
     assert lanes_library().path != path
@@ -132,7 +132,7 @@ def test_features_tell_machine_codes_apart(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(lanes, "_processor", lambda: "flags: avx2 fma sse2")
     found = []
     for code in (b"one", b"other"):
-        monkeypatch.setattr(lanes, "_compiled", lambda code=code: code)
+        monkeypatch.setattr(lanes, "compile_library", lambda *_, code=code, **__: code)
         found.append(lanes_library())
         found[-1].path.unlink()
     assert "avx2 fma " in found[0].features

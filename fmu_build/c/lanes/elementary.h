@@ -123,29 +123,116 @@ static inline lanes cosine(lanes x)
     return wave(r, quarters + 1);
 }
 
+/* exp(r) - 1, |r| <= ln(2)/2 */
+static inline lanes growth(lanes r)
+{
+    return r + r * r *
+                   (0.5000000000000001 +
+                    r * (0.16666666666666669 +
+                         r * (0.04166666666662413 +
+                              r * (0.008333333333330062 +
+                                   r * (0.0013888888917213717 +
+                                        r * (0.00019841269863053618 +
+                                             r * (2.4801521295954376e-05 +
+                                                  r * (2.7557268459997064e-06 +
+                                                       r * (2.7620088445409746e-07 +
+                                                            r * 2.510038549551032e-08)))))))));
+}
+
+/* y = k ln(2) + r, and 2^k */
+static inline lanes without_powers(lanes y, lanes *power)
+{
+    lanes sum = y * 1.4426950408889634 + ROUNDER, k = sum - ROUNDER;
+    lanes r = y - k * 0.6931471805599453;
+    *power = number((bits(sum) + 1023) << 52);
+    return r - k * 2.3190468138462996e-17;
+}
+
+/* from -700 to 700; beyond, as there, so that exp(-inf) is 1e-304 */
+static inline lanes exponential(lanes x)
+{
+    lanes y = choose(x < -700, (lanes)-700.0, choose(x > 700, (lanes)700.0, x)), power;
+    lanes p = growth(without_powers(y, &power));
+    return power + power * p;
+}
+
 /* e / (e + 2) with e = exp(2 |x|) - 1 = 2^k (exp(r) - 1) + 2^k - 1, |r| <= ln(2)/2; equals 1 from |x| = 20 on */
 static inline lanes hyperbolic_tangent(lanes x)
 {
-    lanes size = __builtin_elementwise_abs(x);
-    lanes y = 2 * choose(size > 20, (lanes)20.0, size);
-    lanes sum = y * 1.4426950408889634 + ROUNDER, k = sum - ROUNDER;
-    lanes r = y - k * 0.6931471805599453;
-    r = r - k * 2.3190468138462996e-17;
-    lanes p = r + r * r *
-                      (0.5000000000000001 +
-                       r * (0.16666666666666669 +
-                            r * (0.04166666666662413 +
-                                 r * (0.008333333333330062 +
-                                      r * (0.0013888888917213717 +
-                                           r * (0.00019841269863053618 +
-                                                r * (2.4801521295954376e-05 +
-                                                     r * (2.7557268459997064e-06 +
-                                                          r * (2.7620088445409746e-07 +
-                                                               r * 2.510038549551032e-08)))))))));
-    lanes power = number((bits(sum) + 1023) << 52);
+    lanes size = __builtin_elementwise_abs(x), power;
+    lanes p = growth(without_powers(2 * choose(size > 20, (lanes)20.0, size), &power));
     lanes e = power * p + (power - 1);
     lanes t = e * reciprocal(e + 2);
     return number(bits(t) | (bits(x) & INT64_MIN));
+}
+
+/* 1 where a mask holds, else 0: the truth values of the generated code */
+static inline lanes truth(mask which)
+{
+    return number(which & bits((lanes)1.0));
+}
+
+static inline lanes is_less(lanes a, lanes b)
+{
+    return truth(a < b);
+}
+
+static inline lanes is_at_most(lanes a, lanes b)
+{
+    return truth(a <= b);
+}
+
+static inline lanes is_equal(lanes a, lanes b)
+{
+    return truth(a == b);
+}
+
+static inline lanes is_other(lanes a, lanes b)
+{
+    return truth(a != b);
+}
+
+static inline lanes is_not(lanes a)
+{
+    return truth(a == 0);
+}
+
+static inline lanes both(lanes a, lanes b)
+{
+    return truth((a != 0) & (b != 0));
+}
+
+static inline lanes either(lanes a, lanes b)
+{
+    return truth((a != 0) | (b != 0));
+}
+
+/* x where a holds, else 0, whatever x is there */
+static inline lanes if_so(lanes a, lanes x)
+{
+    return number((a != 0) & bits(x));
+}
+
+/* -1, 0 or 1 */
+static inline lanes sign_of(lanes x)
+{
+    return truth(x > 0) - truth(x < 0);
+}
+
+static inline lanes smaller_of(lanes a, lanes b)
+{
+    return choose(a < b, a, b);
+}
+
+static inline lanes larger_of(lanes a, lanes b)
+{
+    return choose(a > b, a, b);
+}
+
+/* x minus the nearest multiple of y, of two the even one */
+static inline lanes remainder_of(lanes x, lanes y)
+{
+    return x - __builtin_elementwise_roundeven(x / y) * y;
 }
 
 /* the names in the generated code */
@@ -153,5 +240,11 @@ static inline lanes hyperbolic_tangent(lanes x)
 #define sin(x) sine(x)
 #define cos(x) cosine(x)
 #define tanh(x) hyperbolic_tangent(x)
+#define exp(x) exponential(x)
+#define fabs(x) __builtin_elementwise_abs(x)
+#define fmin(x, y) smaller_of(x, y)
+#define fmax(x, y) larger_of(x, y)
+#define sign(x) sign_of(x)
+#define remainder(x, y) remainder_of(x, y)
 
 #endif

@@ -30,14 +30,14 @@ def test_forms_are_written_together(tmp_path: Path) -> None:
 
 
 def test_the_exported_unit_runs_in_the_place_of_the_controller(tmp_path: Path) -> None:
-    """Expected: the run with the controller in Python."""
+    """Expected: the run with the controller in Python; its plant is stepped by other code, to a tolerance of 1e-8."""
     for name, options in (("python", []), ("unit", ["--controller", "fmu3"])):
         done = invoke("run", "heave_step", *SET, *options, "--out", str(tmp_path / name))
         assert done.exit_code == 0, done.output
     found, expected = (read_record(tmp_path / name / "record.parquet") for name in ("unit", "python"))
     assert np.ptp(expected["controller.force"]) > 100
     assert np.allclose(found["controller.force"], expected["controller.force"], rtol=1e-9, atol=0)
-    assert np.abs(found["position"] - expected["position"]).max() <= 1e-12
+    assert np.abs(found["position"] - expected["position"]).max() <= 1e-10
 
 
 def test_a_unit_without_delay_is_refused(tmp_path: Path) -> None:

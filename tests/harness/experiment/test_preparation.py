@@ -106,7 +106,7 @@ def test_a_member_is_its_own_experiment_whoever_else_is_there(everything: Member
 def test_the_loop_of_members_has_what_each_has(everything: Members) -> None:
     """Expected: along the axis of members the numbers of each, in all parts of the loop, and of copies of the last."""
     batch = everything.prepared(5, 16).batch
-    loop = batch.in_parallel(Stepping()).loop
+    loop = batch.in_parallel(Stepping(), compiler=False).loop
     members = [batch.member(min(k, 10)) for k in range(16)]
     n = loop.timing.steps + 1
     assert loop.shape == (16,)
@@ -172,7 +172,7 @@ def test_stages_are_evaluated_once_per_distinct_value(monkeypatch: pytest.Monkey
         assert counts == {
             "platform": 1, "reference": 2, "planned": 2, "warnings": 2, "feedforward": 6, "controller": 1, "limits": 1,
         }  # fmt: skip
-    loop = batch.in_parallel(Stepping()).loop
+    loop = batch.in_parallel(Stepping(), compiler=False).loop
     assert len(batch.controller.values) == 1
     assert loop.reference is not None
     assert loop.feedforward.shape[1:] == (32, 6)

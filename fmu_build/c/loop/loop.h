@@ -1,0 +1,103 @@
+/* Interface of the sampled loop for many members, eight per vector: at each row the sensors, the controller, the limits,
+   the delay and the drives, then a step of the plant. No state of its own, no allocation.
+
+   What each component computes is in `components.h`, generated from its Python source; here are clocks and memory. */
+#ifndef LOOP_H
+#define LOOP_H
+
+#include "lanes.h"
+
+/* Numbers by row, element and member: each distance is in numbers, that of members is 1, or 0 if all have the same. */
+typedef struct {
+    const double *at;
+    int64_t row, element, member;
+} table;
+
+/* The same of indices; there is one element. */
+typedef struct {
+    const int64_t *at;
+    int64_t row, member;
+} indices;
+
+/* Where rows of N members are written: row, element, then members side by side. NULL: nowhere. */
+typedef struct {
+    double *at;
+    int64_t row, element;
+} rows_of_numbers;
+
+typedef struct {
+    uint8_t *at;
+    int64_t row, element;
+} rows_of_flags;
+
+typedef struct {
+    int64_t members; /* N, at most those of the batch; the others are not read and not written */
+    int64_t last;    /* row of the run's end: after it there is no step */
+
+    /* clocks: plant steps a sample; those between readings, 0 for readings at the samples */
+    int64_t every, reading_every;
+    indices sampled;   /* by sample: its row */
+    double plant_step; /* [s] */
+    double tolerance;  /* of error-controlled internal steps */
+    int64_t substeps;  /* RK4 steps a plant step; 0 for error-controlled ones */
+
+    /* by row (30); by sample (6), (6) [N]: `at` is NULL where there is none */
+    table reference, feedforward, injection;
+
+    /* the linear controller y = C x + D u, x+ = A x + B u, as the elements of [C D; A B] that are not zero, row by row */
+    int64_t kinds;   /* parts of u: errors; references, measurements; these and the excess. 0: no controller */
+    int64_t size;    /* number of signals that it uses */
+    int64_t n_states;
+    int64_t entries;
+    const int64_t *entry_row, *entry_column;
+    table values;           /* one row, `entries` elements */
+    const int64_t *used;    /* positions of its signals among all */
+    table jacobian, inverse; /* by sample (36), for task space; NULL for leg space */
+
+    /* sensors: noise by reading since `first_reading` (24), zero where there is none; steps, one row (24) of the
+       coefficients of each signal's sensor */
+    const int64_t *senses; /* by signal: whether its sensor does anything */
+    int64_t first_reading;
+    table noise, sensors;
+
+    /* coefficients of the limits and the drives, one row, NULL if they do nothing; samples of delay, and the most */
+    table limits, drives, delay;
+    int64_t most_delay;
+
+    /* ends of runs, one row: lengths of the stroke [m], NULL if they end no run; largest distance from the reference */
+    table shortest, longest, farthest;
+
+    /* memory of the members, (size, M) as the states of the batch */
+    double *signals;     /* 24: at the present row */
+    double *measured;    /* 24 */
+    double *memory;      /* n_states + size of u: x and u */
+    double *next;        /* 6 + n_states: y and the next x */
+    double *pose;        /* 6: in task space */
+    double *lengths;     /* 6: at the last sample, in task space */
+    double *command;     /* 6 */
+    double *excess;      /* 6 */
+    double *limited;     /* 6: whether the force limit acts, 1 or 0 */
+    double *planned;     /* LIMIT_STATES: of the limits */
+    double *delayed;     /* 6 (most_delay + 1): allowed forces by sample */
+    double *target;      /* 6: of the drives */
+    double *driven;      /* DRIVE_STATES: of the drives */
+    double *acting;      /* 6: forces [N] */
+    int64_t *at_row;     /* (blocks): next row of each vector */
+    int64_t *ended;      /* (M): row of the member's end, or -1 */
+
+    /* what is kept: by row since `first_row`, and by sample */
+    int64_t first_row;
+    rows_of_numbers row_signals, row_results, row_forces;
+    rows_of_flags row_force_limited, row_rate_limited;
+    rows_of_numbers sample_measured, sample_state, sample_command;
+    rows_of_flags sample_limited;
+} loop;
+
+/* Runs all members to the rows before `to`, each with the step from there, or until about `most_work` internal steps of eight members
+   are done: call it again until it returns 1. Members whose `running` is 0 stay as they are. A member that ends has a
+   FAILURE, and its row in `ended`.
+
+   At a row: readings; if a sample is due, the command; the drives; the row is kept; its limits are checked. */
+OFFERED int64_t loop_run(const batch *of, const loop *with, int64_t to, int64_t most_work);
+
+#endif

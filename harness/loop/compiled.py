@@ -1,0 +1,368 @@
+"""The sampled loop of many members in machine code: c/loop moves time and values, the components' equations are theirs.
+
+It runs linear controllers and feedforward alone, on platforms that machine code steps. Rows, ends and causes are those
+of NumPy's loop, which stays the readable reference, to rounding.
+"""
+
+import ctypes
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.fmu_build.lanes import Failure
+from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.force_limits import ForceLimits
+from gough_stewart.harness.control.linear_law import LinearLaw
+from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.loop_library import coefficients_of
+from gough_stewart.harness.loop.rows import AllRows, Rows
+from gough_stewart.harness.loop.sensors import noise_of
+from gough_stewart.harness.loop.watch import Watch
+from gough_stewart.harness.plants import lane_batch, signals
+from gough_stewart.harness.plants.lanes import LanesPlant, reference
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.process.progress import TimeProgress
+from gough_stewart.model.vectors import FloatArray
+
+# Internal steps of eight members between two looks at the world, some 0.05 s: interrupts wait for them.
+_WORK = 30_000
+# Rows in one call, where all rows are kept.
+_ROWS = 1024
+_TABLES = ("reference", "feedforward", "injection")
+
+
+class _Table(ctypes.Structure):
+    _fields_ = [
+        (name, ctypes.c_int64 if k else ctypes.c_void_p) for k, name in enumerate(("at", "row", "element", "member"))
+    ]
+
+
+class _Indices(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_int64 if k else ctypes.c_void_p) for k, name in enumerate(("at", "row", "member"))]
+
+
+class _Out(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_int64 if k else ctypes.c_void_p) for k, name in enumerate(("at", "row", "element"))]
+
+
+_MEMORY = (
+    *("signals", "measured", "memory", "next", "pose", "lengths", "command", "excess", "limited", "planned"),
+    *("delayed", "target", "driven", "acting", "at_row", "ended"),
+)
+_ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_force_limited", "row_rate_limited")
+_SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
+
+
+class _Loop(ctypes.Structure):
+    """`loop` of c/loop/loop.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("members", "last", "every", "reading_every")),
+        ("sampled", _Indices),
+        ("plant_step", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        ("substeps", ctypes.c_int64),
+        *((name, _Table) for name in _TABLES),
+        *((name, ctypes.c_int64) for name in ("kinds", "size", "n_states", "entries")),
+        *((name, ctypes.c_void_p) for name in ("entry_row", "entry_column")),
+        ("values", _Table),
+        ("used", ctypes.c_void_p),
+        ("jacobian", _Table),
+        ("inverse", _Table),
+        ("senses", ctypes.c_void_p),
+        ("first_reading", ctypes.c_int64),
+        *((name, _Table) for name in ("noise", "sensors", "limits", "drives", "delay")),
+        ("most_delay", ctypes.c_int64),
+        *((name, _Table) for name in ("shortest", "longest", "farthest")),
+        *((name, ctypes.c_void_p) for name in _MEMORY),
+        ("first_row", ctypes.c_int64),
+        *((name, _Out) for name in (*_ROWS_OUT, *_SAMPLES_OUT)),
+    ]
+
+
+class CompiledLoop:
+    """A run of a plant with the machine code of c/loop.
+
+    Parameters
+    ----------
+    plant
+        Steps its members in machine code that has the loop.
+    law, reading
+        Linear controllers before their first sample, and what they read then (N, 24); None for feedforward alone.
+    """
+
+    def __init__(self, plant: LanesPlant, law: LinearLaw | None, loop: Loop, watch: Watch, reading: FloatArray) -> None:
+        self._plant, self._loop, self._watch, self._law = plant, loop, watch, law
+        self._n, self._steps = plant.shape[0], loop.timing.steps
+        self._kept: list[Any] = []  # arrays that the structure points to
+        self._c = c = _Loop()
+        timing = loop.timing
+        c.members, c.last, c.every = self._n, self._steps, timing.steps_a_sample
+        own = loop.sensors.sample_time
+        c.reading_every = 0 if own is None else timing.steps_in(own, "the sensors' sample_time")
+        c.plant_step, c.tolerance, c.substeps = timing.plant_step, plant.tolerance, plant.substeps or 0
+        rows = np.ascontiguousarray(timing.rows_of_samples, np.int64)
+        c.sampled = _Indices(self._pointer(rows), rows.strides[0] // 8, int(rows.ndim == 2))
+        c.reference = self._table(loop.reference_rows)
+        c.feedforward, c.injection = self._table(_by_row(loop.feedforward)), self._table(_by_row(loop.injection))
+        blocks = plant.batch.blocks
+        self._ended = np.full(blocks * lane_batch.WIDTH, -1, np.int64)
+        self._at_row = np.zeros(blocks, np.int64)
+        c.ended, c.at_row = self._pointer(self._ended), self._pointer(self._at_row)
+        self._signals = self._memory("signals", signals.SIZE)
+        self._signals[:, : self._n] = plant.signals().T
+        self._set_controller(law, reading)
+        self._set_sensors(law)
+        self._set_actuators()
+        self._set_limits()
+        self._set_samples(watch.rows)
+
+    def run(self, row: int, to: int) -> None:
+        """Run rows from `row` to before `to`, and give them to the watch with all ends.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Between two parts of the work; rows that all members have done count.
+        """
+        batch, rows, c = self._plant.batch, self._watch.rows, self._c
+        self._set_rows(rows, row)
+        readings = self._readings(row, to)
+        run = self._plant.loop_run
+        work = ctypes.c_int64(_WORK)
+        try:
+            while not run(reference(batch), ctypes.byref(c), ctypes.c_int64(to), work):
+                pass
+        finally:
+            del readings
+            done = int(self._at_row.min())
+            rows.count += done - row
+            self._watch.outcomes.rows = done
+        self._end_members(done)
+        self._watch.has_checked()
+
+    def not_started(self, failures: Mapping[int, Exception]) -> None:
+        """Members that the plant cannot step end at the first row."""
+        self._failures = dict(failures)
+        for k in failures:
+            self._plant.batch.failure[k], self._plant.batch.running[k] = Failure.NOT_STARTED, -1
+
+    def finish(self) -> None:
+        """Leave the plant at the last row."""
+        self._plant.came_to(float(self._loop.timing.times[self._watch.outcomes.rows - 1]), self._signals)
+
+    def _end_members(self, done: int) -> None:
+        """The outcomes of members that ended in rows before `done`."""
+        batch, watch, plant = self._plant.batch, self._watch, self._plant
+        if not batch.failure.any():
+            return
+        times = self._loop.timing.times
+        for k in np.flatnonzero(batch.failure[: self._n]).tolist():
+            row, failure = int(self._ended[k]), int(batch.failure[k])
+            if not 0 <= row < done:
+                continue
+            if failure in (Failure.STROKE, Failure.AWAY):
+                watch.end_beyond(k, row, stroke=failure == Failure.STROKE)
+            elif failure == Failure.COMMAND:
+                command = self._command[:, k].tolist()
+                watch.outcomes.end_after(k, row + 1, "diverged", f"the controller's forces are {command} N")
+            elif failure == Failure.NOT_STARTED:
+                watch.outcomes.end_after(k, row + 1, "diverged", str(self._failures[k]))
+            else:
+                batch.inputs[:N_LEGS, k] = self._acting[:, k]
+                watch.outcomes.end_after(k, row + 1, "diverged", str(plant.failure(k, float(times[row]))))
+            batch.failure[k] = Failure.GOES_ON
+
+    def _set_controller(self, law: LinearLaw | None, reading: FloatArray) -> None:
+        c = self._c
+        c.kinds = c.size = c.n_states = c.entries = 0
+        measured = self._memory("measured", signals.SIZE)
+        self._command = self._memory("command", N_LEGS)
+        self._memory("excess", N_LEGS)
+        self._memory("limited", N_LEGS)
+        pose, lengths = self._memory("pose", N_LEGS), self._memory("lengths", N_LEGS)
+        del pose
+        if law is None:
+            self._memory("memory", 1)
+            self._memory("next", N_LEGS)
+            return
+        measured[:, : self._n] = reading.T
+        parts = law.parts
+        n_states, columns = parts.state.shape[1], parts.matrices.shape[2]
+        at = np.argwhere((parts.matrices != 0).any(axis=0))
+        entries = [np.ascontiguousarray(at[:, k], np.int64) for k in range(2)]
+        c.kinds, c.size, c.n_states, c.entries = parts.kinds, len(parts.positions), n_states, len(at)
+        c.entry_row, c.entry_column = map(self._pointer, entries)
+        values = np.ascontiguousarray(parts.matrices[:, entries[0], entries[1]].T)
+        c.values = self._table(values[None])
+        c.used = self._pointer(np.ascontiguousarray(parts.positions, np.int64))
+        memory = self._memory("memory", columns)
+        memory[:n_states, : self._n] = parts.state.T
+        self._memory("next", N_LEGS + n_states)
+        if parts.inverses is not None:
+            lengths[:, : self._n] = parts.lengths
+            c.jacobian = self._table(parts.jacobians.reshape(len(parts.jacobians), 36, -1))
+            c.inverse = self._table(parts.inverses.reshape(len(parts.inverses), 36, -1))
+
+    def _set_sensors(self, law: LinearLaw | None) -> None:
+        c, sensors = self._c, self._loop.sensors
+        used = () if law is None else law.used
+        self._noise = noise_of(sensors, used)
+        steps = np.zeros((signals.SIZE, self._n))
+        senses = np.zeros(signals.SIZE, np.int64)
+        for name in used:
+            at, step = signals.positions([name]), sensors.quantisation.get(name, 0.0)
+            steps[at] = step
+            senses[at] = name in self._noise or bool(np.any(step))
+        c.senses = self._pointer(senses)
+        if senses.any():
+            found = [coefficients_of(Sensor, {"quantisation": step}, np.nan) for step in steps]
+            c.sensors = self._table(np.concatenate(found)[None])
+
+    def _set_actuators(self) -> None:
+        c, actuators, step = self._c, self._loop.actuators, self._loop.timing
+        n = self._n
+        values = {name: np.broadcast_to(np.asarray(each, float), (n,)) for name, each in actuators.values.items()}
+        limits = ForceLimits.prepare(values, step.sample_time)
+        forces = np.broadcast_to(self._loop.start_force, (n, N_LEGS)).T
+        if np.isfinite(limits.high).any() or np.isfinite(limits.change).any():
+            c.limits = self._table(coefficients_of(ForceLimits, values, step.sample_time)[None])
+        if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
+            c.drives = self._table(coefficients_of(Drive, values, step.plant_step)[None])
+        delay = np.broadcast_to(np.asarray(actuators.delay, float), (n,))
+        c.delay, c.most_delay = self._table(np.ascontiguousarray(delay)[None, None]), int(delay.max())
+        self._memory("planned", N_LEGS)[:, :n] = forces
+        self._memory("target", N_LEGS)[:, :n] = forces
+        self._memory("driven", 2 * N_LEGS)[:, :n] = np.tile(forces, (2, 1))
+        self._memory("delayed", (c.most_delay + 1) * N_LEGS)[:, :n] = np.tile(forces, (c.most_delay + 1, 1))
+        self._acting = self._memory("acting", N_LEGS)
+        self._acting[:, :n] = forces
+
+    def _set_limits(self) -> None:
+        c, limits = self._c, self._loop.limits
+        if limits.on_stroke == "stop":
+            c.shortest, c.longest = (self._table(_numbers(each)) for each in limits.stroke)
+        if self._loop.reference is not None and np.isfinite(limits.largest_position_error).any():
+            c.farthest = self._table(_numbers(limits.largest_position_error))
+        elif self._loop.reference is not None:
+            c.farthest = self._table(_numbers(np.inf))  # NaN ends a run
+
+    def _set_samples(self, rows: Rows) -> None:
+        if not isinstance(rows, AllRows):
+            return
+        c, law = self._c, self._law
+        state = np.zeros((self._n, 0)) if law is None else law.state
+        rows.begin(() if law is None else law.used, state.shape[1])
+        c.sample_measured, c.sample_state = self._out(rows.measured), self._out(rows.state)
+        c.sample_command, c.sample_limited = self._out(rows.command), self._out(rows.limited)
+
+    def _set_rows(self, rows: Rows, row: int) -> None:
+        c = self._c
+        c.first_row = row
+        at = rows.count + 1
+        if isinstance(rows, AllRows):
+            c.row_results, c.row_forces = self._out(rows.results[at:]), self._out(rows.inputs[at:])
+        else:
+            c.row_signals, c.row_forces = self._out(rows.signals[at:]), self._out(rows.forces[at:])
+            c.row_force_limited = self._out(rows.force_limited[at:])
+        c.row_rate_limited = self._out(rows.rate_limited[at:])
+
+    def _readings(self, row: int, to: int) -> FloatArray | None:
+        """The noise of the readings in these rows."""
+        if not self._noise:
+            return None
+        every = self._c.reading_every or self._c.every
+        first, last = (
+            (-(-row // every), -(-to // every)) if self._c.reading_every else (row // every, (to - 1) // every + 1)
+        )
+        noise = np.zeros((max(last - first, 1), signals.SIZE, self._n))
+        for name, drawn in self._noise.items():
+            if last > first:
+                noise[:, signals.positions([name])] = drawn(first, last)
+        self._c.noise, self._c.first_reading = _table(noise), first
+        return noise
+
+    def _memory(self, name: str, size: int) -> FloatArray:
+        """Zeros (size, M) that the loop remembers by this name."""
+        array = lane_batch.rows(size, self._plant.batch.blocks)
+        setattr(self._c, name, self._pointer(array))
+        return array
+
+    def _pointer(self, array: NDArray[Any]) -> int:
+        self._kept.append(array)
+        return array.ctypes.data
+
+    def _table(self, values: FloatArray | None) -> _Table:
+        if values is None:
+            return _Table()
+        if values.shape[-1] > 1 and values.strides[-1] != values.itemsize:
+            values = np.ascontiguousarray(values)
+        self._kept.append(values)
+        return _table(values)
+
+    def _out(self, values: NDArray[Any]) -> _Out:
+        """Rows (n, size, N) that are written."""
+        return _Out(values.ctypes.data, *(each // values.itemsize for each in values.strides[:2]))
+
+
+def _table(values: FloatArray) -> _Table:
+    """Numbers (rows, elements, N), or (rows, elements, 1) common to all."""
+    row, element, _ = (each // values.itemsize for each in values.strides)
+    return _Table(values.ctypes.data, row, element, int(values.shape[-1] > 1))
+
+
+def _by_row(values: FloatArray | None) -> FloatArray | None:
+    """(n, size, N) or (n, size, 1) of (n, N, size) or (n, size)."""
+    if values is None:
+        return None
+    return values[..., None] if values.ndim == 2 else np.moveaxis(values, 1, 2)
+
+
+def _numbers(values: Any) -> FloatArray:
+    """(1, 1, N) or (1, 1, 1)."""
+    return np.atleast_1d(np.asarray(values, float))[None, None]
+
+
+def run_compiled(
+    plant: LanesPlant,
+    law: LinearLaw | None,
+    reading: FloatArray,
+    loop: Loop,
+    watch: Watch,
+    apply: Callable[[int], FloatArray],
+    changes: Collection[int],
+    progress: TimeProgress | None = None,
+) -> None:
+    """Run a loop to its end or until no member is left.
+
+    Parameters
+    ----------
+    law, reading
+        Linear controllers before their first sample, and what they read then (N, 24); None for feedforward alone.
+    apply
+        Applies the changes of a row, if there are any, and gives the inputs (N, 12) of then.
+    changes
+        Rows that have changes.
+    """
+    outcomes, rows, steps = watch.outcomes, watch.rows, loop.timing.steps
+    rows.host = f"compiled, {plant.features}"
+    own = CompiledLoop(plant, law, loop, watch, reading)
+    plant.freeze(~outcomes.going)
+    own.not_started(plant.begin())
+    stops = sorted({*changes, steps + 1})
+    row = 0
+    while row <= steps and outcomes.going.any():
+        if row in changes:
+            plant.set_inputs(apply(row))
+        room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
+        to = min(row + room, next(stop for stop in stops if stop > row))
+        own.run(row, to)
+        row = to
+        if rows.count == rows.most:
+            watch.pass_on()
+        if progress is not None:
+            progress(float(loop.timing.times[to - 1]))
+    own.finish()

@@ -1,0 +1,102 @@
+"""The library that runs the sampled loop of many members: c/loop with the components' equations as machine code.
+
+It is built once from the equations that NumPy's loop executes, and kept; a loop made of these components is data.
+"""
+
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.fmu_build.cached import digest_of
+from gough_stewart.fmu_build.lanes import LanesLibrary, machine_code
+from gough_stewart.harness.control.component import Stepped
+from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.force_limits import ForceLimits
+from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.loop.loop import LENGTHS
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.vectors import FloatArray
+
+# Of c/loop: its name, the component, and how many channels one call computes.
+_COMPONENTS: tuple[tuple[str, type[Stepped], int], ...] = (
+    ("sensor", Sensor, 1),
+    ("limits", ForceLimits, N_LEGS),
+    ("drive", Drive, N_LEGS),
+)
+# Sources besides those of the plant's machine code.
+_OWN = (
+    ("gough_stewart.harness.control", "component.py", "drive.py", "force_limits.py", "sensor.py"),
+    (__package__, "loop_library.py"),
+)
+
+
+@cache
+def loop_library() -> LanesLibrary:
+    """The library for this processor, from the cache if it was built from the same sources before.
+
+    Raises
+    ------
+    BuildError, OSError
+        As `lanes_library`.
+    """
+
+    def sources() -> tuple[dict[str, str], dict[str, str]]:
+        from gough_stewart.fmu_build.lanes import loop_sources
+
+        return loop_sources(_components())
+
+    own = b"".join(files(package).joinpath(name).read_bytes() for package, *names in _OWN for name in names)
+    return machine_code("loop", sources, state=digest_of(own))
+
+
+def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:
+    """What c/loop wants of a component: its coefficients (n, N) from the values of its keys (N,)."""
+    prepared = component.prepare(values, np.full(1, period))
+    return np.array(np.broadcast_arrays(*prepared), dtype=float)
+
+
+def _components() -> str:
+    """`components.h`: the equations on vectors of members, and sizes."""
+    from gough_stewart.fmu_build.tables import GENERATED, defines
+
+    sizes: dict[str, Any] = {"LARGEST_COMMAND": LARGEST_NUMBER, "FIRST_LENGTH": LENGTHS.start}
+    texts = []
+    for name, component, channels in _COMPONENTS:
+        text, n_coefficients, n_states = _traced(component, name, channels)
+        texts.append(text)
+        macro = {"limits": "LIMIT"}.get(name, name.upper())
+        sizes |= {f"{macro}_COEFFICIENTS": n_coefficients} | ({f"{macro}_STATES": n_states} if n_states else {})
+    return f"{GENERATED}\n{defines(sizes)}\n{''.join(texts)}"
+
+
+def _traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int, int]:
+    """The C of a step, `component_NAME(coefficients, states, inputs ..., next states, outputs ...)`, and its sizes."""
+    import casadi  # needed once, to build
+
+    from gough_stewart.fmu_build.lanes import in_lanes
+
+    def column(symbol: Any) -> Any:
+        return np.array([[symbol[k]] for k in range(symbol.numel())], dtype=object)
+
+    def joined(arrays: Any) -> Any:
+        return casadi.vertcat(*(element for array in arrays for element in np.ravel(array)))
+
+    one = np.ones(1)
+    kind = type(component.prepare(dict.fromkeys(component.keys, one), one))
+    c = casadi.SX.sym("coefficients", len(kind._fields))
+    coefficients = kind(*column(c))
+    inputs = {key: casadi.SX.sym(key, channels) for key in component.inputs}
+    states = [
+        casadi.SX.sym("states", channels) for _ in component.start(coefficients, tuple(map(column, inputs.values())))
+    ]
+    x = casadi.vertcat(*states)
+    following, outputs = component.step(coefficients, tuple(map(column, states)), tuple(map(column, inputs.values())))
+    of_states = {"states": x} if states else {}
+    given = {"coefficients": c, **of_states, **inputs}
+    found = {**({"next": joined(following)} if states else {})}
+    found |= {key: joined([each]) for key, each in zip(component.outputs, outputs, strict=True)}
+    function = casadi.Function(name, [*given.values()], [*found.values()], [*given], [*found])
+    return in_lanes(function, "static void component_", infinite=True), len(kind._fields), int(x.numel())

@@ -1,0 +1,282 @@
+"""The loop in machine code against NumPy's loop, row by row, and each member against itself alone.
+
+Expected values are those of NumPy's loop, an implementation of its own of clocks, memory and products; that one is held
+against single steps and closed forms in the other files of this folder.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.experiment.batch import Batch
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.loop import compiled, self_test
+from gough_stewart.harness.loop.observe import observe
+from gough_stewart.harness.loop.rows import Observer, Rows
+from gough_stewart.harness.loop.run import Run, simulate
+from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
+from tests.support.uneven_loops import experiment_of as uneven_experiment
+
+STEPPING = Stepping(tolerance=1e-9)
+VARIED: dict[str, Any] = {
+    "platform_mass": {"factor": {"uniform": [0.8, 1.3]}},
+    "leg_viscous_friction": {"uniform": [5.0, 40.0]},
+    "platform_points": {"normal": "1 mm"},
+}
+# Everything at once, in space of legs and of the task; each clock is another one, and each member has other numbers.
+ALL = {
+    "loop": {"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "jitter": "2 ms", "delay": 1},
+    "sensors": {
+        "noise": {"leg_length": "20 um"},
+        "quantisation": {"leg_length": "3 um"},
+        "sample_time": "3 ms",
+        "seed": 5,
+    },
+    "actuators": {"force_limit": "75 N", "rate_limit": "2 kN/s", "lag": "3 ms"},
+    "change": [{"at": 0.05, "factors": {"platform_mass": 1.4}}],
+    "disturbance": [{"at": 0.03, "duration": 0.03, "force": ["180 N", "-90 N", "120 N"]}],
+}
+MANY: dict[str, Any] = {
+    **VARIED,
+    "loop": {"delay": {"choice": [0, 1, 3]}, "jitter": {"choice": ["0 ms", "1 ms", "3 ms"]}},
+    "sensors": {"noise": {"leg_length": {"uniform": ["0 um", "40 um"]}}},
+    "actuators": {"lag": {"choice": ["0 ms", "2 ms", "5 ms"]}, "force_limit": {"uniform": ["68 N", "80 N"]}},
+}
+CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
+    "PD": ("pd", {}, VARIED),
+    "PID in task space": ("task", {}, VARIED),
+    "PD, all": ("pd", ALL, MANY),
+    "PID, all": ("pid", ALL, MANY),
+    "task space, all": ("task", ALL, MANY),
+}
+
+
+def batch_of(name: str, tables: dict[str, Any], varied: dict[str, Any], members: int) -> Batch:
+    """Members of an uneven loop whose reference moves."""
+    common = {"loop": {"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "delay": 1}, **tables}
+    motion = {"type": "sine", "position_amplitude": ["8 mm", "-5 mm", "6 mm"], "frequency": "4 Hz"}
+    experiment = uneven_experiment(
+        name,
+        limits={"reference": "warn"},
+        **common,
+        reference=motion,
+        ensemble={**varied, "members": members, "seed": 4},
+    )
+    return Members(experiment).prepared(0, members).batch
+
+
+@contextmanager
+def in_numpy(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Loops run row by row, with the same machine code for the plants."""
+    with monkeypatch.context() as patched:
+        patched.setattr(LanesPlant, "loop_run", property(lambda _: None))
+        yield
+
+
+def run_of(batch: Batch, stepping: Stepping = STEPPING) -> Run:
+    """All members."""
+    running = batch.in_parallel(stepping)
+    with running.plant:
+        return simulate(running.plant, running.law_from, running.loop)
+
+
+def assert_same(ours: Run, theirs: Run, members: int, tolerance: float) -> None:
+    """Rows and samples of members, of which one run may have copies of the last one."""
+    assert (ours.used, ours.outcomes) == (theirs.used, theirs.outcomes[:members])
+    for each in fields(Run):
+        if each.name in ("outcomes", "used", "host", "time", "sample_of_row"):
+            continue
+        own, other = (np.asarray(getattr(run, each.name)) for run in (ours, theirs))
+        other = other[:, :members]
+        assert own.shape == other.shape, each.name
+        if own.dtype == bool or not tolerance:
+            assert np.array_equal(own, other, equal_nan=True), each.name
+        elif own.size:
+            scale = np.abs(other).max(axis=(0, 1))
+            assert (np.abs(own - other).max(axis=(0, 1)) <= tolerance * scale).all(), each.name
+
+
+@pytest.mark.parametrize(("case", "members"), [*product(CASES, [11]), ("PID, all", 1), ("PID, all", 8)])
+def test_machine_code_gives_the_rows_of_numpys_loop(case: str, members: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: NumPy's, to the bit without a lag, whose exponential is another one; 1e-11 of scale with it.
+
+    Readings with steps are left to the cases without a lag, since a flip of a step is no rounding.
+    """
+    name, tables, varied = CASES[case]
+    has_lag = tables is ALL or name != "pd"
+    if has_lag:
+        sensors = {key: value for key, value in ALL["sensors"].items() if key != "quantisation"}  # type: ignore[attr-defined]
+        tables = {**tables, "sensors": sensors} if tables else tables
+    batch = batch_of(name, tables, varied, members)
+    ours = run_of(batch)
+    assert ours.host.startswith("compiled, ")
+    with in_numpy(monkeypatch):
+        theirs = run_of(batch)
+    assert theirs.host == "Python"
+    assert_same(ours, theirs, members, 1e-11 if has_lag else 0.0)
+    assert ours.results.shape[:2] == (121, members)
+    if tables:
+        assert ours.force_limited.any() or name == "pid"
+        assert ours.rate_limited.any()
+
+
+def test_quantised_readings_with_drives_at_once_have_numpys_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: NumPy's loop, whose rounding to steps and whose limits are the same operations in the same order."""
+    tables = {**ALL, "actuators": {"force_limit": "75 N"}}
+    varied = {**MANY, "actuators": {"force_limit": {"uniform": ["68 N", "80 N"]}}}
+    batch = batch_of("pd", tables, varied, 9)
+    ours = run_of(batch)
+    with in_numpy(monkeypatch):
+        assert_same(ours, run_of(batch), 9, 0.0)
+
+
+def test_a_members_bits_do_not_depend_on_the_others_or_on_the_size_of_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: among 11, at another place, alone, and in calls of some rows and of few internal steps, the same."""
+    batch = batch_of("pid", ALL, MANY, 11)
+    whole = run_of(batch)
+    for chosen in ([4], [10, 4, 2], [*range(10, -1, -1)]):
+        part = run_of(batch.take(chosen))
+        at = chosen.index(4)
+        for name in ("results", "inputs", "command", "measured", "controller_state", "rate_limited"):
+            assert np.array_equal(getattr(part, name)[:, at], getattr(whole, name)[:, 4]), name
+    monkeypatch.setattr(compiled, "_ROWS", 7)
+    monkeypatch.setattr(compiled, "_WORK", 3)
+    assert_same(run_of(batch), whole, 11, 0.0)
+
+
+def ending(monkeypatch: pytest.MonkeyPatch, change: dict[str, Any], varied: dict[str, Any]) -> tuple[Run, Run]:
+    """A run of members of which some end, in machine code and in NumPy."""
+    settings = {"loop.duration": 0.4, "loop.sample_time": 2e-3, **change}
+    ensemble = {**VARIED, **varied, "members": 11, "seed": 2}
+    experiment = gs.load_experiment("heave_step", {**settings, "reference.at": 0.05, "ensemble": ensemble})
+    batch = Members(experiment).prepared(0, 11).batch
+    ours = run_of(batch)
+    with in_numpy(monkeypatch):
+        theirs = run_of(batch)
+    return ours, theirs
+
+
+TWIST = {"at": 0.1, "duration": 0.2, "torque": ["0 N.m", "1e6 N.m", "0 N.m"]}
+STICKY = {
+    "leg_friction_velocity": {"choice": ["0.01 m/s", "1e-11 m/s"]},
+    "leg_coulomb_friction": {"choice": [50.0, 9e5]},
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "varied", "words"),
+    [
+        ({"limits.position_error": "40 mm"}, {}, "m from its reference; the limit is 0.04 m"),
+        ({"disturbance": [TWIST], "limits.position_error": "1e6 m"}, {}, "singular pose"),
+        ({}, STICKY, "too many for one plant step"),
+    ],
+)  # fmt: skip
+def test_members_end_at_their_rows_for_their_causes(
+    change: dict[str, Any], varied: dict[str, Any], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: time, status and words of NumPy's loop, and its rows up to there; some members go on."""
+    ours, theirs = ending(monkeypatch, change, varied)
+    assert ours.outcomes == theirs.outcomes[:11]
+    ended = [k for k, each in enumerate(ours.outcomes) if each.status != "completed"]
+    assert ended
+    assert any(words in str(ours.outcomes[k].cause) for k in ended)
+    for k in range(11):
+        own, other = ours.of_member(k), theirs.of_member(k)
+        assert len(own.time) == len(other.time)
+        assert np.allclose(own.results, other.results, rtol=1e-6, atol=1e-9)
+
+
+def test_a_run_ends_at_the_end_of_its_stroke(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: time and words of NumPy's loop; the last row is the first one beyond."""
+    push = {"at": 0.1, "duration": 0.2, "force": ["0 N", "0 N", "900 kN"]}
+    settings = {"loop.duration": 0.6, "reference.at": 0.05, "limits.stroke": "stop", "disturbance": [push]}
+    settings |= {"limits.position_error": "10 m"}
+    ours = gs.run("heave_step", settings)
+    with in_numpy(monkeypatch):
+        theirs = gs.run("heave_step", settings)
+    assert ours.metadata["host"] != theirs.metadata["host"]
+    assert ours.metadata["outcome"] == theirs.metadata["outcome"]
+    assert "its stroke is" in ours.metadata["outcome"]["cause"]
+    longest = ours.metadata["platform"]["leg_length_max"]
+    assert (ours["leg_length"] > longest).any(axis=1).tolist() == [*[False] * (ours.table.height - 1), True]
+
+
+def test_an_interrupt_keeps_the_rows_that_all_members_have_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: after the third part of the work, an outcome at the last row of all; its rows are those of the run."""
+    batch = batch_of("pd", {}, VARIED, 3)
+    whole = run_of(batch)
+    monkeypatch.setattr(compiled, "_WORK", 10)
+    running = batch.in_parallel(STEPPING)
+    run, calls = running.plant.loop_run, []
+
+    def interrupted(*arguments: Any) -> int:
+        calls.append(1)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        assert run is not None
+        return run(*arguments)
+
+    monkeypatch.setattr(LanesPlant, "loop_run", property(lambda _: interrupted))
+    part = simulate(running.plant, running.law_from, running.loop)
+    n = len(part.time)
+    assert 20 < n < 60
+    assert {each.status for each in part.outcomes} == {"interrupted"}
+    assert {each.time for each in part.outcomes} == {float(part.time[-1])}
+    assert np.array_equal(part.results, whole.results[:n])
+
+
+def test_rows_reach_observers_in_blocks_without_gaps() -> None:
+    """Expected: the rows of a complete run, in blocks one after the other, each with the row before it."""
+    batch = batch_of("task", ALL, MANY, 3)
+    whole = run_of(batch)
+
+    class Kept(Observer):
+        blocks: list[tuple[int, np.ndarray[Any, Any]]] = []
+
+        def start(self, timing: Any, plant: Any, members: int) -> Rows:
+            rows = Rows.of(timing, members)
+            rows.most = 16
+            return rows
+
+        def block(self, rows: Rows) -> None:
+            n = rows.count
+            values = [
+                rows.signals[: n + 1, :24],
+                rows.forces[: n + 1],
+                rows.force_limited[: n + 1],
+                rows.rate_limited[: n + 1],
+            ]
+            self.blocks.append((rows.first, np.concatenate(values, axis=1)))
+
+    running, kept = batch.in_parallel(STEPPING), Kept()
+    observe(running.plant, running.law_from, running.loop, kept)
+    assert [first for first, _ in kept.blocks] == [*range(0, 121, 16)]
+    rows = np.concatenate([values[1:] for _, values in kept.blocks])
+    assert np.array_equal(rows[:, :24].swapaxes(1, 2), whole.results[:, :, :24])
+    assert np.array_equal(rows[:, 24:30].swapaxes(1, 2), whole.inputs[:, :, :6])
+    assert np.array_equal(rows[:, 36:].swapaxes(1, 2), whole.rate_limited)
+    limited = np.stack([whole.force_limited[whole.sample_of_row[:, k], k] for k in range(3)], axis=1)
+    assert np.array_equal(rows[:, 30:36].swapaxes(1, 2), limited)
+    assert limited.any()
+    for (_, before), (_, after) in zip(kept.blocks, kept.blocks[1:], strict=False):
+        assert np.array_equal(before[-1], after[0])
+
+
+def test_a_library_that_computes_something_else_is_named_and_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: with 1 N more on a leg, a warning with the share of the largest force, and NumPy's loop."""
+    self_test.loop_kernel.cache_clear()
+    original = self_test._forces
+    monkeypatch.setattr(self_test, "_forces", lambda platform, kernel: original(platform, kernel) + (kernel is None))
+    monkeypatch.setattr(self_test, "_is_noted", lambda _library: False)
+    with pytest.warns(UserWarning, match=r"differ by 0\.0\d+ of the largest one from NumPy's; loops run in NumPy"):
+        assert self_test.loop_kernel() is None
+    assert gs.run("heave_step", {"loop.duration": 0.01}).metadata["host"] == "Python"
+    monkeypatch.undo()
+    self_test.loop_kernel.cache_clear()
+    assert gs.run("heave_step", {"loop.duration": 0.01}).metadata["host"].startswith("compiled, ")
