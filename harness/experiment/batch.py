@@ -17,8 +17,8 @@ from gough_stewart.harness.experiment.distinct import Distinct
 from gough_stewart.harness.experiment.stages import Planned
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
-from gough_stewart.harness.loop.self_test import loop_kernel
 from gough_stewart.harness.loop.seeds import Seed, Seeds, as_numbers
+from gough_stewart.harness.loop.self_test import loop_kernel
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import LegMotion

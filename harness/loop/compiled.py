@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import Failure
+from gough_stewart.fmu_build.lanes import WIDTH, Failure
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.linear_law import LinearLaw
@@ -109,7 +109,7 @@ class CompiledLoop:
         c.reference = self._table(loop.reference_rows)
         c.feedforward, c.injection = self._table(_by_row(loop.feedforward)), self._table(_by_row(loop.injection))
         blocks = plant.batch.blocks
-        self._ended = np.full(blocks * lane_batch.WIDTH, -1, np.int64)
+        self._ended = np.full(blocks * WIDTH, -1, np.int64)
         self._at_row = np.zeros(blocks, np.int64)
         c.ended, c.at_row = self._pointer(self._ended), self._pointer(self._at_row)
         self._signals = self._memory("signals", signals.SIZE)
@@ -132,6 +132,7 @@ class CompiledLoop:
         self._set_rows(rows, row)
         readings = self._readings(row, to)
         run = self._plant.loop_run
+        assert run is not None  # whoever made this has asked for it
         work = ctypes.c_int64(_WORK)
         try:
             while not run(reference(batch), ctypes.byref(c), ctypes.c_int64(to), work):
@@ -202,7 +203,7 @@ class CompiledLoop:
         memory = self._memory("memory", columns)
         memory[:n_states, : self._n] = parts.state.T
         self._memory("next", N_LEGS + n_states)
-        if parts.inverses is not None:
+        if parts.jacobians is not None and parts.inverses is not None:
             lengths[:, : self._n] = parts.lengths
             c.jacobian = self._table(parts.jacobians.reshape(len(parts.jacobians), 36, -1))
             c.inverse = self._table(parts.inverses.reshape(len(parts.inverses), 36, -1))

@@ -237,9 +237,10 @@ def test_rows_reach_observers_in_blocks_without_gaps() -> None:
     whole = run_of(batch)
 
     class Kept(Observer):
-        blocks: list[tuple[int, np.ndarray[Any, Any]]] = []
+        def __init__(self) -> None:
+            self.blocks: list[tuple[int, np.ndarray[Any, Any]]] = []
 
-        def start(self, timing: Any, plant: Any, members: int) -> Rows:
+        def start(self, timing: Any, _plant: Any, members: int) -> Rows:
             rows = Rows.of(timing, members)
             rows.most = 16
             return rows
