@@ -178,7 +178,7 @@ class Showing:
         if self.page:
             from importlib import import_module
 
-            files[PAGE] = import_module("gough_stewart.harness.report.page").page(report)
+            files[PAGE] = import_module("gough_stewart.harness.report.page").page_of(report)
         write_files(folder, files, owned=[PAGE])
         return list(files)
 
