@@ -7,7 +7,7 @@ import typer
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import chosen_experiment, experiments, path
-from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show
+from gough_stewart.harness.cli.terminal import progress_bar, show_report, warn
 
 
 def frf_command(
@@ -42,7 +42,7 @@ def frf_command(
         chosen = None if experiment is None else chosen_experiment(experiment, None, no_python=False)
         with progress_bar() as bar:
             bar.add_task("transforms, linear model, figure", total=None)
-            from gough_stewart.harness.experiment.frf import FILES, frf, frf_files, frf_sheet
+            from gough_stewart.harness.experiment.frf import FILES, frf, frf_files
             from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
@@ -50,7 +50,7 @@ def frf_command(
             files = frf_files(found)
         write_files(folder, files)
         command.written.append(folder)
-        show(frf_sheet(found))
+        show_report(found.report(charts=False))
         for note in found.notes:
-            Terminal().print(note)
+            warn(note)
         command.close(files, folder)

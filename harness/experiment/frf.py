@@ -18,18 +18,18 @@ from gough_stewart.harness.control.margins import is_stable, response
 from gough_stewart.harness.control.structured import ComplexArray
 from gough_stewart.harness.errors import ControllerError, RecordError
 from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.frf_report import frf_report, loop_is_known
 from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, label, pictures
-from gough_stewart.harness.output.tables import Sheet, to_html
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.record import Record, platform_of, read_record
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.vectors import FloatArray
 
 FILES = ("frf.csv", "frf.parquet", "frf.png", "frf.svg")
-_SHOWN_ROWS = 24
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,7 +54,19 @@ class FrequencyResponse:
         return "\n".join([f"Frequency response: {self.title}", *(f"  {line}" for line in self._summary())])
 
     def _repr_html_(self) -> str:
-        return to_html(frf_sheet(self))
+        from gough_stewart.harness.report.notebook import to_html
+
+        return to_html(self.report(charts=False))
+
+    def report(self, *, charts: bool = True) -> Report:
+        """The peak of S, where L is known and where its gain is 1, and how all agrees with the linear model.
+
+        Returns
+        -------
+        Report
+            Verdict, numbers such as `S.peak` and `L.crossover`, a table, and with `charts` the Bode plot.
+        """
+        return frf_report(self, charts=charts)
 
     def _summary(self) -> list[str]:
         found, f = self.measured, self.frequency
@@ -269,23 +281,6 @@ def frf_files(found: FrequencyResponse) -> dict[str, bytes]:
     }
 
 
-def frf_sheet(found: FrequencyResponse) -> Sheet:
-    """A selection of frequencies for the terminal."""
-    has_model = found.predicted is not None
-    heads = ("Hz", "|S|", "|T|", "|L|", "∠L °", *(("|L| model", "∠L model") if has_model else ()), "coherence")
-    sheet = Sheet(f"{found.title}: {found.channel}", heads)
-    seen, n = found.measured, len(found.frequency)
-    for k in np.unique(np.linspace(0, n - 1, min(_SHOWN_ROWS, n)).round().astype(int)):
-        cells = [f"{abs(values[k]):.3g}" for values in (seen.S, seen.T, seen.L)]
-        for loop in (seen.L, found.predicted):
-            if loop is found.predicted and loop is not None:
-                cells.append(f"{abs(loop[k]):.3g}")
-            if loop is not None:
-                cells.append(f"{np.degrees(np.angle(loop[k])):.0f}")
-        sheet.add(f"{found.frequency[k]:.4g}", *cells, f"{seen.coherence[k]:.4f}")
-    return sheet
-
-
 _THIN: dict[str, Any] = {"color": "#555555", "linewidth": 0.9}
 
 
@@ -297,10 +292,12 @@ def frf_figure(
     def draw(figure: Figure) -> None:
         entitle(figure, title)
         (gain, both), (phase, coherence) = figure.subplots(2, 2, sharex=True)
-        _points(gain, frequency, np.abs(measured.L), measured.loop_radius, 0, "run")
-        angle = np.degrees(np.unwrap(np.angle(measured.L)))
-        spread = np.degrees(np.arcsin(np.minimum(1.0, measured.loop_radius / np.abs(measured.L))))
-        _points(phase, frequency, angle, spread, 0, "")
+        known = loop_is_known(measured)
+        L, radius, at = measured.L[known], measured.loop_radius[known], frequency[known]
+        _points(gain, at, np.abs(L), radius, 0, "run")
+        angle = np.degrees(np.unwrap(np.angle(L)))
+        spread = np.degrees(np.arcsin(np.minimum(1.0, radius / np.abs(L))))
+        _points(phase, at, angle, spread, 0, "")
         _points(both, frequency, np.abs(measured.S), measured.radius, 0, "S")
         _points(both, frequency, np.abs(measured.T), measured.radius, 1, "T")
         if predicted is not None:
@@ -309,7 +306,7 @@ def frf_figure(
             gain.plot(frequency, np.abs(predicted), color=COLOURS[0], label="linear model", **style)
             # shift by full turns to the nearest phase
             line = np.degrees(np.unwrap(np.angle(predicted)))
-            line += 360 * np.round(np.median(angle - line) / 360)
+            line += 360 * np.round(np.median(angle - line[known]) / 360) if known.any() else 0.0
             phase.plot(frequency, line, color=COLOURS[0], **style)
             both.plot(frequency, np.abs(S), color=COLOURS[0], **style)
             both.plot(frequency, np.abs(1 - S), color=COLOURS[1], linestyle="--", **style)
@@ -325,7 +322,7 @@ def frf_figure(
         label(gain, "gain of L", "1", "")
         label(phase, "phase of L", "°", "frequency [Hz]")
         label(both, "|S| and |T|", "1", "")
-        label(coherence, "coherence", "1", "frequency [Hz]")
+        label(coherence, "coherence of S and T", "1", "frequency [Hz]")
         for axes in (gain, phase, both, coherence):
             axes.margins(x=0.02)
 

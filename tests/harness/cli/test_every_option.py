@@ -29,22 +29,22 @@ BAR = Path("bar")
 
 @pytest.mark.parametrize("kind", ["folder", "file", "out"])
 def test_frf(notes: Notes, kind: str) -> None:
-    found = SimpleNamespace(notes=("a note", "another"))
+    found = SimpleNamespace(notes=("a note", "another"), report=lambda **_: made_report("responses"))
     notes.replace("harness.experiment.frf.frf", found)
     notes.replace("harness.experiment.frf.frf_files", {"frf.csv": b"x" * 100, "frf.svg": b""})
-    notes.replace("harness.experiment.frf.frf_sheet", sheet("responses"))
     Path("run 1").mkdir()
     Path("run 1/record.csv").touch()
     record = "run 1/record.csv" if kind == "file" else "run 1"
     done = invoke("frf", record, *(("--out", "here", "--experiment", "circle") if kind == "out" else ()))
     place = "here" if kind == "out" else "run 1"
-    said(done, "responses", "a note", "another", f"Done in T s. Wrote to {place} (0.1 kB):")
+    said(done, "responses found", "responses", f"Done in T s. Wrote to {place} (0.1 kB):")
     assert "responses!" in done.stdout
+    assert done.stderr == "warning: a note\nwarning: another\n"
     (given,), options = notes.one("frf")
     experiment = options.pop("experiment")
     assert (given, options) == (Path(record), {})
     assert "circle" in experiment.title if kind == "out" else experiment is None
-    assert notes.one("frf_files") == notes.one("frf_sheet") == ((found,), {})
+    assert notes.one("frf_files") == ((found,), {})
     assert {path.name for path in Path(place).glob("frf*")} == {"frf.csv", "frf.svg"}
 
 

@@ -8,12 +8,15 @@ import numpy as np
 import polars
 import pytest
 
+from gough_stewart.harness.control.frequency_response import Response
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.file import experiment_from, load_experiment
 from gough_stewart.harness.experiment.files import save_record
-from gough_stewart.harness.experiment.frf import frf, frf_sheet
+from gough_stewart.harness.experiment.frf import FrequencyResponse, frf
+from gough_stewart.harness.experiment.frf_report import loop_is_known
 from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.report.document import Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain, read_record
 from tests.support.commands import invoke
@@ -149,22 +152,59 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: Record) -> Non
         f"smallest coherence {min(measured.coherence):.3g}",
         f"  farthest from the linear model: S by {max(gap):.3g} at {f[int(gap.argmax())]:.4g} Hz",
     ]
-    sheet = frf_sheet(found)
-    assert sheet.title == f"{shipped.metadata['title']}: leg 3"
-    heads = ["Hz", "|S|", "|T|", "|L|", "∠L °", "|L| model", "∠L model", "coherence"]
-    assert list(sheet.heads) == heads
-    assert len(sheet.rows) == 24 < len(f)
-    at = [int(np.abs(f - float(str(row[0]))).argmin()) for row in sheet.rows]
+    report = found.report()
+    assert report.title == f"{shipped.metadata['title']}: leg 3"
+    table = next(part for part in report.parts() if isinstance(part, Table))
+    heads = ["f", "|S|", "|T|", "|L|", "∠L", "|L| model", "∠L model", "coherence"]
+    assert [column.name for column in table.columns] == heads
+    assert len(table.rows) == 24 < len(f)
+    at = [int(np.abs(f - row[0]).argmin()) for row in table.rows]  # type: ignore[operator]
     assert (at[0], at[-1]) == (0, len(f) - 1)
     assert np.ptp(np.diff(at)) <= 1
-    for row, k in zip(sheet.rows, at, strict=True):
-        loops = [text for L in (measured.L[k], found.predicted[k]) for text in (f"{abs(L):.3g}", f"{_degrees(L):.0f}")]
-        cells = [f"{f[k]:.4g}", f"{abs(measured.S[k]):.3g}", f"{abs(measured.T[k]):.3g}", *loops]
-        assert [str(cell) for cell in row] == [*cells, f"{measured.coherence[k]:.4f}"]
-    assert all(str(cell) in found._repr_html_() for cell in sheet.rows[7])
+    unknown = (np.abs(measured.L) <= measured.radius / np.abs(measured.S) ** 2) | (
+        measured.radius >= 0.5 * np.abs(measured.S)
+    )
+    for row, k in zip(table.rows, at, strict=True):
+        L, expected = measured.L[k], found.predicted[k]
+        seen = (None, None) if unknown[k] else (pytest.approx(abs(L)), pytest.approx(np.angle(L)))
+        both = (f[k], pytest.approx(abs(measured.S[k])), pytest.approx(abs(measured.T[k])), *seen)
+        assert row == (*both, pytest.approx(abs(expected)), pytest.approx(np.angle(expected)), measured.coherence[k])
+    assert all(text in found._repr_html_() for text in table.texts(7))
+    gain, phase, both_gains, coherence = report.charts
+    np.testing.assert_array_equal(np.isnan(gain.series[0].values), unknown)
+    np.testing.assert_array_equal(np.isnan(phase.series[0].values), unknown)
+    np.testing.assert_allclose(both_gains.series[1].values, np.abs(measured.T))
+    assert coherence.title == "coherence of S and T"
+    agree = np.mean(np.abs(measured.S - model) <= measured.radius)
+    assert report.number("agreement").value == pytest.approx(agree)
+    assert report.number("L.known").value == pytest.approx(1 - unknown.mean())
+    decibels = 20 * np.log10(np.abs(measured.S).max())
+    assert report.verdict.text.startswith(f"|S| peaks at {decibels:.2g} dB at {f[peak]:.2g} Hz; ")
     odd = frf(shipped, controller=lambda _sample: np.zeros(6))
-    assert list(frf_sheet(odd).heads) == [*heads[:5], "coherence"]
+    other = odd.report()
+    table = next(part for part in other.parts() if isinstance(part, Table))
+    assert [column.name for column in table.columns] == [*heads[:5], "coherence"]
     assert len(repr(odd).splitlines()) == 4
+    assert other.verdict.text.endswith("no linear model to compare with")
+
+
+def test_an_l_that_cannot_be_known_is_not_shown_however_coherent() -> None:
+    """Expected: S = 1/(1 + L) with a radius of 0.02: L of 0.5 is known, L of 0.01 is not; the crossover in between."""
+    f = np.array([1.0, 4.0, 16.0, 64.0])
+    L = np.array([4, 2, 0.5, 0.01], dtype=complex)
+    measured = Response(np.asarray(1 / (1 + L)), np.full(4, 0.02), np.array([1.0, 1.0, 1.0, 1.0]), 5)
+    assert loop_is_known(measured).tolist() == [True, True, True, False]
+    found = FrequencyResponse("made", "leg 2", f, measured, np.asarray(L * 1.001), ())
+    report = found.report()
+    assert report.number("L.crossover").value == pytest.approx(8.0)
+    assert "L is known at 3 of 4 frequencies" in report.verdict.text
+    assert "100 % of S agree" in report.verdict.text
+    table = next(part for part in report.parts() if isinstance(part, Table))
+    assert table.rows[3][3] is None
+    assert table.rows[3][-1] == 1.0
+    # a circle about S that reaches its middle is no circle about 1/S
+    coarse = Response(np.asarray(1 / (1 + L)), np.array([0.15, 0.02, 0.02, 0.02]), np.ones(4), 5)
+    assert loop_is_known(coarse).tolist() == [False, True, True, False]
 
 
 def _degrees(value: Any) -> float:
@@ -183,7 +223,7 @@ def test_the_figure_shows_points_with_their_circles_and_the_model(shipped: Recor
     assert figure.get_suptitle() == f"{shipped.metadata['title']}: leg 3, the others closed"
     gain, both, phase, coherence = figure.axes
     titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles == ["gain of L", "|S| and |T|", "phase of L", "coherence"]
+    assert titles == ["gain of L", "|S| and |T|", "phase of L", "coherence of S and T"]
     assert [axes.get_ylabel() for axes in figure.axes] == ["[1]", "[1]", "[°]", "[1]"]
     assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "frequency [Hz]", "frequency [Hz]"]
     angle = np.degrees(np.unwrap(np.angle(measured.L)))
