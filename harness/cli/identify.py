@@ -23,7 +23,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     path,
 )
-from gough_stewart.harness.cli.terminal import Terminal, errors, preparing, progress_bar, show
+from gough_stewart.harness.cli.terminal import errors, preparing, progress_bar, show_report
 from gough_stewart.harness.errors import UsageError
 
 
@@ -140,8 +140,8 @@ def identify_command(
             from gough_stewart.harness.identify.files import FILES, identification_files
             from gough_stewart.harness.identify.identify import identify
             from gough_stewart.harness.identify.log import read_log
+            from gough_stewart.harness.identify.report import estimate_report
             from gough_stewart.harness.identify.retuned import before_and_after
-            from gough_stewart.harness.identify.tables import sheets_of
             from gough_stewart.model.process.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
@@ -166,9 +166,7 @@ def identify_command(
             files = identification_files(found, nominal, more)
         write_files(out, files)
         command.written.append(out)
-        show(*sheets_of(found), *more)
-        for note in found.notes:
-            Terminal().say(note)
+        show_report(estimate_report(found, nominal.name, more, charts=False))
         then = None
         if found.not_excited:
             of = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"

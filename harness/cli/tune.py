@@ -17,7 +17,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, errors, progress_bar, show, warn
+from gough_stewart.harness.cli.terminal import errors, progress_bar, show_report, warn
 from gough_stewart.harness.errors import UsageError
 
 if TYPE_CHECKING:
@@ -127,10 +127,7 @@ def tune_command(
             files = tuning_files(found, experiment, folder, settings or ())
         write_files(folder, files)
         command.written.append(folder)
-        from gough_stewart.harness.tuning.result import statement, tuning_sheets
-
-        show(*tuning_sheets(found))
-        Terminal().say(statement(found))
+        show_report(found.report(charts=False))
         if found.left_out:
             warn(f"{found.left_out} members have impossible parameters and are left out")
         command.close(files, folder, then=f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}")

@@ -14,7 +14,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     platform_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, show, warn
+from gough_stewart.harness.cli.terminal import preparing, progress_bar, show_report, warn
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import WorkspaceError
 
@@ -69,10 +69,10 @@ def workspace_command(
         ranges, fixed = None if over is None else _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
         with preparing():
-            from gough_stewart.harness.workspace.explained import notices
             from gough_stewart.harness.workspace.figures import workspace_figures
             from gough_stewart.harness.workspace.page import workspace_page
-            from gough_stewart.harness.workspace.tables import sheets_of, size_text, workspace_csv
+            from gough_stewart.harness.workspace.report import workspace_report
+            from gough_stewart.harness.workspace.tables import workspace_csv
             from gough_stewart.model.process.files import check_output_folder, write_files
             from gough_stewart.model.workspace_grid import POINTS, sweep
 
@@ -93,10 +93,10 @@ def workspace_command(
             }
         write_files(out, files)
         command.written.append(out)
-        show(*(sheet for sheet in sheets_of(workspace) if sheet.rows))
-        Terminal().print(size_text(workspace))
-        for notice in notices(workspace):
-            warn(notice)
+        report = workspace_report(workspace, charts=False)
+        show_report(report)
+        for note in report.notes:
+            warn(note.text)
         command.close(files, out, open_it=open_it)
 
 

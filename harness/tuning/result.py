@@ -1,14 +1,17 @@
 """The result of a search: values found, their evaluation, and all of it as tables and a statement."""
 
 from dataclasses import dataclass
-from html import escape
 
 import polars
 
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text, text_of, to_html, to_terminal
+from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text
+from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.results.metric_folds import shown_metric
 from gough_stewart.harness.tuning.candidates import Evaluation
+from gough_stewart.harness.tuning.report import tuning_report
 from gough_stewart.harness.tuning.search import Search
 
 
@@ -38,12 +41,26 @@ class Tuning:
     integration_error: float
     """The largest error estimate of a plant step."""
 
+    def report(self, *, charts: bool = True) -> Report:
+        """From what to what the metric went, with which values, and whether that holds on fresh members.
+
+        Returns
+        -------
+        Report
+            Verdict, the values as numbers, tables, and with `charts` all candidates.
+        """
+        return tuning_report(self, tuning_sheets(self), statement(self), charts=charts)
+
     def __repr__(self) -> str:
-        tables = (text_of(to_terminal(sheet)) for sheet in tuning_sheets(self))
-        return "\n".join([f"Tuning: {self.experiment.title}", *tables, statement(self)])
+        return "\n".join([f"Tuning: {self.title}", text_of(self.report(charts=False))])
 
     def _repr_html_(self) -> str:
-        return f"<div>{''.join(map(to_html, tuning_sheets(self)))}<p>{escape(statement(self))}</p></div>"
+        return to_html(self.report(charts=False))
+
+    @property
+    def title(self) -> str:
+        """Title of the experiment."""
+        return self.experiment.title
 
     @property
     def is_interrupted(self) -> bool:

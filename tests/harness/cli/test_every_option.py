@@ -229,8 +229,7 @@ def test_tune(notes: Notes, kind: str) -> None:
     shown: list[str] = []
     notes.replace("harness.tuning.tune.tune", found, act)
     notes.replace("harness.tuning.files.tuning_files", {"tuned.toml": b"x" * 400})
-    notes.replace("harness.tuning.result.tuning_sheets", [sheet("tuned")])
-    notes.replace("harness.tuning.result.statement", "it is better")
+    found.report = lambda **_: made_report("tuned")
     notes.replace("harness.experiment.setting_file.text_with_settings", "text")
     base = ("--vary", "controller.bandwidth=1..6Hz", "--minimise", "tracking.position.norm_rms")
     name = "heave_step" if kind in ("default", "interrupted") else "heave_tolerances"
@@ -261,7 +260,6 @@ def test_tune(notes: Notes, kind: str) -> None:
     assert (checked[0], list(checked[1]), options) == (name, settings, {"folder": Path(out)})
     files, _ = notes.one("tuning_files")
     assert (*files[:3], list(files[3])) == (found, name, Path(out), settings)
-    assert notes.one("tuning_sheets") == notes.one("statement") == ((found,), {})
     assert shown == ["best none yet", "best 1.235 mm"]
     generations = expected["generations"]
     bar = {"description": "files and figures", "total": None, "completed": 5, "done": 0}
@@ -276,8 +274,8 @@ def test_tune(notes: Notes, kind: str) -> None:
     done.exit_code = 0
     said(
         done,
+        "tuned found",
         "tuned",
-        "it is better",
         f"Done in T s. Wrote {out}/tuned.toml (0.4 kB).",
         f"Next: gough-stewart run {place}",
     )

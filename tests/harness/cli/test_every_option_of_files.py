@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gough_stewart.fmu_build.builder import number_of_steps
 from gough_stewart.harness.cli import terminal
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.report.document import Note
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, platform_to_toml, preset_text
 from tests.support.commands import invoke
@@ -172,7 +173,7 @@ def test_identify(notes: Notes, kind: str) -> None:
     notes.replace("harness.identify.identify.identify", found)
     notes.replace("harness.identify.retuned.before_and_after", SimpleNamespace(sheet=sheet("before and after")))
     notes.replace("harness.identify.files.identification_files", {"platform.toml": b"x" * 3000, "identify.html": b""})
-    notes.replace("harness.identify.tables.sheets_of", [sheet("parameters"), sheet("residuals")])
+    notes.replace("harness.identify.report.estimate_report", made_report("parameters"))
     opened = notes.opened()
     arguments = {
         "default": ("log.csv", "--estimate", "platform_mass"),
@@ -187,8 +188,9 @@ def test_identify(notes: Notes, kind: str) -> None:
     done = invoke("identify", *arguments)
     nominal = {"default": load_preset("liu2000"), "share": load_preset("motion_base"), "all": UNEVEN}[kind]
     out = {"default": "results/identify_log", "share": "results/identify_log", "all": "there"}[kind]
-    lines = ["half a note", f"Done in T s. Wrote to {out} (3 kB):"]
-    tables = ["parameters", "residuals"] + ["before and after"] * (kind == "all")
+    lines = [f"Done in T s. Wrote to {out} (3 kB):"]
+    tables = ["parameters found", "parameters"]
+    more_tables = ["before and after"] * (kind == "all")
     factor, holds = (57.5, True) if kind == "all" else (None, None)
     logs = {"default": ["log.csv"], "share": ["a/log.csv"], "all": ["one.csv", "two.csv", "three.csv", "four.csv"]}[
         kind
@@ -210,8 +212,10 @@ def test_identify(notes: Notes, kind: str) -> None:
         more = [notes.bars[-1]["description"]]
         assert more == ["before and after"]
     files, options = notes.one("identification_files")
-    assert (files[:2], [each.title for each in files[2]], options) == ((found, nominal), tables[2:], {})
-    assert notes.one("sheets_of") == ((found,), {})
+    assert (files[:2], [each.title for each in files[2]], options) == ((found, nominal), more_tables, {})
+    (of, name, extra), asked = notes.one("estimate_report")
+    assert (of, name, [each.title for each in extra]) == (found, nominal.name, more_tables)
+    assert asked == {"charts": False}
     if kind == "all":
         assert opened == [Path(out, "identify.html").absolute().as_uri()]
         lines.append(f"Next: gough-stewart excite --platform own.toml --estimate {names}")
@@ -316,12 +320,11 @@ def test_workspace(notes: Notes, kind: str) -> None:
 
     opened = notes.opened()
     notes.replace("model.workspace_grid.sweep", space, act)
-    notes.replace(f"{WORKSPACE}.explained.notices", ["nothing is reached"] if kind == "two" else [], lambda _: [])
+    told = (Note("nothing is reached", "warning"),) if kind == "two" else ()
+    notes.replace(f"{WORKSPACE}.report.workspace_report", replace(made_report("limits"), notes=told))
     notes.replace(f"{WORKSPACE}.figures.workspace_figures", {"workspace.png": b"p" * 100, "workspace.svg": b"s" * 200})
     notes.replace(f"{WORKSPACE}.page.workspace_page", b"h" * 300)
     notes.replace(f"{WORKSPACE}.tables.workspace_csv", b"c" * 400)
-    notes.replace(f"{WORKSPACE}.tables.sheets_of", [sheet("swept"), Sheet("empty", ("",)), sheet("limits")])
-    notes.replace(f"{WORKSPACE}.tables.size_text", "3 of 7 poses")
     done = invoke("workspace", *{
         "default": (),
         "two": (*("--over", " x = -1200mm : 1.2 ,yaw", "--at", "pitch=5deg", "--at", "z = 2.5", "--points", "9"),
@@ -352,11 +355,11 @@ def test_workspace(notes: Notes, kind: str) -> None:
         "workspace.html": b"h" * 300,
     }  # fmt: skip
     assert {name: calls[0][0][0] is space for name, calls in notes.calls.items()} == dict.fromkeys(
-        ("notices", "workspace_figures", "workspace_page", "workspace_csv", "sheets_of", "size_text"), True
+        ("workspace_report", "workspace_figures", "workspace_page", "workspace_csv"), True
     )
     assert done.stderr == ("warning: nothing is reached\n" if kind == "two" else "")
     page = [] if kind == "open" else [f"Open {out}/workspace.html in a browser."]
-    said(done, "swept", "limits", "3 of 7 poses", f"Done in T s. Wrote to {out} (1 kB):", *page)
+    said(done, "limits found", "limits", f"Done in T s. Wrote to {out} (1 kB):", *page)
     assert opened == ([Path(out, "workspace.html").absolute().as_uri()] if kind == "open" else [])
 
 

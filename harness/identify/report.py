@@ -1,0 +1,155 @@
+"""What an identification found, as a report: how well the parameters are known, and whether the model fits the log."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.names import unit_of
+from gough_stewart.harness.identify.tables import sheets_of
+from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.report.document import (
+    Axis,
+    Chart,
+    Note,
+    Number,
+    Report,
+    Section,
+    Series,
+    Status,
+    Verdict,
+    time_axis,
+)
+from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
+from gough_stewart.harness.report.sheets import table_of
+from gough_stewart.harness.report.words import counted, listed, percent, sentence
+
+# A parameter whose interval is at most this share of its scale counts as well known.
+WELL_KNOWN = 0.05
+# So few parameters are told one by one.
+_FEW = 3
+
+
+def estimate_report(found: Estimate, platform: str, more: Sequence[Sheet] = (), *, charts: bool = True) -> Report:
+    """The report of an estimate of a platform; `more` has further tables, such as an experiment before and after."""
+    sections = [Section("Parameters", tuple(map(table_of, [*sheets_of(found), *more])))]
+    if charts:
+        drawn = [_parameters(found), *_fit(found)]
+        sections.append(Section("Fit", tuple(chart for chart in drawn if chart is not None)))
+    notes = [Note(text) for text in found.notes]
+    notes += [Note(text, "warning") for text in found.alarms]
+    return Report(
+        f"Parameters of {platform}",
+        estimate_verdict(found),
+        tuple(sections),
+        study="identify",
+        lead=f"method {found.method.replace('_', ' ')}; intervals of 95 % if model and force gain are right",
+        numbers=_numbers(found),
+        notes=tuple(notes),
+    )
+
+
+def estimate_verdict(found: Estimate) -> Verdict:
+    """Whether the values are valid, how well they are known, what the log does not tell, whether the model fits."""
+    numbers = _numbers(found)
+    if found.alarms:
+        return Verdict(sentence(found.alarms), "bad", numbers[: _FEW + 1])
+    known = [k for k in range(len(found.names)) if math.isfinite(found.standard_errors[k])]
+    shares = {k: _half(found, k) / max(abs(found.values[k]), found.scale[k]) for k in known}
+    well = [k for k, share in shares.items() if share <= WELL_KNOWN]
+    parts: list[str | None] = []
+    if not known:
+        parts.append(f"none of the {counted(len(found.names), 'parameter')} is known")
+    elif len(found.names) <= _FEW:
+        parts.append(listed([_value(found, k) for k in known]))
+    else:
+        worst = max(shares, key=lambda k: shares[k])
+        parts.append(
+            f"{len(well)} of {counted(len(found.names), 'parameter')} are known to {percent(WELL_KNOWN)} or better"
+        )
+        parts.append(f"least known: {_value(found, worst)}")
+    if found.not_excited:
+        parts.append(f"not excited by this motion: {_some(found.not_excited)}")
+    if found.at_bound:
+        parts.append(f"at the bound of what is possible: {_some(found.at_bound)}")
+    if found.diagnosis is not None and found.diagnosis.test is not None:
+        parts.append("the residuals are those of noise")
+    else:
+        parts.append("whether the model fits the log is not tested")
+    is_whole = len(well) == len(found.names) and found.diagnosis is not None and found.diagnosis.test is not None
+    status: Status = "good" if is_whole else "marginal"
+    return Verdict(sentence(parts), status, numbers[: _FEW + 1])
+
+
+def _some(names: Sequence[str]) -> str:
+    return (
+        listed(list(names))
+        if len(names) <= _FEW
+        else f"{listed(list(names[:_FEW]), 'and')} and {len(names) - _FEW} more"
+    )
+
+
+def _half(found: Estimate, k: int) -> float:
+    return float(found.values[k] - found.interval[k, 0])
+
+
+def _quantity(name: str) -> Quantity:
+    unit = unit_of(name)
+    return replace(of_unit(unit) if unit else NUMBER, digits=6)
+
+
+def _value(found: Estimate, k: int) -> str:
+    """As in platform_mass 1216.9 ± 0.4 kg."""
+    quantity, half = _quantity(found.names[k]), _half(found, k)
+    shown = quantity.factor * half
+    # as many decimals as the half width has in two digits
+    decimals = max(0, 1 - math.floor(math.log10(shown))) if shown > 0 else 3
+    value = f"{quantity.factor * found.values[k]:.{decimals}f}"
+    return f"{found.names[k]} {value} ± {shown:.2g} {quantity.unit}".rstrip()
+
+
+def _numbers(found: Estimate) -> tuple[Number, ...]:
+    made = []
+    for k, name in enumerate(found.names):
+        low, high = found.interval[k].tolist()
+        made.append(
+            Number(f"parameters.{name}", name, float(found.values[k]), _quantity(name), low, high,
+                   explanation="with its interval of 95 % confidence")
+        )  # fmt: skip
+    condition = found.condition_number if math.isfinite(found.condition_number) else None
+    made.append(Number("condition_number", "condition number of the regressor", condition))
+    return tuple(made)
+
+
+def _parameters(found: Estimate) -> Chart | None:
+    """By how much each estimate differs from the nominal value, with its interval, relative to its scale."""
+    change = (found.values - found.nominal) / found.scale
+    half = (found.values - found.interval[:, 0]) / found.scale
+    if not np.isfinite(change).any():
+        return None
+    series = Series("change from nominal", SHARE, change, "actual", low=change - half, high=change + half)
+    axis = Axis("parameter", labels=tuple(found.names))
+    return Chart("change of the parameters, of their scale", axis, (series,), "bars", y=Axis("change", SHARE))
+
+
+def _fit(found: Estimate) -> list[Chart]:
+    """Measured and fitted signals of each channel, and their difference."""
+    details = found.details
+    if "time" not in details:
+        return []
+    quantity, what = of_unit(found.residuals.unit), found.residuals.quantity
+    time, measured, fitted = (np.asarray(details[name], dtype=float) for name in ("time", "measured", "fitted"))
+    charts = []
+    for k in range(measured.shape[1]):
+        both = (
+            Series("measured", quantity, measured[:, k], "measured"),
+            Series("fitted", quantity, fitted[:, k], "nominal"),
+        )
+        charts.append(Chart(f"{what} {k + 1}", time_axis(time), both, group="fit"))
+    rest = tuple(
+        Series(f"{what} {k + 1}", quantity, measured[:, k] - fitted[:, k], "error", leg=k + 1 if k < 6 else None)
+        for k in range(measured.shape[1])
+    )
+    return [*charts, Chart("residuals, measured − fitted", time_axis(time), rest, group="residuals")]
