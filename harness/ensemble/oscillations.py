@@ -99,7 +99,9 @@ def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors) -> Iterat
         assert loop.reference is not None
         reference = loop.reference[:: kept.every, LENGTHS]
         begins = _rest_begins(loop, last_change(reference), kept.every)
-        may = may_move(np.moveaxis(kept.errors[..., group], 1, 2), kept.time, reference, begins)
+        # those of consecutive members without a copy
+        at = slice(group[0], group[-1] + 1) if group[-1] - group[0] == len(group) - 1 else group
+        may = may_move(np.moveaxis(kept.errors[..., at], 1, 2), kept.time, reference, begins)
         yield from (k for k, is_one in zip(group, may.tolist(), strict=True) if is_one)
 
 
