@@ -46,7 +46,7 @@ def loop_library() -> LanesLibrary:
     def sources() -> tuple[dict[str, str], dict[str, str]]:
         from gough_stewart.fmu_build.lanes import loop_sources
 
-        return loop_sources(_components())
+        return loop_sources(components_header())
 
     own = b"".join(files(package).joinpath(name).read_bytes() for package, *names in _OWN for name in names)
     return machine_code("loop", sources, state=digest_of(own))
@@ -58,7 +58,7 @@ def coefficients_of(component: type[Stepped], values: dict[str, Any], period: fl
     return np.array(np.broadcast_arrays(*prepared), dtype=float)
 
 
-def _components() -> str:
+def components_header() -> str:
     """`components.h`: the equations on vectors of members, and sizes."""
     from gough_stewart.fmu_build.tables import GENERATED, defines
 

@@ -264,7 +264,7 @@ static void drive(vector *v, lanes is_behind[])
 static void keep_row(vector *v, int64_t row, const lanes is_behind[])
 {
     const loop *w = v->with;
-    mask everyone = v->plant.running == v->plant.running;
+    mask everyone = v->plant.running | ~v->plant.running;
     row -= w->first_row;
     if (w->row_results.at) {
         lanes y[N_RESULTS];

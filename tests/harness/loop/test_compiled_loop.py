@@ -4,19 +4,24 @@ Expected values are those of NumPy's loop, an implementation of its own of clock
 against single steps and closed forms in the other files of this folder.
 """
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart.fmu_build.lanes import loop_sources
+from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.loop import compiled, self_test
+from gough_stewart.harness.loop import compiled, loop_library, self_test
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import Run, simulate
@@ -281,3 +286,17 @@ def test_a_library_that_computes_something_else_is_named_and_not_used(monkeypatc
     monkeypatch.undo()
     self_test.loop_kernel.cache_clear()
     assert gs.run("heave_step", {"loop.duration": 0.01}).metadata["host"].startswith("compiled, ")
+
+
+@pytest.mark.parametrize("name", ["aarch64-linux", "x86_64-windows", "aarch64-darwin"])
+def test_other_systems_can_compile_the_loop(name: str, tmp_path: Path) -> None:
+    """Expected: no complaint of the compiler, with the components' equations in it."""
+    units, headers = loop_sources(loop_library.components_header())
+    for file, text in {**units, **headers}.items():
+        (tmp_path / file).write_text(text)
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", BY_NAME[name].triple, "-std=c11", "-O0", "-Werror"]
+    done = subprocess.run(
+        [*command, "-c", "-I", ".", "loop.c", "-o", "loop.o"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "loop.o").stat().st_size > 10_000
