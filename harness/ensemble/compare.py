@@ -1,7 +1,7 @@
 """Compare two ensembles of the same members: differences and their confidence."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,16 +14,19 @@ from scipy.special import stdtrit
 from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
 from gough_stewart.harness.ensemble.ensemble import ensemble
 from gough_stewart.harness.ensemble.files import write_report
-from gough_stewart.harness.ensemble.page import ensemble_page
-from gough_stewart.harness.ensemble.report import worst_by
+from gough_stewart.harness.ensemble.report import ensemble_charts, worst_by
 from gough_stewart.harness.ensemble.result import Ensemble
-from gough_stewart.harness.ensemble.sensitivity import sensitivity
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.tables import Named, Sheet, number_text
 from gough_stewart.harness.polars_paths import write_to
-from gough_stewart.harness.results.metric_folds import shown_metric
+from gough_stewart.harness.report.document import Chart, Number, Report, Section, Verdict
+from gough_stewart.harness.report.page import page_of
+from gough_stewart.harness.report.sheets import table_of
+from gough_stewart.harness.report.words import percent
+from gough_stewart.harness.results.metric_folds import metric_of, shown_metric
 from gough_stewart.model.process.files import write_files
 from gough_stewart.model.vectors import FloatArray
 
@@ -176,6 +179,47 @@ def _middle_ranks(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return low, high
 
 
+def comparison_report(found: Comparison, by: str, known: Sensitivity | None = None) -> Report:
+    """How the second experiment differs from the first, member by member, in one metric and then in all."""
+    (first, second), gaps, metric = found.names, difference(found), metric_of(by)
+    row = next((each for each in found.differences.iter_rows(named=True) if each["metric"] == by), None)
+    if row is None or not row["pairs"]:
+        verdict = Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
+    else:
+        signed = replace(metric.quantity, digits=3)
+        ends = f"{signed.text(row['median_low'], unit=False)} to {signed.text(row['median_high'])}"
+        verdict = Verdict(
+            f"{second} changes the {metric.text} by {signed.text(row['median'])} (median of {row['pairs']:,} members; "
+            f"95 % confidence: {ends}); it is less in {percent(row['less_b'])} of them",
+            "told",
+            (
+                Number("", f"{metric.text}, mean of {first}", row["mean_a"], metric.quantity),
+                Number("", f"{metric.text}, mean of {second}", row["mean_b"], metric.quantity),
+                Number(
+                    "",
+                    f"median of {second} − {first}",
+                    row["median"],
+                    metric.quantity,
+                    row["median_low"],
+                    row["median_high"],
+                ),
+            ),
+        )
+    tables = tuple(table_of(sheet) for sheet in compare_sheets(found, usual=False))
+    named = f"{second} − {first}"
+    charts = [
+        Section(each.title, tuple(replace(p, title=f"{p.title}: {named}") for p in each.parts if isinstance(p, Chart)))
+        for each in ensemble_charts(gaps, by, known)
+    ]
+    return Report(
+        f"{found.a.title}: {named}",
+        verdict,
+        (Section("Differences", tables), *charts),
+        study="ensemble --compare",
+        lead=f"A is {first}, B is {second}; the same {found.a.members.height:,} members in both",
+    )
+
+
 DIFFERENCES, PAGE = "differences.parquet", "compare.html"
 
 
@@ -216,7 +260,7 @@ def run_compared(
         known = [sensitivity(gaps, by)]
     except RecordError:  # too few members, or equal values in all
         known = []
-    page = ensemble_page(gaps, by, {}, known, compare_sheets(found, usual=False))
+    page = page_of(comparison_report(found, by, known[0] if known else None))
     write_files(folder, {DIFFERENCES: lambda path: write_to(path, found.differences.write_parquet), PAGE: page})
     return found
 

@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from gough_stewart.harness.ensemble.page import PAGE, ensemble_page
 from gough_stewart.harness.ensemble.report import ensemble_report, worst_by
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
@@ -12,6 +11,7 @@ from gough_stewart.harness.ensemble.statistics import worst_members
 from gough_stewart.harness.experiment.plan import plan_from
 from gough_stewart.harness.experiment.recording import records_of
 from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.process.files import write_files
 
@@ -32,8 +32,7 @@ def write_report(found: Ensemble, folder: Path) -> tuple[list[str], Report]:
     by = worst_by(found)
     known = sensitivity_if_known(found, by)
     worst = _write_worst(found, by, folder)
-    page = ensemble_page(found, by, worst, () if known is None else (known,))
-    files = {**ensemble_figures(found, by, known), PAGE: page}
+    files = {**ensemble_figures(found, by, known), PAGE: page_of(ensemble_report(found, by, known, worst))}
     write_files(folder, files)
     report = ensemble_report(found, by, known, list(worst), charts=False)
     return [*files, *([WORST] if worst else [])], report

@@ -1,6 +1,6 @@
 """What an ensemble found, as a report: how many machines do it and how well, what fails, what makes them differ."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,7 +68,7 @@ def ensemble_report(
     found: EnsembleData,
     by: str,
     known: Sensitivity | None = None,
-    worst: Sequence[int] = (),
+    worst: Sequence[int] | Mapping[int, str] = (),
     *,
     charts: bool = True,
 ) -> Report:
@@ -81,7 +81,7 @@ def ensemble_report(
     known
         What makes that metric vary.
     worst
-        Members to list.
+        Members to list; of a mapping with the address of each one's own page, "" for none.
     charts
         Also bands over time, histograms and dependence.
     """
@@ -92,10 +92,10 @@ def ensemble_report(
     if known is not None:
         tables.append(sensitivity_table(known))
     if worst:
-        tables.append(worst_table(found, worst, by))
+        tables.append(worst_table(found, list(worst), by, worst if isinstance(worst, Mapping) else {}))
     sections = [Section("Members", tuple(tables))]
     if charts:
-        sections += _charts(found, by, known)
+        sections += ensemble_charts(found, by, known)
         every = [name for name in found.metrics if len(counted(members, name))]
         sections.append(Section("All metrics", (quantile_table(members, every),), detail=True))
     sampling = str(found.metadata.get("sampling", "random")).replace("_", " ")
@@ -270,7 +270,7 @@ def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
     return Table(title, columns, tuple(rows), first_shown=most, note=f"{known.remark[:1].upper()}{known.remark[1:]}.")
 
 
-def worst_table(found: EnsembleData, worst: Sequence[int], by: str) -> Table:
+def worst_table(found: EnsembleData, worst: Sequence[int], by: str, pages: Mapping[int, str] | None = None) -> Table:
     """These members with their outcome, the metric, and what was drawn for them."""
     metric = metric_of(by)
     inputs = found.varied[:_MOST_INPUTS]
@@ -282,7 +282,15 @@ def worst_table(found: EnsembleData, worst: Sequence[int], by: str) -> Table:
     for member in worst:
         k = row_of[member]
         rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(each[k]) for each in drawn)))
-    return Table(f"Worst members by {metric.text}", columns, tuple(rows), sortable=True, detail=True)
+    links = tuple((pages or {}).get(member, "") for member in worst)
+    return Table(
+        f"Worst members by {metric.text}",
+        columns,
+        tuple(rows),
+        sortable=True,
+        detail=True,
+        links=links if pages else (),
+    )
 
 
 def _input_column(name: str) -> Column:
@@ -307,7 +315,8 @@ def _notes(found: EnsembleData) -> tuple[Note, ...]:
     return tuple(notes)
 
 
-def _charts(found: EnsembleData, by: str, known: Sensitivity | None) -> list[Section]:
+def ensemble_charts(found: EnsembleData, by: str, known: Sensitivity | None) -> list[Section]:
+    """Distributions, bands over time, dependence on what varies, and sensitivity."""
     names = [by, *(name for name in usual_metrics(found.members) if name != by)]
     histograms = [_histogram(found, name) for name in names if len(counted(found.members, name)) > 1]
     sections = [Section("Distribution", tuple(histograms))] if histograms else []

@@ -242,8 +242,13 @@ class Table:
     group_ends: tuple[int, ...] = ()  # rows after which a group ends
     note: str = ""
     detail: bool = False  # on the page only, and not shown at first
+    links: tuple[str, ...] = ()  # a page for each row, relative to the report's; "" for none
 
     def __post_init__(self) -> None:
+        if self.links and len(self.links) != len(self.rows):
+            raise ValueError(
+                f"{len(self.links)} links of '{self.title}'; expected one for each of {len(self.rows)} rows"
+            )
         rows = tuple(tuple(None if isinstance(c, float) and math.isnan(c) else c for c in row) for row in self.rows)
         object.__setattr__(self, "columns", tuple(self.columns))
         object.__setattr__(self, "rows", rows)

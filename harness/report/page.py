@@ -24,7 +24,7 @@ from gough_stewart.harness.report.glossary import explained, with_terms
 from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
 from gough_stewart.harness.report.offline import asset, document
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
-from gough_stewart.harness.report.page_data import chart_data, scene_data
+from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data
 from gough_stewart.harness.report.page_tables import table_html
 from gough_stewart.harness.report.palette import (
     DASHES,
@@ -56,6 +56,8 @@ NEARNESS: dict[str, Any] = {
     "stops": [(0.0, "#6baed6"), (0.5, "#b8d0dc"), (0.8, "#f5b722"), (1.0, "#a50f15")],
     "beyond": "#5c1a7e",
 }
+# What is known of the members that a reader marks in a chart.
+_MARKED = '<section id="marked" class="part" aria-live="polite" hidden></section>'
 # Largest number of values that stand beside the verdict.
 _MOST_NUMBERS = 6
 
@@ -78,6 +80,7 @@ def page_of(report: Report) -> bytes:
         "nearness": NEARNESS,
         "charts": [chart_data(chart, arrays) for chart in charts],
         "scenes": [scene_data(scene, arrays) for scene in scenes],
+        "members": member_data(report, arrays),
         "arrays": arrays.packed,
     }
     first = next((chart for chart in charts if not chart.detail), None) if not scenes else None
@@ -89,6 +92,7 @@ def page_of(report: Report) -> bytes:
             _first(report, body, scenes, first),
             _bar(charts, scenes),
             _settings(report),
+            _MARKED if data["members"] else "",
             *(body.section(section) for section in report.sections),
             _files(report),
             "</main>",
@@ -251,10 +255,11 @@ class _Body:
     def chart(self, chart: Chart) -> str:
         """The frame of a chart, which a script fills."""
         note = f'<p class="hint">{with_terms(chart.note)}</p>' if chart.note else ""
-        k = self._number[id(chart)]
+        k, level = self._number[id(chart)], "h2" if chart is self._first else "h3"
+        title = f"<{level}>{with_terms(chart.title)}</{level}>"
         return (
-            f'<figure class="chart {chart.kind}" data-chart="{k}"><figcaption><h3 id="chart-{k}">'
-            f'{with_terms(chart.title)}</h3><ul class="key"></ul></figcaption><div class="plot"></div>{note}</figure>'
+            f'<figure class="chart {chart.kind}" data-chart="{k}"><figcaption>{title}<ul class="key"></ul></figcaption>'
+            f'<div class="plot"></div>{note}</figure>'
         )
 
     def _parts(self, parts: Iterable[Table | Chart | Scene | Note]) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.output.display_resolution import least_span
-from gough_stewart.harness.report.document import Axis, Chart, Scene, Series
+from gough_stewart.harness.report.document import Axis, Chart, Report, Scene, Series
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.quantities import TIME, Quantity
 from gough_stewart.model.vectors import FloatArray
@@ -84,6 +84,23 @@ def _series(series: Series, chart: Chart, arrays: Arrays) -> dict[str, Any]:
     if series.members is not None:
         found["members"] = arrays.add(series.members)
     return {name: value for name, value in found.items() if value not in (None, "")}
+
+
+def member_data(report: Report, arrays: Arrays) -> dict[str, Any] | None:
+    """The members of an ensemble, and their values of the metrics that have a chart; None without such."""
+    titles = [chart.title for chart in report.charts]
+    shown = [each for each in report.numbers if each.members is not None and each.name in titles]
+    points = [series for chart in report.charts for series in chart.series if series.members is not None]
+    if not shown or not points or points[0].members is None:
+        return None
+    return {
+        "ids": arrays.add(points[0].members),
+        "numbers": [
+            {"name": each.name, **_written(each.quantity), "values": arrays.add(each.members, each.quantity)}
+            for each in shown
+            if each.members is not None
+        ],
+    }
 
 
 def scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:

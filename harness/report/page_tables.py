@@ -18,10 +18,14 @@ def table_html(table: Table) -> str:
         classes += ["late"] if table.first_shown is not None and k >= table.first_shown else []
         kind = f' class="{" ".join(classes)}"' if classes else ""
         texts = table.texts(k)
-        cells = [f'<th scope="row">{with_terms(texts[0])}</th>']
+        first = with_terms(texts[0])
+        if table.links and table.links[k]:
+            first = f'<a href="{html.escape(table.links[k])}">{html.escape(texts[0])}</a>'
+        cells = [f'<th scope="row"{_sorted_by(row[0]) if table.sortable else ""}>{first}</th>']
         for cell, text, right in zip(row[1:], texts[1:], at_right[1:], strict=True):
             value = _sorted_by(cell) if table.sortable else ""
             cells.append(f"<td{_class('n' if right else '')}{value}>{html.escape(text)}</td>")
+        kind += f' data-member="{row[0]}"' if table.columns[0].name == "member" else ""
         rows.append(f"<tr{kind}>{''.join(cells)}</tr>")
     late = len(table.rows) - (table.first_shown or len(table.rows))
     button = f'<button type="button" class="all">show all {len(table.rows)} rows</button>' if late > 0 else ""

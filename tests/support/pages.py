@@ -4,10 +4,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.page import ensemble_page
+from gough_stewart.harness.ensemble.report import ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.page import identification_page
+from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.harness.workspace.page import workspace_page
 from gough_stewart.model.platform_toml import load_preset
@@ -23,8 +24,8 @@ def _ensemble() -> bytes:
     outcome, cause = ["completed"] * 300, list[str | None]([None] * 300)
     outcome[17], cause[17] = "diverged", "the platform is 1.2 m from its reference; the bound is 0.05 m"
     members = ensemble_of(np.random.default_rng(2).normal(size=(300, 4)), outcome, cause)
-    known = [sensitivity(members, _PEAK)]
-    return ensemble_page(members, _PEAK, {17: "worst/member-17/report.html", 5: ""}, known)
+    pages = {17: "worst/member-17/report.html", 5: ""}
+    return page_of(ensemble_report(members, _PEAK, sensitivity(members, _PEAK), pages))
 
 
 def _identification() -> bytes:
@@ -54,8 +55,10 @@ PAGES: Mapping[str, Callable[[], bytes]] = {
 DRAWN: Mapping[str, str] = {
     "one run": "GoughStewart.ready.picture && GoughStewart.ready.curves",
     "three runs": "GoughStewart.ready.picture && GoughStewart.ready.curves",
-    "ensemble": "document.querySelectorAll('#sensitivity .barlayer .point').length > 0",
+    "ensemble": "GoughStewart.ready.all === true",
     "identification": "document.querySelector('#residuals .main-svg') !== null",
     "workspace": "document.querySelectorAll('.heatmaplayer').length >= 7",
     "volume": "document.querySelector('.gl-container canvas') !== null",
 }
+# A chart of the page.
+CHART: Mapping[str, str] = dict.fromkeys(PAGES, ".plot") | dict.fromkeys(("identification", "workspace"), ".nsewdrag")

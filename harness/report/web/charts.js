@@ -129,6 +129,7 @@
     panel.group.panels.push(panel);
     GS.legend(panel);
     GS.showMembers(panel);
+    if (state.members) GS.markedBars(panel);
     // the figure finds its size in a frame of its own
     new ResizeObserver(() => requestAnimationFrame(() => { if (!GS.isPrinting()) fit(panel); })).observe(panel.plot);
     GS.point(panel);
@@ -162,7 +163,7 @@
     GS.on("zoom", () => { for (const panel of timeGroup.panels) { if (seen(panel)) fit(panel); else panel.stale = true; } });
     GS.on("leg picked", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); } }));
     GS.on("hiddenRuns", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); fit(panel); } }));
-    GS.on("members", () => panels.forEach(GS.showMembers));
+    GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); }));
     GS.onTheme(() => panels.forEach(dress));
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };
     // the charts in view first, then the others one by one, for paper and for a reader who scrolls

@@ -114,6 +114,17 @@
       }
     }
 
+    // Bars of some members within those of a histogram.
+    markBars(counts) {
+      const { data, figure } = this, columns = { left: data.x.slice(0, -1), right: data.x.slice(1), bottom: counts.map(() => 0), top: counts };
+      if (!this.marked) {
+        const source = new Bokeh.ColumnDataSource({ data: columns }), F = (field) => ({ field });
+        this.marked = { source, glyph: figure.quad({ left: F("left"), right: F("right"), bottom: F("bottom"), top: F("top"), source, line_color: null }) };
+      }
+      this.marked.glyph.glyph.setv({ fill_color: GS.theme().roles.actual });
+      this.marked.source.data = columns;
+    }
+
     heat(numbers) {
       const { chart, figure, data } = this, columns = data.x.length, rows = data.rows.length;
       const ends = extent([numbers.y]) || [0, 1];

@@ -3,10 +3,10 @@
 (() => {
   const GS = GoughStewart, { element, page, state } = GS;
 
-  const sample = ({ colour, dashes, offset }, width, isBlock) => {
+  const sample = ({ colour, dashes, offset }, width, isBlock, alpha = 1) => {
     const found = element("span", { class: "sample", "aria-hidden": "true" });
     const shape = isBlock
-      ? `<rect x="8" width="12" height="10" fill="${colour}"/>`
+      ? `<rect x="8" width="12" height="10" fill="${colour}" fill-opacity="${alpha}"/>`
       : `<line x1="0" y1="5" x2="28" y2="5" stroke="${colour}" stroke-width="${width}" stroke-dasharray="${dashes.join(" ")}" stroke-dashoffset="${offset || 0}"/>`;
     found.innerHTML = `<svg width="28" height="10" viewBox="0 0 28 10">${shape}</svg>`;
     return found;
@@ -54,8 +54,10 @@
       const look = GS.look(chart, series), owner = ownerOf(chart, series);
       // many references look the same: one sample is enough, and each value stands beside its series
       if (owner >= 0 && chart.series.some((each, j) => j < k && ownerOf(chart, each) >= 0 && GS.look(chart, each).colour === look.colour)) return;
+      // bands lie over each other, the widest first
+      const shade = series.role === "band" ? 1 - 0.78 ** chart.series.slice(0, k + 1).filter((each) => each.role === "band").length : 1;
       const value = element("output", { class: "value" });
-      const button = element("button", { type: "button", title: `pick ${named(series)} in all charts`, onclick: () => pick(series) }, sample(look, look.width + 0.5, isBlock || series.role === "band"), element("span", {}, owner >= 0 ? "reference" : named(series)));
+      const button = element("button", { type: "button", title: `pick ${named(series)} in all charts`, onclick: () => pick(series) }, sample(look, look.width + 0.5, isBlock || series.role === "band", shade), element("span", {}, owner >= 0 ? "reference" : named(series)));
       const item = element("li", {}, button, ...(owner >= 0 ? [] : [value]));
       const beside = owner >= 0 ? -1 : chart.series.findIndex((each) => ownerOf(chart, each) === k);
       panel.items.push({ series, button, item, value, index: owner >= 0 ? -1 : k, beside });

@@ -30,7 +30,7 @@
   GS.coinciding = (chart, all) => {
     const groups = [];
     all.forEach((series, k) => {
-      if (chart.kind !== "line" && chart.kind !== "step") return;
+      if ((chart.kind !== "line" && chart.kind !== "step") || chart.series[k].role === "band") return;
       if (GS.look(chart, chart.series[k]).dashes.length) return;
       const equal = ([first]) => {
         const a = all[first].y, b = series.y;

@@ -34,4 +34,50 @@
   GS.on("members", () => {
     for (const row of document.querySelectorAll("tr[data-member]")) row.classList.toggle("chosen", Boolean(state.members?.has(Number(row.dataset.member))));
   });
+
+  // What is known of the marked members beside all: how many, quantiles of the metrics, and the largest with its member.
+  const quantile = (sorted, share) => {
+    if (!sorted.length) return NaN;
+    const at = share * (sorted.length - 1), low = Math.floor(at), high = Math.min(low + 1, sorted.length - 1);
+    return sorted[low] + (at - low) * (sorted[high] - sorted[low]);
+  };
+  const summary = async () => {
+    const { members } = GS.page, box = document.getElementById("marked");
+    if (!members || !box) return;
+    box.hidden = !state.members;
+    if (!state.members) return;
+    const ids = await GS.array(members.ids), has = [...ids].map((id) => state.members.has(id));
+    const rows = await Promise.all(members.numbers.map(async ({ name, unit, factor, digits, values }) => {
+      const all = (await GS.array(values)).map((v) => factor * v), sorted = (list) => list.filter(Number.isFinite).sort((a, b) => a - b);
+      const own = sorted(all.filter((_, k) => has[k])), whole = sorted(all);
+      const most = own.length ? ids[all.findIndex((v, k) => has[k] && v === own.at(-1))] : null;
+      const cells = [quantile(own, 0.5), quantile(whole, 0.5), quantile(own, 0.95), quantile(whole, 0.95), own.at(-1) ?? NaN].map((v) => GS.short(v, digits));
+      return [unit ? `${name} [${unit}]` : name, ...cells, most === null ? "–" : String(most)];
+    }));
+    const { element } = GS, heads = ["", "median", "of all", "95 %", "of all", "largest", "in member"];
+    const table = element("table", {},
+      element("caption", {}, `${state.members.size} of ${ids.length} members are marked`),
+      element("thead", {}, element("tr", {}, ...heads.map((head) => element(head ? "th" : "td", head ? { scope: "col", class: "n" } : {}, head)))),
+      element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "n" }, cell))))));
+    box.replaceChildren(element("div", { class: "sideways", tabindex: "0", role: "group", "aria-label": "marked members" }, table));
+  };
+  GS.on("members", summary);
+
+  // Of histograms of these metrics: the bars of the marked members within those of all.
+  GS.markedBars = async (panel) => {
+    const { members } = GS.page, found = members && panel.chart.kind === "histogram" && members.numbers.find(({ name }) => name === panel.chart.title);
+    if (!found || !panel.figure) return;
+    const [ids, values] = await Promise.all([GS.array(members.ids), GS.array(found.values)]), edges = panel.figure.data.x;
+    const counts = new Float64Array(edges.length - 1);
+    if (state.members) {
+      values.forEach((value, k) => {
+        const v = found.factor * value;
+        if (!state.members.has(ids[k]) || !(v >= edges[0])) return;
+        let bin = GS.rowAt(edges, v);
+        if (bin === counts.length && v <= edges[bin] * (1 + 1e-12)) bin--;
+        if (bin >= 0 && bin < counts.length) counts[bin]++;
+      });
+    }
+    panel.figure.markBars(counts);
+  };
 })();

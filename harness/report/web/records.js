@@ -2,7 +2,6 @@
 // The scenes of the page, and poses between their frames.
 (() => {
   const GS = GoughStewart, NAMES = { leg_length: "length", actuator_force: "force" };
-  GS.records = [];
   // Unpacks all scenes; `stage` builds what is drawn from them.
   GS.unpackScenes = async () => {
     for (const [index, scene] of GS.page.scenes.entries()) {

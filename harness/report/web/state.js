@@ -9,6 +9,8 @@
   };
   const same = (a, b) => a === b || (Array.isArray(a) && Array.isArray(b) && a.every((x, k) => x === b[k]));
   GS.state = state;
+  // the scenes, once they are unpacked
+  GS.records = [];
   // call back when one of these names changes
   GS.on = (names, callback) => { for (const name of names.split(" ")) (listeners[name] ??= new Set()).add(callback); };
   GS.set = (changes) => {

@@ -1,21 +1,17 @@
 """Tables, pages and warnings of ensembles from closed forms: of large ones, of one pair, with and without failures."""
 
-import base64
-import json
 import re
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import polars
 import pytest
-from lxml import html
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
 from gough_stewart.harness.ensemble.figures import ensemble_figures
-from gough_stewart.harness.ensemble.page import ensemble_page
 from gough_stewart.harness.ensemble.report import (
+    ensemble_report,
     failure_table,
     quantile_table,
     sensitivity_table,
@@ -34,10 +30,12 @@ from gough_stewart.harness.ensemble.statistics import (
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.output.tables import Named
+from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.sheets import sheet_of
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, ensemble_of
 from tests.support.figures import figures_drawn
+from tests.support.page_arrays import data_of, unpacked
 
 PEAK = "tracking.position.norm_peak"
 
@@ -52,19 +50,8 @@ def with_columns(ensemble: Ensemble, **columns: Any) -> Ensemble:
     return Ensemble(ensemble.members.with_columns(series), ensemble.bands, ensemble.metadata)
 
 
-def data_of(page: bytes) -> dict[str, Any]:
-    """What the script of a page reads."""
-    text = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page.decode())[0]
-    found: dict[str, Any] = json.loads(text)
-    return found
-
-
 def words_of(page: bytes) -> str:
     return " ".join(re.sub("<[^>]*>", " ", page.decode().partition("<script")[0]).split())
-
-
-def unpacked(content: Mapping[str, str]) -> list[float]:
-    return list(np.frombuffer(base64.b64decode(content["bdata"]), f"<{content['dtype']}").astype(float).tolist())
 
 
 NAMES = tuple(f"input {k}" for k in range(17))
@@ -102,28 +89,31 @@ def test_tables_of_sensitivity_have_every_number_at_its_place() -> None:
         assert row == (NAMES[k], SHARES[k] * (1 if k % 2 else -1), SHARES[k] / 9)
 
 
-def test_the_page_has_the_bars_of_both_kinds_of_sensitivity() -> None:
-    """Expected: the given numbers of the 15 most influential inputs, by their names; what the axis shows."""
-    data = data_of(ensemble_page(ensemble_of(normal(40)), PEAK, {}, [SOBOL, BETA]))["sensitivity"]
-    assert list(data) == [PEAK, "stroke.margin"]
-    sobol, beta = data.values()
-    assert sobol["inputs"] == beta["inputs"] == [NAMES[k] for k in ORDER[:15]]
-    assert sobol["axis"] == "share of the variance"
-    assert beta["axis"] == "standardised regression coefficient β"
-    assert [each["name"] for each in sobol["bars"]] == ["alone", "in total"]
-    assert [each["name"] for each in beta["bars"]] == ["β"]
+def test_the_report_has_the_bars_of_both_kinds_of_sensitivity() -> None:
+    """Expected: the given numbers of the 15 most influential inputs, by their names, with their confidence."""
     some = np.array(ORDER[:15])
-    assert sobol["bars"][0]["values"] == (SHARES / 3)[some].tolist()
-    assert sobol["bars"][0]["confidence"] == (SHARES / 30)[some].tolist()
-    assert sobol["bars"][1]["values"] == SHARES[some].tolist()
-    assert sobol["bars"][1]["confidence"] == (SHARES / 20)[some].tolist()
-    assert beta["bars"][0]["values"] == BETA.main[some].tolist()
+    for known, parts, axis in (
+        (SOBOL, {"alone": (SHARES / 3, SHARES / 30), "in total": (SHARES, SHARES / 20)}, "share of the variance"),
+        (BETA, {"β": (BETA.main, SHARES / 9)}, "standardised regression coefficient β"),
+    ):
+        (chart,) = (
+            each for each in ensemble_report(ensemble_of(normal(40)), PEAK, known).charts if each.kind == "bars"
+        )
+        assert chart.x.labels == tuple(NAMES[k] for k in ORDER[:15])
+        assert chart.y is not None
+        assert (chart.y.name, chart.note) == (axis, known.remark)
+        assert [each.name for each in chart.series] == list(parts)
+        for series, (values, half) in zip(chart.series, parts.values(), strict=True):
+            assert series.low is not None
+            assert series.high is not None
+            assert series.values.tolist() == values[some].tolist()
+            assert series.low == pytest.approx((values - half)[some])
+            assert series.high == pytest.approx((values + half)[some])
     assert (
-        "Sobol' indices of 1900 members; left out: 19 not completed or without a value, or at a point"
-        in (sobol["remark"])
+        "Sobol' indices of 1900 members; left out: 19 not completed or without a value, or at a point" in SOBOL.remark
     )
-    assert "R² = 0.40, of 99 members; whiskers" in beta["remark"]
-    assert "far from linear" in beta["remark"]
+    assert "R² = 0.40, of 99 members; whiskers" in BETA.remark
+    assert "far from linear" in BETA.remark
 
 
 @pytest.fixture(scope="module")
@@ -135,38 +125,29 @@ def large() -> Ensemble:
     return with_columns(found, varied__controller__file=["a"] * n)
 
 
-def test_the_page_of_a_large_ensemble_says_what_it_does_not_show(large: Ensemble) -> None:
-    """Expected: points of the first 10,000, marks and tables of all that completed; 5 ± 100 √(0.05 · 0.95/10⁴) %."""
-    page = ensemble_page(large, PEAK, {})
+def test_the_page_of_a_large_ensemble_has_every_member(large: Ensemble) -> None:
+    """Expected: a point for each, gaps for those that did not complete; their numbers in the unit that is shown."""
+    report = ensemble_report(large, PEAK)
+    page = page_of(report)
     data, said = data_of(page), words_of(page)
-    assert unpacked(data["member"]) == list(range(10_000))
-    assert unpacked(data["completed"]) == [1.0] * 10_000
-    assert [each["name"] for each in data["inputs"]] == list(INPUTS)
-    assert len(unpacked(data["inputs"][3]["values"])) == 10_000
-    peak = next(each for each in data["metrics"] if each["name"] == PEAK)
-    expected = 1e3 * large.values(PEAK)
-    np.testing.assert_allclose(unpacked(peak["values"]), expected[:10_000], rtol=1e-6)
-    assert [mark["value"] for mark in peak["marks"]] == pytest.approx(
-        np.quantile(expected[:10_000], [0.05, 0.5, 0.95]).tolist()
-    )
-    margin = next(each for each in data["metrics"] if each["name"] == "margins.disk")
-    assert margin["marks"][0]["value"] == pytest.approx(np.quantile(large.values("margins.disk"), 0.05))
-    assert (peak["unit"], peak["least"], margin["least"]) == ("mm", 1e-3, 1e-3)
-    # by their units, of kg also a millionth of the largest
-    assert [each["least"] for each in data["inputs"]] == pytest.approx(
-        [1e-6 * np.abs(large.values("platform_mass")[:10_000]).max(), 1e-3, 1e-6, 1e-3]
-    )
-    assert [(each["unit"], each["least"]) for each in data["signals"]][2:5] == [
-        *(("m", 1e-6), ("mm", 1e-3)),
-        ("N", pytest.approx(1e-6 * np.abs(large.bands.filter(signal="actuator_force[1]")["highest"]).max())),
-    ]
-    assert "10100 members, seed 7, sampling random" in said
-    assert "leave out the 100 members that did not complete; margins count for all." in said
-    assert "over the first 10000 members (the 5 % line is at 4.8 to 5.2 % of all members), extremes over all" in said
-    assert "Points and histograms show the first 10000 members, tables all." in said
+    points = [chart for chart in data["charts"] if chart["kind"] == "points"]
+    assert [chart["x"]["name"] for chart in points] == list(INPUTS)
+    (series,) = points[0]["series"]
+    assert unpacked(data["arrays"][series["members"]]).tolist() == list(range(10_100))
+    found = unpacked(data["arrays"][series["values"]])
+    expected = np.append(large.values(PEAK)[:10_000], np.full(100, np.nan))
+    np.testing.assert_allclose(points[0]["y"]["factor"] * found, 1e3 * expected, atol=1e-3)
+    assert points[0]["y"]["title"] == "position error, peak [mm]"
+    marks = [mark["value"] for mark in data["charts"][0]["marks"]]
+    assert marks == pytest.approx(np.quantile(expected[:10_000], [0.05, 0.5, 0.95]).tolist())
+    names = {each["name"] for each in data["members"]["numbers"]}
+    assert {"position error, peak", "disk margin"} <= names
+    assert "10,100 members, sampling random, seed 7" in said
+    assert "Quantiles are without the 100 members not completed." in said
+    assert "Quantiles are of the first 10,000 members." in said
     assert "Worst members" not in said
-    small = words_of(ensemble_page(ensemble_of(normal(30)), PEAK, {}))
-    assert not re.search("leave out|first 10000|Not completed", small)
+    small = words_of(page_of(ensemble_report(ensemble_of(normal(30)), PEAK)))
+    assert not re.search("Quantiles are without|first 10,000|Not completed", small)
 
 
 def test_figures_of_a_large_ensemble_say_what_quantiles_are_of(large: Ensemble) -> None:
@@ -180,14 +161,13 @@ def test_figures_of_a_large_ensemble_say_what_quantiles_are_of(large: Ensemble) 
 
 
 def test_a_page_without_seed_and_of_another_design_says_so() -> None:
-    """Expected: the name of the design in words, no seed; further tables first."""
+    """Expected: the name of the design in words, no seed; that intervals are as if members were independent."""
     found = ensemble_of(normal(30), sampling="latin_hypercube")
     bare = Ensemble(found.members, found.bands, {k: v for k, v in found.metadata.items() if k != "seed"})
-    more = sheet_of(sensitivity_table(SOBOL))
-    page = ensemble_page(bare, PEAK, {}, (), [more])
-    assert "30 members, sampling latin hypercube" in words_of(page)
-    captions = [str(table.findtext("caption")) for table in html.fromstring(page.decode()).iter("table")]
-    assert captions == [more.title, "30 members: 30 completed"]
+    said = words_of(page_of(ensemble_report(bare, PEAK)))
+    assert "30 members, sampling latin hypercube" in said
+    assert "seed" not in said
+    assert "sampling latin hypercube covers the ranges more evenly" in said
 
 
 def test_the_worst_members_are_found_by_their_numbers() -> None:
@@ -206,9 +186,9 @@ def test_the_worst_members_are_found_by_their_numbers() -> None:
         k = 139 - member
         assert row[:2] == (member, "diverged" if member == 100 else "completed")
         assert row[2:] == (found.values("stroke.margin")[k], *(found.values(name)[k] for name in INPUTS))
-    page = ensemble_page(found, "stroke.margin", {worst[0]: "", worst[1]: "b&c/r.html"}).decode()
-    assert f'<a href="b&amp;c/r.html">{worst[1]}, in 3-D</a>' in page
-    assert f'<th scope="row">{worst[0]}</th>' in page
+    page = page_of(ensemble_report(found, "stroke.margin", None, {worst[0]: "", worst[1]: "b&c/r.html"})).decode()
+    assert f'<a href="b&amp;c/r.html">{worst[1]}</a>' in page
+    assert f">{worst[0]}</th>" in page
 
 
 def test_worst_members_that_complete_have_the_largest_value_and_no_value_is_the_best() -> None:

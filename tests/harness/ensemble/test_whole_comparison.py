@@ -1,11 +1,10 @@
 """All that is said of two compared ensembles and of what matters in them, against NumPy and SciPy on their columns."""
 
-import base64
-import json
 import re
 from pathlib import Path
 from typing import Any
 
+import lxml.html
 import numpy as np
 import polars
 import pytest
@@ -16,6 +15,8 @@ import gough_stewart as gs
 from gough_stewart.model.vectors import FloatArray
 from tests.harness.results.test_whole_run import tables_in
 from tests.support.commands import invoke
+from tests.support.page_arrays import data_of as data_of_page
+from tests.support.page_arrays import unpacked
 
 TOML = """
 title = "BANDWIDTH Hz"
@@ -149,24 +150,24 @@ def test_the_printed_differences_are_those_of_the_file(done: tuple[Result, Path]
 
 def data_of(page: Path) -> dict[str, Any]:
     """What the script of a page reads."""
-    text = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page.read_text())[0]
-    found: dict[str, Any] = json.loads(text)
-    return found
+    return data_of_page(page.read_bytes())
 
 
 def test_the_page_of_differences_has_each_members_difference(
     done: tuple[Result, Path], both: tuple[polars.DataFrame, polars.DataFrame]
 ) -> None:
-    """Expected: B − A of the columns, member by member; only members that completed in both count as such."""
+    """Expected: B − A of the columns, member by member, where both completed; the median of them is in the verdict."""
     data = data_of(done[1] / "compare.html")
-    each = next(metric for metric in data["metrics"] if metric["name"] == FORCE)
     gap = (both[1][FORCE] - both[0][FORCE]).to_numpy()
-    values = np.frombuffer(base64.b64decode(each["values"]["bdata"]), "<f4")
-    np.testing.assert_allclose(values, gap, rtol=1e-5)
-    flags = np.frombuffer(base64.b64decode(data["completed"]["bdata"]), "<i1")
-    expected = [a == b == "completed" for a, b in zip(both[0]["outcome"], both[1]["outcome"], strict=True)]
-    assert flags.astype(bool).tolist() == expected
-    assert "fast − slow" in (done[1] / "compare.html").read_text()
+    sound = [a == b == "completed" for a, b in zip(both[0]["outcome"], both[1]["outcome"], strict=True)]
+    points = [chart for chart in data["charts"] if chart["kind"] == "points"]
+    (series,) = points[0]["series"]
+    values = unpacked(data["arrays"][series["values"]])
+    np.testing.assert_allclose(values, np.where(sound, gap, np.nan), rtol=1e-5, atol=1e-3)
+    text = (done[1] / "compare.html").read_text()
+    assert "fast − slow" in text
+    verdict = re.findall(r'<p class="verdict told">.*?</p>', text)[0]
+    assert f"{np.median(gap[sound]):.0f} N".replace("-", "−") in verdict
 
 
 @pytest.mark.parametrize("name", ["slow", "fast"])
@@ -181,13 +182,20 @@ def test_what_matters_is_the_regression_of_the_columns(name: str, done: tuple[Re
     beta = np.linalg.lstsq(z, w, rcond=None)[0]
     r2 = 1 - np.mean((w - z @ beta) ** 2)
     order = np.argsort(-np.abs(beta))
-    found = data_of(done[1] / name / "report.html")["sensitivity"][FORCE]
-    assert found["inputs"] == [inputs[k] for k in order]
-    (bars,) = found["bars"]
+    data = data_of(done[1] / name / "report.html")
+    found = next(chart for chart in data["charts"] if chart["kind"] == "bars")
+    assert found["x"]["labels"] == [inputs[k] for k in order]
+    (bars,) = found["series"]
     assert bars["name"] == "β"
-    assert bars["values"] == pytest.approx(beta[order].tolist(), rel=1e-9)
-    assert all(half > 0 for half in bars["confidence"])
-    assert found["axis"] == "standardised regression coefficient β"
-    assert f"R² = {r2:.2f}, of {some.height} members" in found["remark"]
+    values, low, high = (unpacked(data["arrays"][bars[each]]) for each in ("values", "low", "high"))
+    assert values == pytest.approx(beta[order], abs=1e-3)
+    assert (low < values).all()
+    assert (values < high).all()
+    assert found["y"]["title"] == "standardised regression coefficient β"
+    (remark,) = lxml.html.parse(done[1] / name / "report.html").xpath(
+        "//figure[contains(@class, 'bars')]//p[@class='hint']"
+    )
+    assert f"R² = {r2:.2f}, of {some.height} members" in remark.text_content()
     left_out = members.height - some.height
-    assert (f"left out: {left_out} not completed or without a value" in found["remark"]) == bool(left_out)
+    told = f"left out: {left_out} not completed or without a value"
+    assert (told in remark.text_content()) == bool(left_out)

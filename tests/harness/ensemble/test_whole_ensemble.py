@@ -4,7 +4,6 @@ An uneven machine in trouble, of which masses, joints, friction, gains, delays, 
 differ; some members complete, some diverge, each at its own time, and some are impossible.
 """
 
-import base64
 import json
 import re
 from collections.abc import Mapping
@@ -23,6 +22,7 @@ from gough_stewart.model.vectors import FloatArray
 from tests.harness.results.test_whole_run import MACHINE, tables_in
 from tests.support.commands import invoke
 from tests.support.metric_definitions import as_one_number, defined_metrics
+from tests.support.page_arrays import data_of, unpacked
 
 TOML = """
 title = "machines in trouble"
@@ -102,11 +102,7 @@ class Done:
     @property
     def data(self) -> dict[str, Any]:
         """What the script of its page reads."""
-        page = (self.folder / "report.html").read_text()
-        found: dict[str, Any] = json.loads(
-            re.findall(r'<script type="application/json" id="data">(.*?)</script>', page)[0]
-        )
-        return found
+        return data_of((self.folder / "report.html").read_bytes())
 
 
 @pytest.fixture(scope="module")
@@ -335,88 +331,51 @@ def test_the_worst_members_come_in_order(done: Done) -> None:
     early = done.members.filter(polars.col("outcome") == "diverged").sort("ended")["member"].to_list()
     rest = done.members.filter(polars.col("outcome") == "completed").sort("force.rms", descending=True)["member"]
     page = (done.folder / "report.html").read_text()
-    named = re.findall(r'<a href="worst/member-(\d+)/report.html">\1, in 3-D</a>', page)
+    named = re.findall(r'<a href="worst/member-(\d+)/report.html">\1</a>', page)
     assert [int(member) for member in named] == [*early, *rest.to_list()]
 
 
-def packed(content: Mapping[str, str]) -> FloatArray:
-    """Numbers as the page's script unpacks them."""
-    return np.frombuffer(base64.b64decode(content["bdata"]), f"<{content['dtype']}").astype(float)
-
-
-def test_the_page_has_every_number_in_its_unit(done: Done) -> None:
-    """Expected: columns of the table and of the bands in mm, deg and %; quantiles of completed members as marks."""
+def test_the_page_has_members_and_bands_in_their_units(done: Done) -> None:
+    """Expected: columns of the table and of the bands, by the charts' own factors in the units that they name."""
     data, members = done.data, done.members
-    assert data["by"] == "force.rms"
-    assert packed(data["member"]).tolist() == list(range(14))
-    assert packed(data["completed"]).tolist() == [float(each == "completed") for each in members["outcome"]]
-    completed = members.filter(polars.col("outcome") == "completed")
-    units = {"mm": 1e3, "deg": 180 / np.pi, "%": 100.0}
-    for each in data["metrics"]:
-        factor = 1.0 if "percent" in each["name"] else units.get(each["unit"], 1.0)
-        values = members[each["name"]].cast(polars.Float64).fill_null(np.nan).to_numpy()
-        np.testing.assert_allclose(packed(each["values"]), factor * values, rtol=1e-6, err_msg=each["name"])
-        some = members if each["name"].startswith("margins.") else completed
-        known = some[each["name"]].cast(polars.Float64).drop_nulls().to_numpy()
-        marks = [(mark["text"], mark["value"]) for mark in each["marks"]]
-        quantiles = np.quantile(known, [0.05, 0.5, 0.95]) if len(known) else []
-        expected = zip(("5 %", "50 %", "95 %"), quantiles, strict=False)
-        assert marks == [(text, pytest.approx(factor * value)) for text, value in expected]
-    shown = {each["name"]: (each["text"], each["unit"]) for each in data["metrics"]}
-    for words, (metric, _) in PRINTED.items():
-        if metric in shown:
-            assert " ".join(filter(None, shown[metric])) == words
-    assert shown["tracking.leg_length.rms"] == ("leg error, RMS", "mm")
-    assert shown["tracking.position.rms"] == ("position error, RMS of an axis", "mm")
-    assert shown["tracking.orientation.peak"] == ("orientation error, peak of an axis", "deg")
-    assert shown["force.rms"] == ("RMS force", "N")
-    assert shown["power.mean"] == ("mean power", "W")
-    assert shown["energy.net_total"] == ("work, net", "J")
-    assert shown["step_response.z.final_error"] == ("z: final error", "mm")
-    assert shown["step_response.yaw.final_error"] == ("yaw: final error", "deg")
-    assert shown["step_response.x.at"] == ("x: step at", "s")
-    assert shown["limits.actuator_power_max.used"] == ("actuator power, of its limit", "%")
 
+    def values(number: int) -> FloatArray:
+        return unpacked(data["arrays"][number])
 
-def test_the_page_has_every_input_and_signal(done: Done) -> None:
-    """Expected: columns of the table in SI units; those of the bands in the units that they are shown in."""
-    data, members, units = done.data, done.members, {"mm": 1e3, "deg": 180 / np.pi}
-    inputs = {each["name"]: each for each in data["inputs"]}
+    completed = np.array([each == "completed" for each in members["outcome"]])
+    merit = np.where(completed, members["force.rms"].cast(polars.Float64).fill_null(np.nan).to_numpy(), np.nan)
+    points = {chart["x"]["name"]: chart for chart in data["charts"] if chart["kind"] == "points"}
     varied = [name.removeprefix("varied.") for name in members.columns if name.startswith("varied.")]
-    assert list(inputs) == varied
-    for name in varied:
+    assert set(points) <= set(varied)
+    for name, chart in points.items():
         drawn = members[f"varied.{name}"].to_numpy().astype(float)
-        np.testing.assert_allclose(packed(inputs[name]["values"]), drawn, rtol=1e-6)
-    units_of = {name: inputs[name]["unit"] for name in ("platform_mass", "base_points[2,3]", "leg_viscous_friction")}
-    assert units_of == {"platform_mass": "kg", "base_points[2,3]": "m", "leg_viscous_friction": "N.s/m"}
-    assert inputs["platform.actuator_power_max"]["unit"] == "W"
+        np.testing.assert_allclose(values(chart["x"]["values"]), drawn, rtol=1e-9)
+        (series,) = chart["series"]
+        np.testing.assert_allclose(values(series["values"]), merit, rtol=1e-5)
+        assert chart["y"]["title"] == "RMS force [N]"
     bands = polars.read_parquet(done.folder / "bands.parquet")
-    np.testing.assert_allclose(packed(data["time"]), 0.0025 * np.arange(121), rtol=1e-6)
-    assert [each["name"] for each in data["signals"]] == bands["signal"].unique(maintain_order=True).to_list()
-    for each in data["signals"]:
-        part = bands.filter(polars.col("signal") == each["name"])
-        factor = units.get(each["unit"], 1.0)
-        for name in (*LEVELS, "lowest", "highest"):
-            np.testing.assert_allclose(packed(each[name]), factor * part[name].to_numpy(), rtol=1e-6, atol=1e-30)
-    words = {each["name"]: (each["text"], each["unit"]) for each in data["signals"]}
-    assert words["position[3]"] == ("z", "m")
-    assert words["orientation[2]"] == ("pitch", "rad")
-    assert words["leg_velocity[4]"] == ("leg velocity 4", "m/s")
-    assert words["actuator_force[6]"] == ("actuator force 6", "N")
-    assert words["error.position[1]"] == ("error of x", "mm")
-    assert words["error.orientation.norm"] == ("error of orientation, norm", "deg")
-    assert words["error.leg_length[5]"] == ("error of leg length 5", "mm")
+    over_time = [chart for chart in data["charts"] if chart["isTime"]]
+    assert len(over_time) == bands["signal"].n_unique()
+    (error,) = (chart for chart in over_time if chart["title"] == "error of orientation, norm")
+    part = bands.filter(polars.col("signal") == "error.orientation.norm")
+    np.testing.assert_allclose(values(error["x"]["values"]), 0.0025 * np.arange(121), rtol=1e-6)
+    assert (error["y"]["unit"], error["y"]["factor"]) == ("deg", pytest.approx(180 / np.pi))
+    step = np.ptp(part["highest"].to_numpy()) / 2**20 + 1e-6
+    for series, low, high in zip(error["series"][:3], ("lowest", "q05", "q25"), ("highest", "q95", "q75"), strict=True):
+        np.testing.assert_allclose(values(series["low"]), part[low].to_numpy(), atol=step)
+        np.testing.assert_allclose(values(series["high"]), part[high].to_numpy(), atol=step)
+    np.testing.assert_allclose(values(error["series"][3]["values"]), part["q50"].to_numpy(), atol=step)
 
 
 def test_the_page_says_what_its_numbers_are_of(done: Done) -> None:
     """Expected: members, seed and sampling; what quantiles and bands leave out; the worst with what they ran with."""
     page = (done.folder / "report.html").read_text()
     text = re.sub("<[^>]*>", " ", page.partition("<script")[0])
-    assert "14 members, seed 11, sampling random" in text
-    assert "Quantiles of metrics leave out the 8 members that did not complete; margins count for all." in text
+    assert "14 members, sampling random, seed 11" in text
+    assert "Quantiles are without the 8 members not completed." in text
     tables = html.fromstring(page).iter("table")
-    table = next(each for each in tables if "Worst members" in str(each.findtext("caption")))
-    assert table.findtext("caption") == "Worst members by RMS force"
+    table = next(each for each in tables if "Worst members" in str(each.find("caption").text_content()))
+    assert table.find("caption").text_content() == "Worst members by RMS force"
     heads, *rows = [["".join(map(str, cell.itertext())) for cell in row.iterchildren()] for row in table.iter("tr")]
     varied = [name for name in done.members.columns if name.startswith("varied.")][:8]
     assert [head.partition(" [")[0] for head in heads] == [

@@ -110,6 +110,7 @@ def whole_report() -> Report:
         sortable=True,
         first_shown=2,
         group_ends=(1,),
+        links=("a.html", "", ""),
         note="of all",
         detail=True,
     )

@@ -284,7 +284,7 @@ def test_nothing_is_wider_than_the_page_and_titles_stand_clear(fresh: Page, widt
     fresh.wait_for_timeout(200)
     found = fresh.evaluate("""() => [...document.querySelectorAll('figure.chart')].map(chart => {
       const words = document.createRange();
-      words.selectNodeContents(chart.querySelector('h3'));
+      words.selectNodeContents(chart.querySelector('figcaption').firstElementChild);
       const parts = [words, ...chart.querySelectorAll('.key li, .plot')];
       return parts.map(part => part.getBoundingClientRect()).map(box => [box.left, box.right, box.top, box.bottom]);
     })""")
