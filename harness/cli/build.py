@@ -1,6 +1,8 @@
 """The command `build`: compiles the platform as an FMU."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
@@ -12,15 +14,22 @@ from gough_stewart.harness.cli.options import (
     chosen_platform,
     chosen_targets,
 )
+from gough_stewart.harness.cli.showing import Showing, shows
 from gough_stewart.harness.cli.terminal import preparing, progress_bar
 
+if TYPE_CHECKING:
+    from gough_stewart.harness.report.document import Report
 
+
+@shows
 def build_command(
     fmi: FmiOption = None,
     target: TargetOption = None,
     preset: PresetOption = None,
     platform: PlatformOption = None,
     out: FolderOption = Path(),
+    *,
+    showing: Showing,
 ) -> None:
     """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
@@ -55,4 +64,18 @@ def build_command(
                 progress=lambda what: progress.update(task, advance=1, description=what),
             )
         command.written.append(out)
-        command.close([file.relative_to(out) for file in files], out)
+        names = [str(file.relative_to(out)) for file in files]
+        showing.present(command, _report(chosen.name, versions, targets, names), out, names, keeps_data=False)
+
+
+def _report(platform: str, versions: Sequence[str], targets: Sequence[str], files: Sequence[str]) -> "Report":
+    """What was built: of which platform, for what, and that it has not been run."""
+    from gough_stewart.harness.report.document import Number, Report, Verdict
+    from gough_stewart.harness.report.words import listed, sentence
+
+    systems = "this machine" if list(targets) == ["native"] else listed([*targets])
+    fmi = f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}"
+    signals = "six actuator forces in, pose and leg lengths out"
+    text = sentence([fmi, signals, "not yet run: `gough-stewart reproduce` runs and compares them"])
+    number = Number("files", "files written", float(len(files)))
+    return Report(f"FMU of {platform}", Verdict(text, "good"), study="build", numbers=(number,))

@@ -17,7 +17,8 @@ from gough_stewart.harness.cli.options import (
     out_option,
     platform_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import preparing, progress_bar
 from gough_stewart.harness.errors import UsageError
 
 
@@ -28,6 +29,7 @@ class Criterion(StrEnum):
     determinant = "determinant"
 
 
+@shows
 def excite_command(
     preset: PresetOption = None,
     platform: PlatformOption = None,
@@ -55,6 +57,8 @@ def excite_command(
     trials: Annotated[int, typer.Option(help="Number of motions to evaluate.", metavar="N", min=1)] = 150,
     seed: SeedOption = 0,
     out: Annotated[Path | None, out_option("results/excite_NAME, after the platform")] = None,
+    *,
+    showing: Showing,
 ) -> None:
     """Design a motion for the identification of parameters: a finite Fourier series within all limits.
 
@@ -73,6 +77,8 @@ def excite_command(
         chosen = chosen_platform(preset, platform)
         with preparing():
             from gough_stewart.harness.identify.excite import excite, experiment_text
+            from gough_stewart.harness.identify.excite_report import excite_report
+            from gough_stewart.harness.identify.names import expanded
             from gough_stewart.model.platform_toml import platform_to_toml
             from gough_stewart.model.process.files import Content, check_output_folder, write_files
 
@@ -98,5 +104,6 @@ def excite_command(
             files["platform.toml"] = platform_to_toml(chosen).encode()
         write_files(out, files)
         command.written.append(out)
-        Terminal().say(f"Condition number {found.condition_number:.4g}, log det {found.log_determinant:.4g}")
-        command.close(files, out, then=f"gough-stewart run {shlex.quote(str(out / 'excitation.toml'))}")
+        report = excite_report(found, chosen, expanded(estimate.split(","), chosen), duration)
+        then = f"gough-stewart run {shlex.quote(str(out / 'excitation.toml'))}"
+        showing.present(command, report, out, list(files), then=then)

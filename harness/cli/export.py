@@ -18,7 +18,8 @@ from gough_stewart.harness.cli.options import (
     chosen_experiment,
     chosen_targets,
 )
-from gough_stewart.harness.cli.terminal import Terminal, preparing, progress_bar, warn
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import preparing, progress_bar
 from gough_stewart.harness.errors import ExportError
 
 
@@ -43,6 +44,7 @@ class ReferenceSource(StrEnum):
     inputs = "inputs"
 
 
+@shows
 def export_command(
     experiment: ExperimentArgument,
     forms: Annotated[
@@ -94,6 +96,8 @@ def export_command(
     settings: SetOption = None,
     out: FolderOption = Path(),
     no_python: NoPythonOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Export the controller of an experiment, to run without Python.
 
@@ -119,6 +123,7 @@ def export_command(
             from gough_stewart.fmu_build.builder import number_of_steps
             from gough_stewart.harness.export.carried import chosen_parts
             from gough_stewart.harness.export.export import chosen_forms, export
+            from gough_stewart.harness.export.report import export_report
 
         chosen = chosen_experiment(experiment, settings, no_python)
         with wrong_use_if(ExportError):
@@ -150,11 +155,9 @@ def export_command(
                 verdict=verdicts.append,
             )
         command.written.append(out)
-        for text in said:
-            warn(text)
-        for text in verdicts:
-            Terminal().say(text)
-        command.close([file.relative_to(out) for file in files], out)
+        names = [str(file.relative_to(out)) for file in files]
+        report = export_report(chosen.title, chosen_as, verdicts, said, names)
+        showing.present(command, report, out, names, keeps_data=False)
 
 
 def _frozen(text: str) -> tuple[int, float]:

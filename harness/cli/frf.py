@@ -7,9 +7,11 @@ import typer
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import chosen_experiment, experiments, path
-from gough_stewart.harness.cli.terminal import progress_bar, show_report, warn
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import progress_bar
 
 
+@shows
 def frf_command(
     record: Annotated[Path, typer.Argument(help="A record from `run`, or its folder.", metavar="RECORD", parser=path)],
     experiment: Annotated[
@@ -24,9 +26,14 @@ def frf_command(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for the files; created if needed. Default: the record's folder.", metavar="DIR", parser=path
+            help="Folder for the files; created if needed. Default: the record's folder; with --report or --figures, "
+            "frf in it.",
+            metavar="DIR",
+            parser=path,
         ),
     ] = None,
+    *,
+    showing: Showing,
 ) -> None:
     """Estimate the frequency responses S, T and L of the leg or mode excited in a run, beside the linear model.
 
@@ -38,7 +45,9 @@ def frf_command(
     - `gough-stewart run frequency_response` and `gough-stewart frf results/run_frequency_response`
     """
     with clear_errors() as command:
-        folder = out or (record if record.is_dir() else record.parent)
+        own = record if record.is_dir() else record.parent
+        # the page of the run is in its folder
+        folder = out or (own / "frf" if showing.page or showing.figures else own)
         chosen = None if experiment is None else chosen_experiment(experiment, None, no_python=False)
         with progress_bar() as bar:
             bar.add_task("transforms, linear model, figure", total=None)
@@ -48,9 +57,6 @@ def frf_command(
             check_output_folder(folder, FILES)
             found = frf(record, experiment=chosen)
             files = frf_files(found)
+            report = found.report(charts=showing.page or showing.figures or showing.as_json)
         write_files(folder, files)
-        command.written.append(folder)
-        show_report(found.report(charts=False))
-        for note in found.notes:
-            warn(note)
-        command.close(files, folder)
+        showing.present(command, report, folder, list(files), keeps_data=folder != own)

@@ -11,7 +11,6 @@ from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     NoPythonOption,
-    OpenOption,
     PlatformOption,
     PresetOption,
     SetOption,
@@ -23,7 +22,8 @@ from gough_stewart.harness.cli.options import (
     out_option,
     path,
 )
-from gough_stewart.harness.cli.terminal import errors, preparing, progress_bar, show_report
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import preparing, progress_bar
 from gough_stewart.harness.errors import UsageError
 
 
@@ -42,6 +42,7 @@ class PoseFrame(StrEnum):
     own = "own"
 
 
+@shows
 def identify_command(
     logs: Annotated[
         list[Path],
@@ -111,7 +112,8 @@ def identify_command(
     settings: SetOption = None,
     no_python: NoPythonOption = False,
     out: Annotated[Path | None, out_option("results/identify_NAME, after the log")] = None,
-    open_it: OpenOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Identify parameters of a platform from logs of time, leg lengths and forces, with their uncertainty.
 
@@ -166,13 +168,12 @@ def identify_command(
             files = identification_files(found, nominal, more)
         write_files(out, files)
         command.written.append(out)
-        show_report(estimate_report(found, nominal.name, more, charts=False))
+        draws = showing.page or showing.figures or showing.as_json
+        report = estimate_report(found, nominal.name, more, charts=draws)
         then = None
         if found.not_excited:
             of = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"
             then = f"gough-stewart excite {of} --estimate {shlex.quote(estimate)}"
-        command.close(files, out, then=then, open_it=open_it)
+        showing.present(command, report, out, list(files), then=then)
         if found.alarms:
-            for alarm in found.alarms:
-                errors.say(("alarm: ", "bold red"), alarm)
             raise typer.Exit(ExitCode.MISSED)

@@ -8,16 +8,15 @@ import typer
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
-    OpenReportOption,
     PlatformOption,
     PresetOption,
-    ReportOption,
     choices,
     chosen_platform,
     out_option,
     platform_folder,
 )
-from gough_stewart.harness.cli.terminal import errors, preparing, show_report
+from gough_stewart.harness.cli.showing import PAGE, Showing, shows
+from gough_stewart.harness.cli.terminal import errors, preparing
 from gough_stewart.harness.errors import MissedError, UsageError
 
 if TYPE_CHECKING:
@@ -31,6 +30,7 @@ class Order(StrEnum):
     minus_first = "minus-first"
 
 
+@shows
 def reproduce_command(
     out: Annotated[Path | None, out_option("results/reproduce_NAME, after the platform")] = None,
     order: Annotated[
@@ -43,8 +43,8 @@ def reproduce_command(
     ] = None,
     preset: PresetOption = None,
     platform: PlatformOption = None,
-    report: ReportOption = False,
-    open_it: OpenReportOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Reproduce the paper's open-loop simulation, and verify it with independent formulations.
 
@@ -67,21 +67,19 @@ def reproduce_command(
 
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
-    report = report or open_it
     with clear_errors() as command:
         out = out or platform_folder("reproduce", preset, platform)
         with preparing():
             from gough_stewart.harness.paper.reproduce import FILES, reproduce
-            from gough_stewart.harness.view.page import PAGE
             from gough_stewart.model.process.files import check_output_folder, write_files
 
         check_output_folder(out, [*FILES, PAGE])
         case = _chosen_case(order, preset, platform)
-        result = reproduce(case, errors, report)
+        result = reproduce(case, errors)
         write_files(out, result.files, [PAGE])
-        command.written.append(out)
-        show_report(result.document())
-        command.close(result.files, out, open_it=open_it)
+        # its own report.json has more
+        charts = showing.page or showing.figures or showing.as_json
+        showing.present(command, result.document(charts=charts), out, list(result.files), keeps_data=False)
         if not result.agrees:
             raise MissedError("a comparison misses its bound; see the table above and report.md")
 

@@ -50,7 +50,7 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
             list[str] | None,
             typer.Option(
                 "--require",
-                help="A requirement on a number of the report, such as 'tracking.position.norm_peak <= 1 mm'; may be "
+                help="A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be "
                 "repeated. Exit code 3 if it is not met, 4 if that cannot be told.",
                 metavar="CONDITION",
             ),
@@ -96,6 +96,7 @@ class Showing:
         requirements: "Sequence[str | Required]" = (),
         done: str | None = "Done",
         then: str | None = None,
+        keeps_data: bool = True,
     ) -> None:
         """Judge the requirements, write page, figures and report.json, and end the command as `end` and `exit` do.
 
@@ -105,6 +106,8 @@ class Showing:
             Written by the command itself.
         requirements
             From `requirements`, or those of the file as they are written, to which the others are added.
+        keeps_data
+            Write report.json; a folder of files for other tools, often the current one, is left without it.
 
         Raises
         ------
@@ -118,7 +121,7 @@ class Showing:
             from gough_stewart.harness.report.requirements import with_requirements
 
             report = with_requirements(report, wanted)
-        written = self._write(report, folder)
+        written = self._write(report, folder, keeps_data=keeps_data)
         self.end(command, report, folder, [*files, *written], done=done, then=then)
         self.exit(report)
 
@@ -165,12 +168,12 @@ class Showing:
         if states & {"missed", "open"}:
             raise typer.Exit(ExitCode.MISSED if "missed" in states else ExitCode.OPEN)
 
-    def _write(self, report: "Report", folder: Path) -> list[str]:
+    def _write(self, report: "Report", folder: Path, *, keeps_data: bool) -> list[str]:
         """Write report.json, from which `gough-stewart view` shows the folder, page and figures as one set."""
         from gough_stewart.harness.report.codec import to_json
         from gough_stewart.harness.report.thinning import thinned
 
-        files = {DATA: to_json(thinned(report)).encode()}
+        files = {DATA: to_json(thinned(report)).encode()} if keeps_data else {}
         if self.figures:
             from gough_stewart.harness.report.figures import figures
 

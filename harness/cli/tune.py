@@ -17,13 +17,15 @@ from gough_stewart.harness.cli.options import (
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import errors, progress_bar, show_report, warn
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import errors, progress_bar, warn
 from gough_stewart.harness.errors import UsageError
 
 if TYPE_CHECKING:
     from gough_stewart.harness.tuning.search import Search
 
 
+@shows
 def tune_command(
     experiment: ExperimentArgument,
     vary: Annotated[
@@ -67,6 +69,8 @@ def tune_command(
     out: Annotated[Path | None, out_option("results/tune_NAME, after the experiment")] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Find the numbers of an experiment that minimise a metric, over many machines if it has an [ensemble].
 
@@ -127,10 +131,11 @@ def tune_command(
             files = tuning_files(found, experiment, folder, settings or ())
         write_files(folder, files)
         command.written.append(folder)
-        show_report(found.report(charts=False))
+        report = found.report(charts=showing.page or showing.figures or showing.as_json)
         if found.left_out:
             warn(f"{found.left_out} members have impossible parameters and are left out")
-        command.close(files, folder, then=f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}")
+        then = f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}"
+        showing.present(command, report, folder, list(files), then=then)
         if found.is_interrupted:
             errors.say(("interrupted", "bold red"), "; the best candidate so far is written")
             raise typer.Exit(ExitCode.INTERRUPTED)

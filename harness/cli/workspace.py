@@ -7,20 +7,21 @@ import typer
 
 from gough_stewart.harness.cli.command import clear_errors
 from gough_stewart.harness.cli.options import (
-    OpenOption,
     PlatformOption,
     PresetOption,
     chosen_platform,
     out_option,
     platform_folder,
 )
-from gough_stewart.harness.cli.terminal import preparing, progress_bar, show_report, warn
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import preparing, progress_bar
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import WorkspaceError
 
 FILES = ("workspace.csv", "workspace.png", "workspace.svg", "workspace.html")
 
 
+@shows
 def workspace_command(
     preset: PresetOption = None,
     platform: PlatformOption = None,
@@ -43,7 +44,8 @@ def workspace_command(
         int | None, typer.Option(help="Points per swept coordinate. Default: 101; 31 for a volume.", metavar="N")
     ] = None,
     out: Annotated[Path | None, out_option("results/workspace_NAME, after the platform")] = None,
-    open_it: OpenOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Map the reachable poses of the platform, its conditioning and its strength.
 
@@ -93,11 +95,8 @@ def workspace_command(
             }
         write_files(out, files)
         command.written.append(out)
-        report = workspace_report(workspace, charts=False)
-        show_report(report)
-        for note in report.notes:
-            warn(note.text)
-        command.close(files, out, open_it=open_it)
+        report = workspace_report(workspace, charts=showing.page or showing.figures or showing.as_json)
+        showing.present(command, report, out, list(files))
 
 
 def _swept(coordinates: str) -> dict[str, tuple[float, float] | None]:

@@ -22,7 +22,8 @@ from gough_stewart.harness.export.deviation import deviation_of
 from gough_stewart.harness.export.faults import SafeForce, faults_of
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.loop_archive import loop_archive
-from gough_stewart.harness.export.notes import notes_of, refusal
+from gough_stewart.harness.export.notes import in_short, notes_of, refusal
+from gough_stewart.harness.export.report import least_robust_first
 from gough_stewart.harness.export.stability import MemberProgress, output_delay_of, stability_of
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, write_files
@@ -98,7 +99,7 @@ def export(
         Called with what a form leaves out of the experiment, with a delay that it adds, with a loop whose stability
         cannot be judged, and with an unstable loop that is exported anyway. The forms' documentation says the same.
     verdict
-        Called with the largest |z| and the margins of each form's loop.
+        Called with the largest |z| and the margins of each form's loop, the least robust first.
 
     Returns
     -------
@@ -177,11 +178,13 @@ def export(
         report("SSP")
         files[f"{name}.ssp"] = loop_archive(name, plant, unit, duration, law.step, systems, said_inside, report)
     write_files(folder, files)
-    for each in notes.values():
-        for said, texts in ((warn, each.warnings), (verdict, each.verdicts)):
-            if said is not None:
-                for text in texts:
-                    said(text)
+    for said, texts in (
+        (warn, [text for each in notes.values() for text in each.warnings]),
+        (verdict, [in_short(loop) for loop in least_robust_first(found)]),
+    ):
+        if said is not None:
+            for text in texts:
+                said(text)
     return [folder / file for file in files]
 
 

@@ -54,7 +54,7 @@ def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried
         *_slower(experiment, host, carried),
         *unstable,
     ]
-    return Notes(tuple(inside), tuple(warnings), tuple(map(_in_short, found.loops)))
+    return Notes(tuple(inside), tuple(warnings), tuple(map(in_short, found.loops)))
 
 
 def refusal(experiment: Experiment, judged: Iterable[tuple[Host, StabilityReport]]) -> UnstableLoopError | None:
@@ -200,7 +200,7 @@ def _in_words(margins: Margins) -> str:
     )
 
 
-def _in_short(loop: LoopStability) -> str:
+def in_short(loop: LoopStability) -> str:
     worst, margins = loop.worst_of_all, [loop.margins, loop.margins_of_worst and loop.margins_of_worst[1]]
     alpha = min((each.disk.alpha for each in margins if each is not None), default=None)
     known = "" if alpha is None else f", disk margin {alpha:.3g}"

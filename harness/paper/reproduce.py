@@ -61,21 +61,23 @@ class Reproduction:
 
     report: dict[str, Any]
     files: dict[str, bytes]
+    record: Record | None = None
+    """The case as a record, for charts."""
 
     @property
     def agrees(self) -> bool:
         """Whether every comparison is within its bound."""
         return all(row["holds"] for row in self.report["agreement"])
 
-    def document(self) -> Report:
+    def document(self, *, charts: bool = True) -> Report:
         """What the reproduction found: whether all agree, what the published forces do, and what that means.
 
         Returns
         -------
         Report
-            Verdict, numbers and tables.
+            Verdict, numbers and tables, and with `charts` the signals over time and the platform in motion.
         """
-        return report.report_of_case(self.report)
+        return report.report_of_case(self.report, self.record if charts else None)
 
     def __repr__(self) -> str:
         """Whether all comparisons hold, and the files, in one line."""
@@ -178,9 +180,10 @@ def reproduce(
             "report.json": report.to_json(content),
             **fmus,
         }
+        record = record_of_case(case, kernel)
         if page:
-            files[PAGE] = page_of(report.report_of_case(content, record_of_case(case, kernel)))
-    return Reproduction(content, files)
+            files[PAGE] = page_of(report.report_of_case(content, record))
+    return Reproduction(content, files, record)
 
 
 def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:

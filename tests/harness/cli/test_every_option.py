@@ -29,7 +29,8 @@ BAR = Path("bar")
 
 @pytest.mark.parametrize("kind", ["folder", "file", "out"])
 def test_frf(notes: Notes, kind: str) -> None:
-    found = SimpleNamespace(notes=("a note", "another"), report=lambda **_: made_report("responses"))
+    told = replace(made_report("responses"), notes=tuple(Note(text, "warning") for text in ("a note", "another")))
+    found = SimpleNamespace(notes=("a note", "another"), report=lambda **_: told)
     notes.replace("harness.experiment.frf.frf", found)
     notes.replace("harness.experiment.frf.frf_files", {"frf.csv": b"x" * 100, "frf.svg": b""})
     Path("run 1").mkdir()
@@ -276,7 +277,7 @@ def test_tune(notes: Notes, kind: str) -> None:
         done,
         "tuned found",
         "tuned",
-        f"Done in T s. Wrote {out}/tuned.toml (0.4 kB).",
+        f"Done in T s. Wrote to {out} (0.4 kB):",
         f"Next: gough-stewart run {place}",
     )
 

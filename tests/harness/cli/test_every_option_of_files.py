@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gough_stewart.fmu_build.builder import number_of_steps
 from gough_stewart.harness.cli import terminal
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.report.document import Note
+from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, platform_to_toml, preset_text
 from tests.support.commands import invoke
@@ -47,7 +47,16 @@ def test_build(notes: Notes, is_default: bool) -> None:
     )  # fmt: skip
     done = invoke("build", *options)
     (out,), given = notes.one("build")
-    said(done, f"Done in T s. Wrote {Path(out, 'sub', 'a.fmu')} (1.5 kB).")
+    systems = "this machine" if is_default else "x86_64-windows and aarch64-linux"
+    fmi = "2.0 and 3.0" if is_default else "3.0"
+    platform = "liu2000" if is_default else UNEVEN.name
+    said(
+        done,
+        f"FMI {fmi} of the platform {platform}, compiled for {systems}; six actuator forces in, pose and leg lengths "
+        "out; not yet run: `gough-stewart reproduce` runs and compares them",
+        f"FMU of {platform}",
+        f"Done in T s. Wrote {Path(out, 'sub', 'a.fmu')} (1.5 kB).",
+    )
     assert out == (Path() if is_default else Path("a/b c"))
     assert given.pop("platform") == (load_preset("liu2000") if is_default else UNEVEN)
     targets = ["native"] if is_default else ["x86_64-windows", "aarch64-linux"]
@@ -63,6 +72,7 @@ def test_build(notes: Notes, is_default: bool) -> None:
 @pytest.mark.parametrize("kind", ["default", "all", "preset"])
 def test_excite(notes: Notes, kind: str) -> None:
     found = SimpleNamespace(condition_number=12.345678, log_determinant=-3.4567891)
+    notes.replace("harness.identify.excite_report.excite_report", made_report("motion"))
     notes.replace("harness.identify.excite.excite", found, steps("motion 3"))
     notes.replace("harness.identify.excite.experiment_text", "the text")
     more = {
@@ -92,11 +102,15 @@ def test_excite(notes: Notes, kind: str) -> None:
     assert notes.bars[-1] == {"description": "motion 3", "total": None, "done": 0}
     if kind == "all":
         assert Path(out, "platform.toml").read_text() == platform_to_toml(UNEVEN)
-        wrote = f"Done in T s. Wrote to {out} ({len(platform_to_toml(UNEVEN).encode() + b'the text') / 1e3:.3g} kB):"
-    else:
-        wrote = f"Done in T s. Wrote {out}/excitation.toml (0.008 kB)."
+    (of, machine, elements, duration), asked = notes.one("excite_report")
+    assert (of, machine, asked) == (found, platform, {})
+    assert elements[0] == "platform_mass"
+    assert (len(elements) == 1, duration) == (kind == "all", given["duration"])
+    (wrote,) = (line for line in done.stdout.splitlines() if line.startswith("Done in "))
+    assert re.fullmatch(rf"Done in \d\.\d s. Wrote to {out} \(\S+ kB\):", wrote)
+    wrote = re.sub(r"\d\.\d s", "T s", wrote)
     place = f"'{out}/excitation.toml'" if " " in out else f"{out}/excitation.toml"
-    said(done, "Condition number 12.35, log det -3.457", wrote, f"Next: gough-stewart run {place}")
+    said(done, "motion found", "motion", wrote, f"Next: gough-stewart run {place}")
 
 
 @pytest.mark.usefixtures("notes")
@@ -151,7 +165,9 @@ def test_export(notes: Notes, is_default: bool) -> None:
         total = 1 + number_of_steps(["3.0"], targets) + 1 + 2 * number_of_steps(["2.0"], targets)
     assert done.stderr == "warning: take care\n"
     where = "." if is_default else "there"
-    said(done, "it is stable", f"Done in T s. Wrote to {where} (4 kB):")
+    forms = "FMU" if is_default else "FMU, C and SSP"
+    lines = [f"Written as {forms}; it is stable", "heave step of 0.05 m", "Loops of the forms, the least robust first"]
+    said(done, *lines, f"Done in T s. Wrote to {where} (4 kB):")
     assert "  d/a.c, b.h" in done.stdout.splitlines()
     assert notes.bars[-2:] == [
         {"description": "compiling", "total": total, "done": 1},
@@ -165,7 +181,7 @@ class Identified(SimpleNamespace):
 
 
 @pytest.mark.parametrize("kind", ["default", "all", "share"])
-def test_identify(notes: Notes, kind: str) -> None:
+def test_identify(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     found = Identified(
         notes=["half a note"], not_excited=kind != "share", alarms=["bad", "worse"] if kind == "all" else []
     )
@@ -173,7 +189,8 @@ def test_identify(notes: Notes, kind: str) -> None:
     notes.replace("harness.identify.identify.identify", found)
     notes.replace("harness.identify.retuned.before_and_after", SimpleNamespace(sheet=sheet("before and after")))
     notes.replace("harness.identify.files.identification_files", {"platform.toml": b"x" * 3000, "identify.html": b""})
-    notes.replace("harness.identify.report.estimate_report", made_report("parameters"))
+    alarms = tuple(Note(text, "warning") for text in found.alarms)
+    notes.replace("harness.identify.report.estimate_report", replace(made_report("parameters"), notes=alarms))
     opened = notes.opened()
     arguments = {
         "default": ("log.csv", "--estimate", "platform_mass"),
@@ -215,12 +232,12 @@ def test_identify(notes: Notes, kind: str) -> None:
     assert (files[:2], [each.title for each in files[2]], options) == ((found, nominal), more_tables, {})
     (of, name, extra), asked = notes.one("estimate_report")
     assert (of, name, [each.title for each in extra]) == (found, nominal.name, more_tables)
-    assert asked == {"charts": False}
+    assert asked == {"charts": kind == "all"}
     if kind == "all":
-        assert opened == [Path(out, "identify.html").absolute().as_uri()]
+        assert opened == [Path(out, "report.html").absolute().as_uri()]
         lines.append(f"Next: gough-stewart excite --platform own.toml --estimate {names}")
         assert done.exit_code == 3
-        assert done.stderr == "alarm: bad\nalarm: worse\n"
+        assert done.stderr == "warning: bad\nwarning: worse\n"
         done.exit_code = 0
     else:
         assert opened == []
@@ -233,8 +250,13 @@ def test_identify(notes: Notes, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["default", "order", "report", "open", "preset", "own"])
 def test_reproduce(notes: Notes, kind: str) -> None:
-    files = {"report.md": b"x" * 10} | ({"report.html": b"x" * 1990} if kind in ("report", "open") else {})
-    made = SimpleNamespace(document=lambda: made_report("agreement"), files=files, agrees=kind != "preset")
+    files, told = {"report.md": b"x" * 10}, list[bool]()
+
+    def document(*, charts: bool) -> Report:
+        told.append(charts)
+        return made_report("agreement")
+
+    made = SimpleNamespace(document=document, files=files, agrees=kind != "preset")
     notes.replace("harness.paper.reproduce.reproduce", made)
     opened = notes.opened()
     done = invoke("reproduce", *{
@@ -244,15 +266,16 @@ def test_reproduce(notes: Notes, kind: str) -> None:
         "own": ("--platform", "own.toml", "--out", "o"),
     }[kind])  # fmt: skip
     out = {"preset": "results/reproduce_motion_base", "own": "o", "order": "o"}.get(kind, "results/reproduce_liu2000")
-    (case, errors, with_page), given = notes.one("reproduce")
-    assert (errors is terminal.errors, with_page, given) == (True, kind in ("report", "open"), {})
+    (case, errors), given = notes.one("reproduce")
+    assert (errors is terminal.errors, told, given) == (True, [kind in ("report", "open")], {})
     assert ("− before +" in case.title) == (kind == "order")
     expected = {"preset": load_preset("motion_base"), "own": UNEVEN}.get(kind, load_preset("liu2000"))
     assert case.platform.name == expected.name
     assert kind == "order" or case.platform == expected
-    assert {path.name for path in Path(out).iterdir()} == files.keys()
+    page = {"report.html"} if kind in ("report", "open") else set()
+    assert {path.name for path in Path(out).iterdir()} == files.keys() | page
     lines = ["agreement found", "agreement"]
-    if len(files) == 2:
+    if page:
         lines.append(f"Done in T s. Wrote to {out} (2 kB):")
         lines += [] if kind == "open" else [f"Open {out}/report.html in a browser."]
     else:
@@ -349,7 +372,9 @@ def test_workspace(notes: Notes, kind: str) -> None:
     total = {"two": 81, "three": 31**3}.get(kind, 101**2)
     assert notes.bars[-1] == {"description": "files", "total": total, "completed": 77, "done": 0}
     out = {"two": "o p", "three": "results/workspace_own"}.get(kind, "results/workspace_liu2000")
-    written = {path.name: path.read_bytes() for path in Path(out).iterdir()}
+    data = {"report.json"} | ({"report.html"} if kind == "open" else set())
+    assert data <= {path.name for path in Path(out).iterdir()}
+    written = {path.name: path.read_bytes() for path in Path(out).iterdir() if path.name not in data}
     assert written == {
         "workspace.csv": b"c" * 400, "workspace.png": b"p" * 100, "workspace.svg": b"s" * 200,
         "workspace.html": b"h" * 300,
@@ -360,7 +385,7 @@ def test_workspace(notes: Notes, kind: str) -> None:
     assert done.stderr == ("warning: nothing is reached\n" if kind == "two" else "")
     page = [] if kind == "open" else [f"Open {out}/workspace.html in a browser."]
     said(done, "limits found", "limits", f"Done in T s. Wrote to {out} (1 kB):", *page)
-    assert opened == ([Path(out, "workspace.html").absolute().as_uri()] if kind == "open" else [])
+    assert opened == ([Path(out, "report.html").absolute().as_uri()] if kind == "open" else [])
 
 
 @pytest.mark.usefixtures("notes")

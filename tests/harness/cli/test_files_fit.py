@@ -248,7 +248,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, S
     folder = tmp_path_factory.mktemp("files")
     with pytest.MonkeyPatch.context() as patch:
         # pictures take most of the time, and no command reads one
-        patch.setattr(plotting, "_files", lambda _draw, _width, _height, kinds: dict.fromkeys(kinds, b"picture"))
+        patch.setattr(plotting, "files_of", lambda _draw, _width, _height, kinds: dict.fromkeys(kinds, b"picture"))
         # margins of the same experiments are those of their own command
         patch.setattr(retuned, "_margins", lambda _experiment: dict.fromkeys(retuned._MARGINS, "–"))
         patch.chdir(folder)

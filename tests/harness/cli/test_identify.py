@@ -65,7 +65,7 @@ def test_a_log_that_contradicts_the_model_is_written_with_an_alarm_and_exit_code
     options = ("--preset", "motion_base", "--estimate", f"{NAMES},platform_inertia", "--out", str(tmp_path / "out"))
     done = invoke("identify", log, "--validation", "0.3", *options)
     assert done.exit_code == ExitCode.MISSED
-    assert "alarm: the log contradicts the model" in done.stderr
+    assert "warning: the log contradicts the model" in done.stderr
     found = json.loads((tmp_path / "out" / "estimate.json").read_text("utf-8"))
     assert len(found["alarms"]) == 1
     assert found["diagnosis"]["alarm"]

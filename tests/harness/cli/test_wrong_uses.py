@@ -126,7 +126,7 @@ def test_open_opens_the_page_wherever_one_is_written(tmp_path: Path, monkeypatch
 
     monkeypatch.setattr("webbrowser.open", opens)
     for arguments, page in (
-        (("workspace", "--points", "3"), "workspace.html"),
+        (("workspace", "--points", "3"), "report.html"),
         (("run", "heave_step", "--set", "loop.duration=0.3"), "report.html"),
     ):
         done = invoke(*arguments, "--open", "--out", str(tmp_path))

@@ -35,7 +35,7 @@ from tests.support.commands import invoke
 from tests.support.random_platforms import random_platform
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
-FILES = {"workspace.csv", "workspace.png", "workspace.svg", "workspace.html"}
+FILES = {"workspace.csv", "workspace.png", "workspace.svg", "workspace.html", "report.json"}
 
 
 def run(*arguments: str) -> Result:
