@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.page import identification_page
+from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.output.colours import COLOURS
 from gough_stewart.harness.output.plotting import entitle, label, pictures
 from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import platform_to_toml
 
@@ -35,7 +36,7 @@ def identification_files(estimate: Estimate, nominal: Platform, more: Sequence[S
         "platform.toml": platform_to_toml(estimate.platform(nominal)).encode(),
         "estimate.json": estimate.to_json(),
         **identification_figures(estimate),
-        "identify.html": identification_page(estimate, nominal, more),
+        "identify.html": page_of(estimate_report(estimate, nominal.name, more)),
     }
 
 

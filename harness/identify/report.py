@@ -13,6 +13,7 @@ from gough_stewart.harness.output.tables import Sheet
 from gough_stewart.harness.report.document import (
     Axis,
     Chart,
+    Mark,
     Note,
     Number,
     Report,
@@ -36,7 +37,7 @@ def estimate_report(found: Estimate, platform: str, more: Sequence[Sheet] = (), 
     """The report of an estimate of a platform; `more` has further tables, such as an experiment before and after."""
     sections = [Section("Parameters", tuple(map(table_of, [*sheets_of(found), *more])))]
     if charts:
-        drawn = [_parameters(found), *_fit(found)]
+        drawn = [_parameters(found), _correlation(found), *_fit(found)]
         sections.append(Section("Fit", tuple(chart for chart in drawn if chart is not None)))
     notes = [Note(text) for text in found.notes]
     notes += [Note(text, "warning") for text in found.alarms]
@@ -134,6 +135,18 @@ def _parameters(found: Estimate) -> Chart | None:
     return Chart("change of the parameters, of their scale", axis, (series,), "bars", y=Axis("change", SHARE))
 
 
+def _correlation(found: Estimate) -> Chart | None:
+    """How the estimates' errors go together, from −1 to 1."""
+    names, n = tuple(found.names), len(found.names)
+    if n < 2 or not np.isfinite(found.correlation).any():
+        return None
+    axis, series = (
+        Axis("parameter", NUMBER, np.arange(n, dtype=float), names),
+        Series("correlation", NUMBER, found.correlation),
+    )
+    return Chart("correlation of the estimates", axis, (series,), "heat", y=replace(axis, name="with parameter"))
+
+
 def _fit(found: Estimate) -> list[Chart]:
     """Measured and fitted signals of each channel, and their difference."""
     details = found.details
@@ -148,8 +161,19 @@ def _fit(found: Estimate) -> list[Chart]:
             Series("fitted", quantity, fitted[:, k], "nominal"),
         )
         charts.append(Chart(f"{what} {k + 1}", time_axis(time), both, group="fit"))
-    rest = tuple(
-        Series(f"{what} {k + 1}", quantity, measured[:, k] - fitted[:, k], "error", leg=k + 1 if k < 6 else None)
-        for k in range(measured.shape[1])
-    )
-    return [*charts, Chart("residuals, measured − fitted", time_axis(time), rest, group="residuals")]
+    # what was left out of the fit, to validate it
+    aside = [
+        Mark(float(end), f"validates {word}", "vertical", "neutral")
+        for span in details["validating"]
+        for word, end in zip(("from", "to"), span, strict=True)
+    ]
+    for title, model in (("identified", fitted), ("nominal", np.asarray(details["before"], dtype=float))):
+        rest = tuple(
+            Series(f"{what} {k + 1}", quantity, measured[:, k] - model[:, k], "error", leg=k + 1 if k < 6 else None)
+            for k in range(measured.shape[1])
+        )
+        name = f"residuals, {title} platform"
+        charts.append(
+            Chart(name, time_axis(time), rest, marks=tuple(aside), y=Axis("residual", quantity), group="residuals")
+        )
+    return charts

@@ -2,6 +2,7 @@
 
 import html
 
+from gough_stewart.harness.output.tables import is_number
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.glossary import explained, with_terms
 
@@ -47,6 +48,8 @@ def _is_numeric(table: Table, column: int) -> bool:
     if table.columns[column].quantity is not None:
         return True
     cells = [row[column] for row in table.rows if row[column] is not None]
+    if cells and all(isinstance(cell, str) for cell in cells):
+        return is_number([str(cell) for cell in cells])
     return bool(cells) and all(isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells)
 
 

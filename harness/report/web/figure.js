@@ -107,11 +107,16 @@
         } else if (chart.kind === "heat") this.heat(numbers);
         this.parts.push(part);
       });
-      if (this.bars) {
-        const axis = this.lying ? figure.yaxis : figure.xaxis;
-        axis.ticker = new Bokeh.FixedTicker({ ticks: chart.x.labels.map((_, k) => k), minor_ticks: [] });
-        axis.major_label_overrides = new Map(chart.x.labels.map((text, k) => [k, text]));
+      const name = (axis, labels) => {
+        axis.ticker = new Bokeh.FixedTicker({ ticks: labels.map((_, k) => k), minor_ticks: [] });
+        axis.major_label_overrides = new Map(labels.map((text, k) => [k, text]));
+      };
+      if (this.bars) name(this.lying ? figure.yaxis : figure.xaxis, chart.x.labels);
+      else if (chart.x.labels.length) {
+        name(figure.xaxis, chart.x.labels);
+        figure.xaxes[0].major_label_orientation = 0.9;
       }
+      if (chart.rows?.labels.length) name(figure.yaxis, chart.rows.labels);
     }
 
     // Bars of some members within those of a histogram.
@@ -131,7 +136,7 @@
       const mapper = new Bokeh.LinearColorMapper({ palette: heatColours(), low: ends[0], high: ends[1], nan_color: "rgba(128,128,128,0.25)" });
       const half = (values) => (values.length > 1 ? (values.at(-1) - values[0]) / (values.length - 1) / 2 : 0.5);
       const [dx, dy] = [half(data.x), half(data.rows)];
-      const source = new Bokeh.ColumnDataSource({ data: { image: [Array.from({ length: rows }, (_, r) => Array.from(numbers.y.subarray(r * columns, (r + 1) * columns)))] } });
+      const source = new Bokeh.ColumnDataSource({ data: { image: [Bokeh.require("core/util/ndarray").ndarray(numbers.y, { dtype: "float64", shape: [rows, columns] })] } });
       figure.image({ image: { field: "image" }, source, x: data.x[0] - dx, y: data.rows[0] - dy, dw: data.x.at(-1) - data.x[0] + 2 * dx, dh: data.rows.at(-1) - data.rows[0] + 2 * dy, color_mapper: mapper });
       this.colourBar = new Bokeh.ColorBar({ color_mapper: mapper, width: 10, padding: 6, background_fill_color: null, title: chart.y.unit || null });
       figure.add_layout(this.colourBar, "right");

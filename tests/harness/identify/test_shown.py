@@ -3,7 +3,6 @@
 Expected: written out by hand from the numbers of `ESTIMATE`.
 """
 
-import base64
 import json
 import re
 from dataclasses import replace
@@ -21,10 +20,12 @@ from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import Estimate, Residuals
 from gough_stewart.harness.identify.files import FILES, identification_files
 from gough_stewart.harness.identify.names import unit_of
-from gough_stewart.harness.identify.page import identification_page
+from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.identify.tables import sheets_of
 from gough_stewart.harness.output.tables import Named, Sheet
-from gough_stewart.model.platform_toml import load_preset, platform_from_toml
+from gough_stewart.harness.report.page import page_of
+from gough_stewart.model.platform_toml import platform_from_toml
+from tests.support.page_arrays import data_of, unpacked
 from tests.support.uneven import UNEVEN
 
 NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
@@ -353,55 +354,58 @@ def test_a_finding_says_which_leg_how_much_and_which_way(
     assert finding_text(family, names, np.array(values), np.array(errors)) == text
 
 
-def _packed(data: Any, shape: tuple[int, ...]) -> np.ndarray:
-    return np.frombuffer(base64.b64decode(data["bdata"]), data["dtype"]).reshape(shape)
-
-
 def _page(estimate: Estimate, more: tuple[Sheet, ...] = ()) -> tuple[str, dict[str, Any]]:
-    text = identification_page(estimate, replace(NOMINAL, name="my <base>"), more).decode()
-    found = re.search(r'<script[^>]*id="data"[^>]*>(.*?)</script>', text, re.DOTALL)
-    assert found is not None
-    return text, json.loads(found[1])
+    page = page_of(estimate_report(estimate, "my <base>", more))
+    return page.decode(), data_of(page)
 
 
 def test_the_page_has_the_numbers_that_its_charts_show() -> None:
     text, data = _page(ESTIMATE, (Sheet("Before and after", ("", "x"), [("row", "17.25")]),))
-    assert data["names"] == list(NAMES)
-    change = 100 * np.array([316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
-    assert data["change"][2] is data["half"][2] is data["half"][3] is None
-    assert_allclose(np.array(data["change"], dtype=float), change, rtol=1e-12)
-    assert_allclose(np.array(data["half"], dtype=float), 100 * HALF / ESTIMATE.scale, rtol=1e-6)
-    assert data["correlation"][1][0] == pytest.approx(0.25)
-    assert data["correlation"][1][2] is None
-    assert_allclose(_packed(data["time"], (4,)), _TIME, rtol=1e-6)
-    assert data["channels"] == 6
-    for key, values in (("measured", _MEASURED), ("fitted", _FITTED), ("before", _BEFORE)):
-        np.testing.assert_array_equal(_packed(data[key], (4, 6)), values)
-    assert data["aside"] == [[7.5, 7.9], [8.1, 8.6]]
-    assert (data["quantity"], data["unit"]) == ("force of leg", "N")
-    # a thousandth of a newton, or a millionth of the largest value, 609 N
-    assert data["least"] == pytest.approx(1e-3)
-    assert len(set(data["colours"])) >= 6
+    charts = {chart["title"]: chart for chart in data["charts"]}
+
+    def values(title: str, series: int = 0, name: str = "values") -> np.ndarray:
+        return unpacked(data["arrays"][charts[title]["series"][series][name]])
+
+    title = "change of the parameters, of their scale"
+    change = np.array([316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
+    assert charts[title]["x"]["labels"] == list(NAMES)
+    assert (charts[title]["y"]["unit"], charts[title]["y"]["factor"]) == ("%", 100.0)
+    assert_allclose(values(title), change, atol=1e-5)
+    known = np.isfinite(values(title, name="low"))
+    assert known.tolist() == [True, True, False, False, True]
+    half = (values(title, name="high") - values(title, name="low"))[known] / 2
+    assert_allclose(half, (HALF / ESTIMATE.scale)[known], atol=1e-5)
+    correlation = values("correlation of the estimates").reshape(5, 5)
+    assert correlation[1, 0] == pytest.approx(0.25, abs=1e-3)
+    assert np.isnan(correlation[1, 2])
+    assert_allclose(unpacked(data["arrays"][charts["force of leg 1"]["x"]["values"]]), _TIME, rtol=1e-6)
+    for k in range(6):
+        for series, wanted in enumerate((_MEASURED, _FITTED)):
+            assert_allclose(values(f"force of leg {k + 1}", series), wanted[:, k], atol=1e-3)
+        for name, model in (("identified", _FITTED), ("nominal", _BEFORE)):
+            assert_allclose(values(f"residuals, {name} platform", k), (_MEASURED - model)[:, k], atol=1e-3)
+    marks = charts["residuals, nominal platform"]["marks"]
+    assert [mark["value"] for mark in marks] == [7.5, 7.9, 8.1, 8.6]
+    assert charts["force of leg 1"]["y"]["unit"] == "N"
     body = text[: text.index("<footer")]
     assert "Parameters of my &lt;base&gt;" in body
     assert "method linear" in body
-    assert '<li class="alarm"><strong>Alarm:</strong> an &amp; alarm</li><li>a &lt; note</li><li>another</li>' in body
-    assert body.index("Before and after") < body.index("Parameters, with 95 % intervals")
-    for said in ("17.25", "1516.9", "not excited", "at its bound", "0.12", "24.5", "forces have offsets"):
+    notes = re.findall(r'<p class="note (\w+)">(?:<span[^>]*>!</span>)?(.*?)</p>', body)
+    assert notes == [("note", "a &lt; note"), ("note", "another"), ("warning", "an &amp; alarm")]
+    for said in ("Before and after", "17.25", "1516.9", "not excited", "at its bound", "0.12", "24.5", "have offsets"):
         assert said in body
-    assert "Intervals hold 95 % of the time if the model structure is right and the forces are calibrated." in text
+    assert "intervals of 95 % if model and force gain are right" in text
 
 
 def test_a_page_of_poses_has_no_charts_over_time_and_no_list_without_remarks() -> None:
     text, data = _page(replace(ESTIMATE, details={"poses": 1}, notes=(), alarms=()))
-    assert data["time"] is None
-    assert "measured" not in data
-    assert '<ul class="remarks">' not in text
+    assert not any(chart["isTime"] for chart in data["charts"])
+    assert '<p class="note' not in text
 
 
 def test_a_page_says_notes_without_an_alarm() -> None:
     text, _ = _page(replace(ESTIMATE, alarms=()))
-    assert '<ul class="remarks"><li>a &lt; note</li><li>another</li></ul>' in text
+    assert '<p class="note note">a &lt; note</p><p class="note note">another</p>' in text
 
 
 def test_the_figure_of_parameters_shows_changes_and_correlation() -> None:
@@ -501,8 +505,3 @@ def test_figures_are_drawn_over_time_only_where_there_is_time(monkeypatch: pytes
     assert list(files.identification_figures(ESTIMATE))[2:] == ["fit.png", "fit.svg"]
     # a row of 0.28 inches for each parameter
     assert drawn[0] == ("parameters", 10.0, pytest.approx(1.6 + 5 * 0.28))
-
-
-def test_nominal_presets_have_the_names_of_their_pages() -> None:
-    text = identification_page(replace(ESTIMATE, details={}), load_preset("liu2000")).decode()
-    assert "Parameters of liu2000" in text

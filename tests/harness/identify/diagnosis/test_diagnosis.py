@@ -10,8 +10,9 @@ from scipy.stats import kstest
 from gough_stewart.harness.identify.diagnosis.lack_of_fit import lack_of_fit, projection_of
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.page import identification_page
+from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.identify.tables import sheets_of
+from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.platform_toml import platform_to_toml
 from tests.harness.identify import machine as logs_of_another
 from tests.support.identification_campaign import LISTED, NAMED, Draw, run
@@ -144,4 +145,4 @@ def test_files_tables_and_page_have_the_diagnosis() -> None:
     assert plain["findings"][0]["parameters"]["force_gain[3]"]["interval"][0] < 1.02
     assert any(said in alarm for alarm in found.alarms)
     assert any(said in str(row) for sheet in sheets_of(found) for row in sheet.rows)
-    assert said in identification_page(found, believed).decode()
+    assert said in page_of(estimate_report(found, believed.name)).decode()
