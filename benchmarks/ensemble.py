@@ -21,7 +21,7 @@ from gough_stewart.harness.ensemble.local import Worker, chunks_here
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import Plan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.folds import FoldsOfRows
+from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant

@@ -26,10 +26,11 @@ from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.preparation import PreparedMembers
-from gough_stewart.harness.loop.folds import FoldsOfRows
+from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
+from gough_stewart.harness.results.fold_library import metric_kernels
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.results.oscillation import Oscillation
 from gough_stewart.model.errors import GoughStewartError
@@ -69,7 +70,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     bands = Bands(_signals(members), timing, len(batch), first)
     errors = LegErrors(timing)
     folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
-    rows_in_blocks = FoldsOfRows(running.loop, folds, running.size)
+    rows_in_blocks = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
     with running.plant:
         outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks)
         steps = {

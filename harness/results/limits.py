@@ -26,22 +26,17 @@ DRIVE_LIMITS = (
 )
 
 
-def limited_quantities(
-    velocity: FloatArray, force: FloatArray, out: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def limited_quantities(velocity: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What the platform limits, by row (n, ...): |L̇|, |F|, and |F L̇|, the larger of the values at both ends of the row.
 
-    The force is held over its row, so L̇ at its end is that of the next row; the last row has none. From the squares of
-    |L̇| and |F| come those of all three.
+    The force is held over its row, so L̇ at its end is that of the next row; the last row has none.
 
     Parameters
     ----------
     velocity, force
-        |L̇| and |F|, or their squares (n, ...).
-    out
-        For the power.
+        |L̇| and |F| (n, ...).
     """
-    power = np.empty_like(velocity) if out is None else out
+    power = np.empty_like(velocity)
     np.maximum(velocity[:-1], velocity[1:], out=power[:-1])
     power[-1:] = velocity[-1:]
     power *= force

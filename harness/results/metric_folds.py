@@ -3,14 +3,16 @@
 The same folds give the metrics of a record, of a run, and of thousands of members.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.folds import FORCES, Block, Fold, State, add_rows
-from gough_stewart.harness.loop.loop import Limits, Loop, stroke_of
+from gough_stewart.harness.loop.folds import FORCES, Block, Fold, State
+from gough_stewart.harness.loop.loop import Loop, stroke_of
+from gough_stewart.harness.loop.term_folds import First, Given, Largest, Reduction, Smallest, Sum, SumButLast, TermFold
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     ENERGY,
@@ -22,12 +24,15 @@ from gough_stewart.harness.report.quantities import (
     TIME,
     Quantity,
 )
-from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit, limited_quantities
+from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit
 from gough_stewart.harness.results.metric import Metric, Shown
-from gough_stewart.harness.results.step_fold import STEP_METRICS, Steps
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.harness.results.step_fold import STEP_METRICS, steps_of
+from gough_stewart.model.operations import greater, less, maximum
+from gough_stewart.model.vectors import Array, FloatArray
 
 STROKE_EXCEEDED = "flag.stroke_exceeded"
+# Terms of flags, with their sizes.
+_COUNTED = {"legs": 6, "any": 1}
 
 
 class Rows(Fold):
@@ -50,11 +55,16 @@ class Rows(Fold):
         return _named(self.metrics, (rows.astype(float), _defined(rows > 0, _duration(self._time, rows))))
 
 
-class Tracking(Fold):
+class Tracking(TermFold):
     """RMS and peak of an error, reference − actual, and of its Euclidean norm."""
 
+    parameters: Mapping[str, Any] = {}
+
     def __init__(self, name: str, what: str, size: int, quantity: Quantity, has_norm: bool) -> None:
-        self.needs, self._size, self._has_norm = (f"error.{name}",), size, has_norm
+        self.needs, self._has_norm = (f"error.{name}",), has_norm
+        self.kernel, self.sizes = "tracking_norm" if has_norm else "tracking", {"error": size}
+        self.term_sizes = {"square": size, **({"norm": 1} if has_norm else {})}
+        self.reductions = {f"{kind.__name__} {term}": kind(term) for term in self.term_sizes for kind in (Largest, Sum)}
         path, of, by = f"tracking.{name}", " of an axis" if has_norm else "", "axis" if has_norm else "leg"
         own = [
             Metric(f"{path}.rms", f"{what}, RMS{of}", quantity, f"√(∑ e²/n) of the {what}, by {by}", "smaller"),
@@ -68,29 +78,24 @@ class Tracking(Fold):
             ]
         self.metrics = tuple(own)
 
-    def start(self, members: int) -> State:
-        """Sums and peaks of squares; those of the norm come last."""
-        size = (self._size + self._has_norm, members)
-        return {"total": np.zeros(size), "peak": np.zeros(size)}
-
-    def rows(self, state: State, block: Block) -> None:
-        """Add squares."""
-        n = self._size
-        squares = block.scratch("first", block.rows, *state["total"].shape)
-        error = block.of_rows(slice(None), self.needs[0], squares[:, :n])
-        np.multiply(error, error, out=squares[:, :n])
+    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+        """Squares, also of the norm."""
+        error = row["error"]
+        square = error * error
+        yield "square", square
         if self._has_norm:
-            norm = squares[:, n]
-            np.add(squares[:, 0], squares[:, 1], out=norm)
-            norm += squares[:, 2]
-        np.maximum(state["peak"], np.maximum.reduce(squares), out=state["peak"])
-        add_rows(state["total"], squares)
+            x, y, z = (square[..., k : k + 1, :] for k in range(3))
+            yield "norm", x + y + z
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """RMS = √(∑ e²/n), and the largest |e|."""
-        rms, peak, n, some = np.sqrt(state["total"] / rows), np.sqrt(state["peak"]), self._size, rows > 0
-        found = (rms[:n], peak[:n], rms[n], peak[n]) if self._has_norm else (rms, peak)
-        return _named(self.metrics, [_defined(some, each) for each in found])
+        found: list[FloatArray] = []
+        for term in self.term_sizes:
+            total, peak = state[f"Sum {term}"], state[f"Largest {term}"]
+            found += [np.sqrt(total / rows), np.sqrt(peak)]
+        if self._has_norm:
+            found[2:] = [each[0] for each in found[2:]]
+        return _named(self.metrics, [_defined(rows > 0, each) for each in found])
 
 
 def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
@@ -109,7 +114,7 @@ def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
     )
 
 
-class Drives(Fold):
+class Drives(TermFold):
     """Forces F, power F·L̇ and work F ΔL of the legs, and how much of the platform's limits they use.
 
     A force is held over its row. So the power is the larger of those at both ends of the row, with the velocity of the
@@ -128,64 +133,75 @@ class Drives(Fold):
         Metric("energy.net_total", "work, net", ENERGY, "`energy.net` of all legs"),
     )
 
+    kernel, sizes = "drives", {"force": 6, "velocity": 6, "length": 6}
+    term_sizes: Mapping[str, int] = dict.fromkeys(
+        ("velocity", "force", "power", "power at the end", "work", "size of work"), 6
+    )
+    reductions: Mapping[str, Reduction] = {
+        **{f"peak {term}": Largest(term) for term in ("velocity", "force", "power", "power at the end")},
+        **{
+            f"beyond {term}": First(term, greater, f"{limit} limit")
+            for term, limit in (
+                *(("velocity", "velocity"), ("force", "force")),
+                *(("power", "power"), ("power at the end", "power")),
+            )
+        },
+        "total": SumButLast("force"),
+        "net": Sum("work"),
+        "absolute": Sum("size of work"),
+    }
+
     def __init__(self, time: FloatArray, limits: Mapping[str, Any]) -> None:
         self._time = time
         self._limits = {k: limits[each.name] for k, each in enumerate(DRIVE_LIMITS) if each.name in limits}
         of_limits = (metric for k in self._limits for metric in _of_limit(DRIVE_LIMITS[k]))
         self.metrics = (*self.without_limits, *of_limits)
+        self.parameters = {
+            f"{what} limit": np.square(self._limits.get(k, np.inf))
+            for k, what in enumerate(("velocity", "force", "power"))
+        }
 
-    def start(self, members: int) -> State:
-        """Sums, and F² of a single row; peaks of squares of velocity, force, power; rows at which they first exceed."""
-
-        def zeros(*size: int) -> FloatArray:
-            return np.zeros((*size, members))
-
-        sums = {name: zeros(6) for name in ("total", "only", "net", "absolute")}
-        return {**sums, "peak": zeros(3, 6), "first": np.full((3, 6, members), np.inf)}
-
-    def rows(self, state: State, block: Block) -> None:
-        """Add squares and work."""
-        force, velocity, length = (block.linked(name) for name in self.needs)
-        n, members = len(force), force.shape[2]
-        of_force = np.multiply(force, force, out=block.scratch("first", n, 6, members))
-        of_velocity = np.multiply(velocity, velocity, out=block.scratch("second", n, 6, members))
-        squares = limited_quantities(of_velocity, of_force, block.scratch("third", n, 6, members))
-        for k, each in enumerate(squares):
-            peak = np.maximum.reduce(each)
-            if k in self._limits and (peak > (bound := np.square(self._limits[k]))).any():
-                beyond = each > bound
-                begin = block.first + block.rows - n
-                at = np.where(beyond.any(axis=0), begin + beyond.argmax(axis=0), np.inf)
-                np.minimum(state["first"][k], at, out=state["first"][k])
-            np.maximum(state["peak"][k], peak, out=state["peak"][k])
-        if not block.first:
-            state["only"][...] = of_force[0]
-        add_rows(state["total"], of_force[:-1])
-        work = np.subtract(length[1:], length[:-1], out=of_velocity[:-1])
-        work *= force[:-1]
-        size = np.abs(work, out=squares[2][:-1])
-        add_rows(state["net"], work)
-        add_rows(state["absolute"], size)
+    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+        """Squares of L̇, F and F L̇, with the force of the row and the one that ends at it, and the latter's work."""
+        held, velocity = row.before("force"), row["velocity"] * row["velocity"]
+        yield "velocity", velocity
+        yield "power at the end", velocity * (held * held)
+        force = row["force"] * row["force"]
+        yield "force", force
+        force = force * velocity
+        yield "power", force
+        del velocity, force
+        work = (row["length"] - row.before("length")) * held
+        yield "work", work
+        yield "size of work", np.abs(work)
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`force`, `power`, `energy`, `limits`."""
         some, duration = rows > 0, _duration(self._time, rows)
-        mean_square = np.where(rows > 1, state["total"], state["only"]) / np.maximum(rows - 1, 1)
-        velocity, force, power = np.sqrt(state["peak"])
+        mean_square = np.where(rows > 1, state["total"], state["total.last"]) / np.maximum(rows - 1, 1)
+        peak = np.maximum(state["peak power"], state["peak power at the end"])
+        velocity, force, power = (np.sqrt(each) for each in (state["peak velocity"], state["peak force"], peak))
+        # the power at the end of a row is known at the next one
+        of_power = np.minimum(state["beyond power"], np.maximum(state["beyond power at the end"] - 1, 0))
+        beyond = (state["beyond velocity"], state["beyond force"], of_power)
         net, absolute = state["net"], state["absolute"]
         mean = np.where(duration > 0, net / duration, np.nan)
         totals = (absolute.sum(axis=0), net.sum(axis=0))
         found = [force, np.sqrt(mean_square), power, mean, net, absolute, *totals]
         for k, limit in self._limits.items():
-            first = state["first"][k]
+            first = beyond[k]
             row = np.where(np.isfinite(first), first, 0.0).astype(np.intp)
             since = np.where(np.isfinite(first), self._time[row], np.nan)
             found += [np.broadcast_to(limit, rows.shape), (velocity, force, power)[k] / limit, since]
         return _named(self.metrics, [_defined(some, each) for each in found])
 
 
-class Saturation(Fold):
+class Saturation(TermFold):
     """The share of time for which a limit of the actuators acts, by leg and for any leg."""
+
+    kernel, sizes, term_sizes = "saturation", {"flag": 6}, _COUNTED
+    reductions: Mapping[str, Reduction] = {term: SumButLast(term) for term in _COUNTED}
+    parameters: Mapping[str, Any] = {}
 
     def __init__(self, name: str) -> None:
         self.needs, what, path = (f"flag.{name}",), name.replace("_", " "), f"saturation.{name}"
@@ -195,30 +211,25 @@ class Saturation(Fold):
             Metric(f"{path}.any", what, SHARE, f"{share} any leg is {what}", "smaller"),
         )
 
-    def start(self, members: int) -> State:
-        """Counts of rows by leg and, last, for any leg: of all but the last, and of a single one."""
-        return {"count": np.zeros((7, members)), "only": np.zeros((7, members))}
-
-    def rows(self, state: State, block: Block) -> None:
-        """Count the rows, each when it is no longer the last one."""
-        flags = block.linked(self.needs[0])
-        _count(state["count"], flags[:-1])
-        if not block.first:
-            _count(state["only"], flags[:1])
+    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+        """Flags by leg, and of any leg."""
+        yield from _counted(row["flag"])
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Shares of the rows but the last, or of a single one."""
-        shares = _defined(rows > 0, np.where(rows > 1, state["count"], state["only"]) / np.maximum(rows - 1, 1))
-        return _named(self.metrics, (shares[:6], shares[6]))
+        legs, some = (
+            _defined(rows > 0, np.where(rows > 1, state[term], state[f"{term}.last"]) / np.maximum(rows - 1, 1))
+            for term in _COUNTED
+        )
+        return _named(self.metrics, (legs, some[0]))
 
 
-class Stroke(Fold):
+class Stroke(TermFold):
     """Lengths of the legs, their distance from the ends of the stroke, and the rows in which they are beyond it.
 
     Flags of the rows count where there are any, as in a record; else what the limits say of the lengths.
     """
 
-    needs = ("leg_length",)
     metrics = (
         Metric("stroke.shortest", "shortest leg", LENGTH, "shortest length, by leg", None, False, True),
         Metric("stroke.longest", "longest leg", LENGTH, "largest length, by leg", None, False),
@@ -234,25 +245,29 @@ class Stroke(Fold):
         Metric("stroke.exceeded.any", "beyond stroke", SHARE, "share of the rows with any leg beyond it", "smaller"),
     )
 
-    def __init__(self, limits: Mapping[str, Any], knows_exceeded: bool = True) -> None:
+    def __init__(self, limits: Mapping[str, Any], has_flags: bool = False, knows_exceeded: bool = True) -> None:
         self._low, self._high = limits.get("leg_length_min"), limits.get("leg_length_max")
-        self._limits, self._knows_exceeded = Limits(stroke_of(self._low, self._high)), knows_exceeded
+        self._has_flags, self._knows_exceeded = has_flags, knows_exceeded
+        self.kernel = "stroke_of_flags" if has_flags else "stroke"
+        self.needs = ("leg_length", *((STROKE_EXCEEDED,) if has_flags else ()))
+        self.sizes = {"length": 6, **({"flag": 6} if has_flags else {})}
+        self.term_sizes = {"length": 6, **_COUNTED}
+        self.reductions = {
+            "shortest": Smallest("length"),
+            "longest": Largest("length"),
+            **{term: Sum(term) for term in _COUNTED},
+        }
+        low, high = stroke_of(self._low, self._high)
+        self.parameters = {} if has_flags else {"least": low, "most": high}
 
-    def start(self, members: int) -> State:
-        """Ends of the lengths, and counts of rows by leg and, last, for any leg."""
-        ends = {"shortest": np.full((6, members), np.inf), "longest": np.full((6, members), -np.inf)}
-        return {**ends, "count": np.zeros((7, members))}
-
-    def rows(self, state: State, block: Block) -> None:
-        """Widen the ends, count the rows."""
-        length = block["leg_length"]
-        shortest, longest = np.minimum.reduce(length), np.maximum.reduce(length)
-        if STROKE_EXCEEDED in block:
-            _count(state["count"], block[STROKE_EXCEEDED])
-        elif self._beyond(shortest).any() or self._beyond(longest).any():
-            _count(state["count"], self._beyond(length))
-        np.minimum(state["shortest"], shortest, out=state["shortest"])
-        np.maximum(state["longest"], longest, out=state["longest"])
+    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+        """Lengths, and which are beyond the stroke."""
+        length = row["length"]
+        yield "length", length
+        if self._has_flags:
+            yield from _counted(row["flag"])
+        else:
+            yield from _counted(maximum(less(length, row.of("least")), greater(length, row.of("most"))))
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Ends, the least distance to a limit, and shares of the rows."""
@@ -260,14 +275,10 @@ class Stroke(Fold):
         margins = [] if self._low is None else [shortest.min(axis=0) - self._low]
         margins += [] if self._high is None else [self._high - longest.max(axis=0)]
         margin = np.min(margins, axis=0) if margins else np.full(rows.shape, np.nan)
-        shares = state["count"] / rows
-        every = (shortest, longest, margin, shares[:6], shares[6])
+        every = (shortest, longest, margin, *(state[term] / rows for term in _COUNTED))
         known = self.metrics if self._knows_exceeded else self.metrics[:3]
-        return _named(known, [_defined(rows > 0, each) for each in every[: len(known)]])
-
-    def _beyond(self, lengths: FloatArray) -> NDArray[np.bool_]:
-        """Which lengths (..., 6, N) are beyond the stroke."""
-        return np.moveaxis(self._limits.beyond_stroke(np.moveaxis(lengths, -2, -1)), -1, -2)
+        found = [_defined(rows > 0, each) for each in every[: len(known)]]
+        return _named(known, [*found[:4], *(each[0] for each in found[4:])])
 
 
 _OF_MARGINS = (
@@ -285,14 +296,13 @@ def _of_motion(time: FloatArray) -> list[Any]:
     ]
 
 
-def _of_legs(time: FloatArray, limits: Mapping[str, Any], knows_exceeded: bool = True) -> list[Any]:
-    of_actuators = [Saturation("force_limited"), Saturation("rate_limited")]
-    return [Drives(time, limits), *of_actuators, Stroke(limits, knows_exceeded)]
+def _of_legs(time: FloatArray, limits: Mapping[str, Any], stroke: Stroke) -> list[Any]:
+    return [Drives(time, limits), Saturation("force_limited"), Saturation("rate_limited"), stroke]
 
 
 def _declared() -> tuple[Metric, ...]:
     none, limits = np.zeros(0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
-    of_legs = [metric for fold in _of_legs(none, limits) for metric in _of(fold)]
+    of_legs = [metric for fold in _of_legs(none, limits, Stroke(limits)) for metric in _of(fold)]
     return (
         *(metric for fold in _of_motion(none) for metric in _of(fold)),
         *STEP_METRICS,
@@ -334,9 +344,10 @@ def metric_folds(
         Paths of metrics; others may be left out.
     """
     stated = {name: value for name, value in limits.items() if value is not None}
-    knows_exceeded = known is None or known(STROKE_EXCEEDED)
-    steps: list[Any] = [] if reference is None else [Steps(time, reference)]
-    rows, *folds = [*_of_motion(time), *steps, *_of_legs(time, stated, knows_exceeded)]
+    has_flags = known is not None and known(STROKE_EXCEEDED)
+    stroke = Stroke(stated, has_flags, knows_exceeded=known is None or has_flags)
+    steps: list[Any] = [] if reference is None else steps_of(time, reference)
+    rows, *folds = [*_of_motion(time), *steps, *_of_legs(time, stated, stroke)]
 
     def has(column: str) -> bool:
         return known(column) if known is not None else reference is not None or not column.startswith("error.")
@@ -374,11 +385,10 @@ def shown_metric(path: str) -> Shown:
     return Shown(metric.text, metric.quantity.unit, metric.quantity.factor)
 
 
-def _count(counts: FloatArray, flags: NDArray[np.bool_]) -> None:
-    """Add the rows of flags (rows, 6, N) by leg and, last, those with any leg."""
-    if flags.any():
-        counts[:6] += np.count_nonzero(flags, axis=0)
-        counts[6] += np.count_nonzero(flags.any(axis=1), axis=0)
+def _counted(flags: Array) -> Iterator[tuple[str, Array]]:
+    """Flags by leg, and whether any leg has one."""
+    yield "legs", flags
+    yield "any", reduce(maximum, (flags[..., leg : leg + 1, :] for leg in range(6)))
 
 
 def _duration(time: FloatArray, rows: NDArray[np.intp]) -> FloatArray:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.folds import ERRORS, Block, Fold, Folding, Scratch
+from gough_stewart.harness.loop.folding import Folding
+from gough_stewart.harness.loop.folds import ERRORS, Block, Fold
 from gough_stewart.harness.results.metric_folds import METRICS, STROKE_EXCEEDED, Rows, metric_folds, metric_of
 from gough_stewart.harness.results.outcome import outcome_of
 from gough_stewart.harness.results.record_data import RecordData
@@ -113,13 +114,13 @@ def _folded(record: RecordData, folds: Sequence[Fold]) -> dict[str, FloatArray]:
     """Results of folds over the rows of a record, as over those of a run."""
     names = dict.fromkeys([*(name for fold in folds for name in fold.needs), STROKE_EXCEEDED])
     columns = {name: _column(record, name) for name in names if name in record}
-    folding, scratch, n = Folding(folds, 1), Scratch(), record.table.height
+    folding, n = Folding(folds, 1), record.table.height
     for first in range(0, n, _ROWS):
         last = min(first + _ROWS, n)
         # in the first block, any row stands for the one before
         before = slice(first - 1, last) if first else np.r_[0, :last]
         part = {name: values[before] for name, values in columns.items()}
-        folding.add(Block(first, last - first, part, folding.running, scratch))
+        folding.add(Block(first, last - first, part, folding.running))
     return folding.results()
 
 

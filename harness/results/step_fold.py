@@ -1,15 +1,18 @@
 """Step responses as a fold over the rows of a run: where a reference steps, and the metrics of the response."""
 
 import math
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.folds import Block, Fold, State
+from gough_stewart.harness.loop.folds import State
+from gough_stewart.harness.loop.term_folds import AfterLast, First, Given, Largest, Last, Reduction, TermFold
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, TIME
 from gough_stewart.harness.results.metric import Metric
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.operations import less, reached, where
+from gough_stewart.model.vectors import Array, FloatArray
 
 # Axes of the pose: name, signal, and place in it.
 AXES = (
@@ -77,10 +80,8 @@ _OF_AXES = tuple(_of_axis(axis, signal) for axis, signal, _ in AXES)
 STEP_METRICS = tuple(metric for each in _OF_AXES for metric in each)
 
 
-class Steps(Fold):
-    """The step responses of the axes on which the reference steps.
-
-    A member that ended early has one if its reference steps in its part of the run as in the whole.
+def steps_of(time: FloatArray, reference: FloatArray) -> list["StepResponse"]:
+    """Folds of the axes on which the reference steps.
 
     Parameters
     ----------
@@ -89,99 +90,89 @@ class Steps(Fold):
     reference
         Reference poses at all rows, (n, 6 or more) or (n, N, 6 or more).
     """
+    # (n, N), or (n, 1) if common to all members
+    each = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
+    return [StepResponse(axis, time, own, step) for axis, own in enumerate(each) if (step := step_in(own)).exists.any()]
 
-    def __init__(self, time: FloatArray, reference: FloatArray) -> None:
-        self._time = time
-        # (n, 6, N), or (n, 6, 1) if common to all members
-        self._pose = reference[:, :6, None] if reference.ndim == 2 else np.moveaxis(reference[..., :6], -1, 1)
-        step = step_in(self._pose)
-        self._axes = axes = np.flatnonzero(step.exists.any(axis=1))
-        self.needs = tuple(dict.fromkeys(AXES[axis][1] for axis in axes))
-        self.metrics = tuple(metric for axis in axes for metric in _OF_AXES[axis])
-        self._exists, self._first, self._last = step.exists[axes], step.first[axes], step.last[axes]
-        self._start = step.start[axes]
-        # without a step, any value but 0 to avoid a division by zero
-        self._span = np.where(self._exists, self._last - self._first, 1.0)
-        # no member's response starts before the first of these rows, and all have started by the second
-        ends = (int(self._start.min()), int(self._start.max())) if axes.size else (0, 0)
-        self._begins, self._all_since = ends
 
-    def start(self, members: int) -> State:
-        """The largest response; rows: the first at each level, n if none, the one after the last outside the band."""
-        size, n = (len(self._axes), members), len(self._time)
-        return {
-            "pose": np.zeros(size),
-            "highest": np.full(size, -np.inf),
-            "low": np.full(size, n, dtype=np.intp),
-            "high": np.full(size, n, dtype=np.intp),
-            "settled": np.zeros(size, dtype=np.intp),
+class StepResponse(TermFold):
+    """The response of an axis to the step of its reference.
+
+    A member that ended early has one if its reference steps in its part of the run as in the whole.
+
+    Parameters
+    ----------
+    axis
+        Its place in `AXES`.
+    time
+        Times of all rows (n,) [s].
+    reference
+        Of the axis, at all rows (n, N) or (n, 1).
+    step
+        Its steps (N,) or (1,).
+    """
+
+    kernel, sizes = "step_response", {"pose": 1}
+    term_sizes: Mapping[str, int] = {"pose": 1, "response": 1, "distance": 1}
+    reductions: Mapping[str, Reduction] = {
+        "pose": Last("pose"),
+        "highest": Largest("response"),
+        "low": First("response", reached, LOW),
+        "high": First("response", reached, HIGH),
+        "settled": AfterLast("distance", reached, BAND),
+    }
+
+    def __init__(self, axis: int, time: FloatArray, reference: FloatArray, step: Step) -> None:
+        _, signal, place = AXES[axis]
+        self.needs, self.begins, self.metrics = (signal,), {"pose": place}, _OF_AXES[axis]
+        self._time, self._reference, self._step = time, reference, step
+        self.parameters = {
+            "from": step.first,
+            # without a step, any value but 0 to avoid a division by zero
+            "span": np.where(step.exists, step.last - step.first, 1.0),
+            "start": step.start.astype(float),
         }
 
-    def rows(self, state: State, block: Block) -> None:
-        """Add the responses."""
-        first, n, size = block.first, block.rows, state["pose"].shape
-        response, none = block.scratch("first", n, *size), len(self._time)
-        for j, axis in enumerate(self._axes):
-            _, signal, k = AXES[axis]
-            response[:, j] = block[signal][:, k]
-        state["pose"][...] = response[-1]
-        if first + n <= self._begins or not self._axes.size:
-            return
-        response -= self._first
-        response /= self._span
-        if first < self._all_since:
-            early = np.arange(first, first + n)[:, None, None] < self._start
-            response[np.broadcast_to(early, response.shape)] = -np.inf
-        np.maximum(state["highest"], np.maximum.reduce(response), out=state["highest"])
-        for name, level in (("low", LOW), ("high", HIGH)):
-            # most blocks are before or after
-            if (state[name] == none).any() and (reached := response >= level).any():
-                at = np.where(reached.any(axis=0), first + reached.argmax(axis=0), none)
-                np.minimum(state[name], at, out=state[name])
-        response -= 1.0
-        outside = np.abs(response, out=response) >= BAND
-        if outside[-1].all():
-            state["settled"][...] = first + n
-        elif outside.any():
-            after = first + n - outside[::-1].argmax(axis=0)
-            np.copyto(state["settled"], after, where=outside.any(axis=0))
+    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+        """The response (y − from)/(to − from), none before the start, and its distance from the end."""
+        pose = row["pose"]
+        response = where(less(row.index, row.of("start")), -np.inf, (pose - row.of("from")) / row.of("span"))
+        yield "pose", pose
+        yield "response", response
+        yield "distance", np.abs(response - 1.0)
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
-        """Metrics of the steps by axis; NaN without a step."""
-        size = state["pose"].shape
-        first, last = np.broadcast_to(self._first, size), np.broadcast_to(self._last, size)
-        start = np.broadcast_to(self._start, size)
-        exists = self._exists & (rows > 0)
+        """Metrics of the step; NaN without one."""
+        pose, highest, low, high, settled = (state[name][0] for name in self.reductions)
+        first, last, start = (np.broadcast_to(each, rows.shape) for each in self._step[1:])
+        exists = self._step.exists & (rows > 0)
         for n in np.unique(rows[(rows > 0) & (rows < len(self._time))]).tolist():
             of = rows == n
-            exists[:, of] &= self._is_same(n, of, last[:, of], start[:, of])
+            exists[of] &= self._is_same(n, of, last[of], start[of])
 
-        def since_start(row: NDArray[np.intp]) -> FloatArray:
-            # in a part of the run without a step, rows may be beyond its end
-            return self._time[np.minimum(np.maximum(row, start), rows - 1)] - began
+        def since_start(row: FloatArray) -> FloatArray:
+            # in a part of the run without a step, rows may be beyond its end; of a level that was not reached, infinite
+            return self._time[np.minimum(np.maximum(row, start), rows - 1).astype(np.intp)] - began
 
-        highest, settled = state["highest"], np.maximum(state["settled"], start)
         began, rose = self._time[np.minimum(start, rows - 1)], highest >= HIGH
+        settled = np.maximum(settled, start)
         numbers = (
             first,
             last,
             began,
             np.where(rose, 100 * np.maximum(highest - 1, 0.0), 0.0),
-            np.where(rose, since_start(state["high"]) - since_start(state["low"]), np.nan),
+            np.where(rose, since_start(high) - since_start(low), np.nan),
             np.where(rose & (settled < rows), since_start(settled), np.nan),
-            last - state["pose"],
+            last - pose,
         )
-        by_axis = (values[j] for j in range(len(self._axes)) for values in numbers)
-        there = np.repeat(exists, len(numbers), axis=0)
         return {
-            metric.path: np.where(has & np.isfinite(values), values, np.nan)
-            for metric, has, values in zip(self.metrics, there, by_axis, strict=True)
+            metric.path: np.where(exists & np.isfinite(values), values, np.nan)
+            for metric, values in zip(self.metrics, numbers, strict=True)
         }
 
     def _is_same(self, n: int, of: NDArray[np.bool_], last: FloatArray, start: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Whether the first n rows of the reference of some members have the same steps."""
-        pose = self._pose[:n, self._axes]
-        part = step_in(pose if pose.shape[2] == 1 else pose[..., of])
+        """Whether the first n rows of the reference of some members have the same step."""
+        part = step_in(self._reference[:n] if self._reference.shape[1] == 1 else self._reference[:n, of])
         # a constant reference has values that are equal only up to rounding
         near = np.abs(part.last - last) <= 1e-9 * np.maximum(1.0, np.abs(last))
         return cast("NDArray[np.bool_]", part.exists & (part.start == start) & near)

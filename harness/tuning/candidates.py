@@ -14,8 +14,9 @@ from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import PreparedMembers, Values
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.folds import FoldsOfRows
+from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
+from gough_stewart.harness.results.fold_library import metric_kernels
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.tuning.conditions import Condition
@@ -163,7 +164,7 @@ class Candidates:
         """Metrics (n, names) and outcomes."""
         n, running = len(batch), batch.in_parallel(self.members.stepping)
         folds = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
-        rows = FoldsOfRows(running.loop, folds, running.size)
+        rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
         with running.plant:
             outcomes = observe_all(running.plant, running.law_from, running.loop, rows)
             self.integration_error = max(self.integration_error, float(np.max(running.plant.integration_error[:n])))

@@ -5,7 +5,7 @@ import polars
 import pytest
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.loop.folds import FoldsOfRows
+from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.bands import Bands, bands_frame, joined_samples

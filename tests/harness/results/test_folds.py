@@ -1,6 +1,7 @@
 """Metrics of many members, folded during their runs, against loops over the rows of each member's record."""
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ from hypothesis import strategies as st
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run_prepared
-from gough_stewart.harness.loop.folds import FoldsOfRows
+from gough_stewart.harness.loop.fold_kernels import FoldKernels
+from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.loop import Limits, Loop
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.results.fold_library import metric_kernels
 from gough_stewart.harness.results.metric_folds import METRICS, columns_of, folds_of_loop
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.record import Record, columns
@@ -57,8 +60,21 @@ class Member:
 def seen_again(
     loop: Loop, limits: dict[str, Any], members: list[Member], names: list[str] | None = None
 ) -> dict[str, FloatArray]:
-    """The metrics of members side by side; those that have ended stay as they are, as a loop has it."""
-    rows = FoldsOfRows(loop, folds_of_loop(loop, limits, names), len(members))
+    """The metrics of members side by side; those that have ended stay as they are, as a loop has it.
+
+    NumPy and machine code give the same bits.
+    """
+    by_numpy, compiled = (_seen_again(loop, limits, members, names, kernels) for kernels in (None, metric_kernels()))
+    assert list(by_numpy) == list(compiled)
+    for name, values in by_numpy.items():
+        np.testing.assert_array_equal(values, compiled[name], err_msg=name)
+    return compiled
+
+
+def _seen_again(
+    loop: Loop, limits: dict[str, Any], members: list[Member], names: list[str] | None, kernels: FoldKernels | None
+) -> dict[str, FloatArray]:
+    rows = FoldsOfRows(loop, folds_of_loop(loop, limits, names), len(members), kernels)
     ends = [len(member.signals) for member in members]
 
     def together(values: list[FloatArray]) -> Any:
@@ -318,7 +334,7 @@ def test_a_metric_that_is_wanted_alone_is_the_same_as_among_all(wanted: str) -> 
     np.testing.assert_array_equal(alone[wanted], every[wanted])
 
 
-def test_a_members_bits_are_the_same_among_1_8_512_and_600() -> None:
+def test_a_members_bits_are_the_same_among_any_number_by_numpy_and_by_machine_code() -> None:
     """Expected: results by leg and axis of each number of members, to the bit; some end, some are not finite."""
     n, most = 37, 600
     rng = np.random.default_rng(11)
@@ -330,9 +346,9 @@ def test_a_members_bits_are_the_same_among_1_8_512_and_600() -> None:
     flags = rng.random((2, n, 6, most)) < 0.1
     timing = Timing((n - 1) * 1e-3, 2e-3, 1e-3)
 
-    def results(number: int) -> dict[str, FloatArray]:
+    def results(number: int, kernels: FoldKernels | None = None) -> dict[str, FloatArray]:
         loop = Loop(timing, wanted[:, :number], np.zeros((18, 6)), np.zeros(6))
-        rows = FoldsOfRows(loop, folds_of_loop(loop, LIMITS), number)
+        rows = FoldsOfRows(loop, folds_of_loop(loop, LIMITS), number, kernels)
         given = (
             (values[k, :, :number].T, forces[k, :, :number].T, *flags[:, k, :, :number].swapaxes(1, 2))
             for k in range(n)
@@ -341,8 +357,8 @@ def test_a_members_bits_are_the_same_among_1_8_512_and_600() -> None:
         return rows.results()
 
     whole = results(most)
-    for number in (1, 2, 8, 512):
-        for name, found in results(number).items():
+    for number, kernels in product((1, 3, 8, 11, 512, most), (None, metric_kernels())):
+        for name, found in results(number, kernels).items():
             np.testing.assert_array_equal(found, whole[name][..., :number], err_msg=name)
 
 

@@ -1,0 +1,55 @@
+/* Interface of the library that folds rows of many members, eight per vector. No state, no allocation; calls for
+   different members can run in parallel. A member's bits depend on its own numbers alone: not on the number of members,
+   its place, or the size of blocks. */
+#ifndef FOLDS_H
+#define FOLDS_H
+
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define OFFERED __declspec(dllexport)
+#else
+#define OFFERED __attribute__((visibility("default")))
+#endif
+
+/* Items by row, element and member, as distances between them; that of members is 0 if all have the same. */
+typedef struct {
+    const void *at;
+    int64_t row, element, member;
+} items;
+
+enum { NUMBERS, FLAGS, ERRORS };
+
+/* A column of rows: numbers (double), flags (bytes, 0 or 1), or errors, the reference minus the numbers. */
+typedef struct {
+    int64_t kind, size;
+    items values, reference; /* from the first row of the block on */
+} column;
+
+/* A fold: a kernel with its places in a row, in the states and in the parameters of a vector. */
+typedef struct {
+    int64_t kernel;
+    const int64_t *places; /* of its columns */
+    int64_t state, parameter;
+} fold;
+
+/* Consecutive rows of N members in vectors of eight, the last one perhaps not full. */
+typedef struct {
+    int64_t members; /* N */
+    int64_t first, rows;
+    int64_t n_columns, n_folds, n_states, n_parameters;
+    const column *columns; /* those of flags come last */
+    const fold *folds;
+    const double *parameters; /* (vectors, n_parameters, 8) */
+    double *states;           /* (vectors, n_states, 8) */
+    int64_t *counting;        /* (N) how many of these rows count */
+} rows_of_members;
+
+/* Adds rows to the states. A member's rows from the first one on that has a number that is not finite do not count:
+   `counting` then has their number. If `first` is not 0, there is a row before the first one of the block. Returns 0, or
+   -1 if there are more columns or states than the library holds. */
+OFFERED int64_t folds_add(const rows_of_members *of);
+/* Number of a kernel, or -1; and its columns (elements), states and parameters. */
+OFFERED int64_t folds_kernel(const char *name, int64_t sizes[3]);
+
+#endif

@@ -1,0 +1,146 @@
+"""Folds in machine code: those that are described by terms, for eight members at once."""
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.fmu_build.lanes import WIDTH
+from gough_stewart.harness.loop.folds import Block, State
+from gough_stewart.harness.loop.term_folds import TermFold
+from gough_stewart.model.vectors import FloatArray
+
+_NUMBERS, _FLAGS, _ERRORS = range(3)
+_BYTES = {_NUMBERS: 8, _FLAGS: 1, _ERRORS: 8}
+
+
+class _Fold(ctypes.Structure):
+    """`fold` of c/folds/folds.h, as the structure below."""
+
+    _fields_ = [
+        ("kernel", ctypes.c_int64),
+        ("places", ctypes.c_void_p),
+        ("state", ctypes.c_int64),
+        ("parameter", ctypes.c_int64),
+    ]
+
+
+class _RowsOfMembers(ctypes.Structure):
+    _fields_ = [
+        *(
+            (name, ctypes.c_int64)
+            for name in ("members", "first", "rows", "n_columns", "n_folds", "n_states", "n_parameters")
+        ),
+        *((name, ctypes.c_void_p) for name in ("columns", "folds", "parameters", "states", "counting")),
+    ]
+
+
+class FoldKernels:
+    """A library of `fmu_build.folds`; it releases the GIL while it works."""
+
+    def __init__(self, path: Path) -> None:
+        self._library = ctypes.CDLL(str(path))
+        self._library.folds_add.restype = self._library.folds_kernel.restype = ctypes.c_int64
+
+    def kernel(self, fold: TermFold) -> int | None:
+        """The number of a fold's kernel, if there is one."""
+        sizes = (ctypes.c_int64 * 3)()
+        number = int(self._library.folds_kernel(fold.kernel.encode(), sizes))
+        of_fold = [sum(fold.sizes.values()), sum(size for _, size, _ in fold.states), len(fold.parameters)]
+        return number if number >= 0 and list(sizes) == of_fold else None
+
+    def add(self, rows: _RowsOfMembers) -> None:
+        """Add rows to states."""
+        if self._library.folds_add(ctypes.byref(rows)):
+            raise ValueError(f"rows of {rows.n_columns} columns; expected fewer elements, see MOST_COLUMNS")
+
+
+class CompiledFolds:
+    """Folds of some members that have kernels, and their states.
+
+    Parameters
+    ----------
+    folds
+        Each has a kernel.
+    checked
+        Columns whose numbers have to be finite; those of the folds' flags come besides.
+    members
+        Their number N.
+    """
+
+    def __init__(self, kernels: FoldKernels, folds: Sequence[TermFold], checked: Sequence[str], members: int) -> None:
+        self._kernels, self._folds, self._members = kernels, folds, members
+        self._names = tuple(dict.fromkeys((*checked, *(name for fold in folds for name in fold.needs))))
+        vectors = -(-members // WIDTH)
+        starts = np.array([value for fold in folds for _, size, value in fold.states for _ in range(size)])
+        self._states = np.tile(starts[:, None], (vectors, 1, WIDTH))
+        parameters = [value for fold in folds for value in fold.parameters.values()]
+        self._parameters = np.zeros((vectors, len(parameters), WIDTH))
+        for k, value in enumerate(parameters):
+            padded = np.zeros(vectors * WIDTH)
+            padded[:members] = value
+            self._parameters[:, k] = padded.reshape(vectors, WIDTH)
+        self._of_folds: Any = None
+        self._kept: list[Any] = []
+
+    def add(self, block: Block, counting: NDArray[np.int64]) -> None:
+        """Add the rows of a block that count for each member (N,); then `counting` leaves out those not finite."""
+        given = {name: block.stored(name) for name in self._names}
+        arrays = dict(sorted(given.items(), key=lambda each: each[1][0].dtype == bool))
+        columns = np.array([_column(*each) for each in arrays.values()], dtype=np.int64)
+        if self._of_folds is None:
+            self._of_folds = self._placed({name: values.shape[1] for name, (values, _) in arrays.items()})
+        self._kernels.add(
+            _RowsOfMembers(
+                *(self._members, block.first, block.rows, len(columns), len(self._folds)),
+                *(self._states.shape[1], self._parameters.shape[1]),
+                *(columns.ctypes.data, ctypes.addressof(self._of_folds)),
+                *(each.ctypes.data for each in (self._parameters, self._states, counting)),
+            )
+        )
+
+    def _placed(self, sizes: Mapping[str, int]) -> Any:
+        """The folds with the places of their columns in a row, from the columns' sizes."""
+        place, begins = 0, dict[str, int]()
+        for name, size in sizes.items():
+            begins[name] = place
+            place += size
+        found, state, parameter = [], 0, 0
+        for fold in self._folds:
+            places = [begins[need] + fold.begins.get(of, 0) for of, need in zip(fold.sizes, fold.needs, strict=True)]
+            self._kept.append(np.array(places, dtype=np.int64))
+            found.append(_Fold(self._kernels.kernel(fold), self._kept[-1].ctypes.data, state, parameter))
+            state += sum(size for _, size, _ in fold.states)
+            parameter += len(fold.parameters)
+        return (_Fold * len(found))(*found)
+
+    def states(self) -> list[State]:
+        """The states of each fold."""
+        values = np.moveaxis(self._states, 1, 0).reshape(self._states.shape[1], -1)[:, : self._members]
+        found, at = list[State](), 0
+        for fold in self._folds:
+            own = State()
+            for name, size, _ in fold.states:
+                own[name] = values[at : at + size]
+                at += size
+            found.append(own)
+        return found
+
+
+def _column(values: NDArray[Any], reference: FloatArray | None) -> list[int]:
+    """`column` of c/folds/folds.h."""
+    kind = _FLAGS if values.dtype == bool else _NUMBERS if reference is None else _ERRORS
+    given = _items(values, kind)
+    return [kind, values.shape[1], *given, *(given if reference is None else _items(reference, kind))]
+
+
+def _items(array: NDArray[Any], kind: int) -> list[int]:
+    """`items`: where those of an array (rows, size, N) are; of one member, which is that of all, if N is 1."""
+    size, (row, element, member) = _BYTES[kind], array.strides
+    return [
+        array.__array_interface__["data"][0],
+        *(row // size, element // size, 0 if array.shape[2] == 1 else member // size),
+    ]

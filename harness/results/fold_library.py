@@ -1,0 +1,37 @@
+"""The machine code of the metrics' folds: built once from the terms that NumPy evaluates, and kept."""
+
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from gough_stewart.fmu_build.cached import digest_of
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.folds import FoldKernel, folds_library
+from gough_stewart.harness.loop.fold_kernels import FoldKernels
+from gough_stewart.harness.loop.term_folds import TermFold
+from gough_stewart.harness.results.metric_folds import metric_folds
+
+# Sources besides those of the plant's machine code.
+_OWN = (
+    ("gough_stewart.harness.loop", "term_folds.py"),
+    (__package__, "fold_library.py", "metric_folds.py", "step_fold.py"),
+)
+
+
+@cache
+def metric_kernels() -> FoldKernels | None:
+    """The machine code of all metrics for this processor; None without a compiler, with the same numbers by NumPy."""
+    own = b"".join(files(package).joinpath(name).read_bytes() for package, *names in _OWN for name in names)
+    try:
+        return FoldKernels(folds_library(_traced, digest_of(own)).path)
+    except (BuildError, OSError):
+        return None
+
+
+def _traced() -> list[FoldKernel]:
+    """The kernels of a run with a reference that steps."""
+    steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
+    folds = metric_folds(np.arange(40.0), steps, {})
+    by_kernel = {fold.kernel: fold for fold in folds if isinstance(fold, TermFold)}
+    return [fold.traced() for fold in by_kernel.values()]
