@@ -39,14 +39,31 @@ def opened(browser: Browser, folder: Path) -> Callable[..., Watched]:
 @pytest.mark.parametrize("kind", PAGES)
 def test_axe_finds_nothing_in_the_light_and_in_the_dark(opened: Open, kind: str) -> None:
     """Expected: no rule of axe is broken, and the scripts complain of nothing; headings go down one level at a time."""
-    for scheme in ("light", "dark"):
-        seen = opened(kind, scheme)
+    for scheme, width in (("light", 390), ("dark", 1440)):
+        seen = opened(kind, scheme, width)
         assert violations(seen.page) == [], scheme
         assert seen.page.evaluate("document.documentElement.lang") == "en"
         levels = seen.page.eval_on_selector_all("h1, h2, h3", "all => all.map((each) => Number(each.tagName[1]))")
         assert levels[0] == 1
         assert all(after <= before + 1 for before, after in pairwise(levels))
         assert seen.errors == []
+        seen.page.close()
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("kind", PAGES)
+def test_axe_finds_nothing_in_any_theme_at_any_width(opened: Open, kind: str) -> None:
+    """Expected: no rule of axe is broken, closed parts opened, at three widths, in light, dark and high contrast."""
+    for scheme in ("light", "dark"):
+        seen = opened(kind, scheme)
+        seen.page.evaluate("document.querySelectorAll('details').forEach(each => { each.open = true; })")
+        chosen = seen.page.locator("#theme").count()
+        for width, theme in ((390, ""), (1000, "contrast" if chosen and scheme == "light" else ""), (1440, "")):
+            seen.page.set_viewport_size({"width": width, "height": 800})
+            if chosen:
+                seen.page.select_option("#theme", theme)
+            seen.page.wait_for_timeout(50)
+            assert violations(seen.page) == [], (scheme, width, theme)
         seen.page.close()
 
 

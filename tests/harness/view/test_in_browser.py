@@ -199,3 +199,15 @@ def test_without_webgl_curves_and_tables_are_still_there(browser: Browser, repor
     assert "Tracking error" in page.inner_text("main")
     page.click("#play")
     page.close()
+
+
+def test_a_reader_who_wants_no_motion_gets_none(browser: Browser, report: Path) -> None:
+    """Expected: the animation stands at its start, until it is asked to play."""
+    page = browser.new_page(reduced_motion="reduce")
+    page.goto(report.as_uri())
+    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
+    page.wait_for_timeout(200)
+    assert page.evaluate("[GoughStewart.state.playing, GoughStewart.state.time]") == [False, 0]
+    page.keyboard.press("Space")
+    until(page, "GoughStewart.state.time > 0")
+    page.close()
