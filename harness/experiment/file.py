@@ -1,5 +1,6 @@
 """Experiments from TOML files, from the shipped ones, and with changed settings."""
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -51,8 +52,7 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
     if is_shipped(name):
         return shipped_experiment(str(name), settings)
     text, where = experiment_text(name)
-    values = with_settings(_parsed(text, where), settings)
-    return experiment_from(values, where, Path(name).parent)
+    return _set(_parsed(text, where), settings, where, Path(name).parent)
 
 
 def experiment_text(name: Path | str) -> tuple[str, str]:
@@ -102,8 +102,8 @@ def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) 
         )
     if not settings:
         return experiment
-    values = with_settings(experiment.model_dump(mode="json", exclude_unset=True), settings)
-    return experiment_from(values, experiment.where, experiment.folder)
+    values = experiment.model_dump(mode="json", exclude_unset=True)
+    return _set(values, settings, experiment.where, experiment.folder, experiment.changed)
 
 
 def experiment_names() -> tuple[str, ...]:
@@ -139,8 +139,7 @@ def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
         No such experiment, or as `experiment_from`.
     """
     where = f"experiment '{name}'"
-    values = with_settings(_parsed(shipped_text(name), where), settings)
-    return experiment_from(values, where)
+    return _set(_parsed(shipped_text(name), where), settings, where)
 
 
 def experiment_from(values: Mapping[str, Any], where: str = "experiment", folder: Path = Path()) -> Experiment:
@@ -162,6 +161,33 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment", folder
         return Experiment.built().model_validate(dict(values)).from_file(where, folder)
     except ValidationError as error:
         raise ExperimentError(where, "", complaints(error, Experiment, values)) from None
+
+
+def _set(
+    values: Mapping[str, Any],
+    settings: Settings,
+    where: str,
+    folder: Path = Path(),
+    before: Mapping[str, dict[str, Any]] | None = None,
+) -> Experiment:
+    """An experiment with settings, which remembers them and what its file has in their place."""
+    given = [settings] if isinstance(settings, str) else settings
+    each = dict(given) if isinstance(given, Mapping) else list(given)
+    made = experiment_from(with_settings(values, each), where, folder)
+    changed = dict(before or {})
+    for _, key, value in keys_and_values(each):
+        name = key.strip()
+        of_file = changed[name]["file"] if name in changed else _value_at(values, name)
+        changed[name] = json.loads(json.dumps({"value": value, "file": of_file}, default=str))
+    return made.with_changed(changed)
+
+
+def _value_at(values: Any, key: str) -> Any:
+    """The value of a key in plain tables; None if there is none."""
+    found = values
+    for name in key.split("."):
+        found = found.get(name) if isinstance(found, Mapping) else _element(found, name)
+    return found
 
 
 def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:

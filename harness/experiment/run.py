@@ -159,6 +159,8 @@ def run_prepared(
         "plant": name,
         "experiment": experiment.model_dump(mode="json"),
     }
+    if experiment.changed:
+        circumstances["settings"] = experiment.changed
     if files := digests(experiment):
         circumstances["files"] = files
     if replaced:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.drive import ActuatorChoice
@@ -228,6 +228,8 @@ class Experiment(Section):
     require: Requirements = Field(default_factory=dict)
     _where: str = "experiment"
     _folder: Path = Path()
+    # what calls have set of it: by key the value, and that of the file, None if it has none
+    _changed: dict[str, dict[str, Any]] = PrivateAttr(default_factory=dict)
 
     @property
     def code(self) -> tuple[str, ...]:
@@ -248,6 +250,17 @@ class Experiment(Section):
     def folder(self) -> Path:
         """The folder that resolves file names."""
         return self._folder
+
+    @property
+    def changed(self) -> dict[str, dict[str, Any]]:
+        """The keys that were set of it by `--set` or `settings`: their `value`, and that of the `file`."""
+        return dict(self._changed)
+
+    def with_changed(self, changed: dict[str, dict[str, Any]]) -> "Experiment":
+        """The same experiment, with what has been set of it."""
+        made = self.model_copy()
+        made._changed = changed
+        return made
 
     def from_file(self, where: str, folder: Path) -> "Experiment":
         """The same experiment, with its origin."""

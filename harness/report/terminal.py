@@ -13,7 +13,7 @@ from rich.table import Table as Rows
 from rich.text import Text
 
 from gough_stewart.harness.output.tables import stacked_columns
-from gough_stewart.harness.report.document import Cell, Note, Number, Report, Requirement, Table, Value
+from gough_stewart.harness.report.document import Cell, Note, Number, Report, Requirement, Setting, Table, Value
 from gough_stewart.harness.report.quantities import Quantity
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ def text_of(report: Report, width: int = 100) -> str:
 def _parts(report: Report) -> Iterable["RenderableType"]:
     if about := ": ".join(filter(None, (report.title, report.lead))):
         yield Text(about, "dim")
+    if report.settings and len(report.runs) < 2:
+        yield Text(f"set: {', '.join(map(_setting, report.settings))}", "dim")
     if report.verdict.numbers:
         yield Padding(_numbers(report.verdict.numbers), (0, 0, 0, 2), expand=False)
     if report.requirements:
@@ -59,6 +61,12 @@ def _parts(report: Report) -> Iterable["RenderableType"]:
     for note in report.notes:
         if note.kind == "note":
             yield Text(note.text, "dim")
+
+
+def _setting(setting: Setting) -> str:
+    """A key with its value, and that of the file."""
+    of_file = f" (file: {setting.default})" if setting.default else ""
+    return f"{setting.key} = {setting.values[0]}{of_file}"
 
 
 def _numbers(numbers: Sequence[Number]) -> Rows:

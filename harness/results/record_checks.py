@@ -56,6 +56,7 @@ class _Metadata(_Part):
     versions: _Table = {}
     files: dict[str, str] = {}
     replaced: list[str] = []
+    settings: dict[str, _Table] = {}
 
 
 def check_metadata(metadata: Any) -> None:

@@ -46,7 +46,9 @@ from tools.pages.story import run_in_shell, run_page
 COMMANDS = {page: commands_of(page) for page in PAGES}
 EVERY = [command for commands in COMMANDS.values() for command in commands]
 # What `make demo` runs, with its folder.
-BY_DEMO = re.compile(r"gough-stewart (reproduce|run heave_step --plant fmu3)(?: --report)?(?: --out \S+)?$")
+BY_DEMO = re.compile(
+    r"gough-stewart (reproduce|run heave_step --plant fmu3)(?: --report)?(?: --figures)?(?: --out \S+)?$"
+)
 # Others that run elsewhere: the platform of one's own in tests/harness/cli/test_app.py, whose name is harder there; the
 # build by the README, all other pages find the FMUs in their folder.
 ONES_OWN = re.compile(r"gough-stewart reproduce --platform mine\.toml --out \S+$")

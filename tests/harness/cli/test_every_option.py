@@ -61,7 +61,7 @@ def test_margins(notes: Notes, is_default: bool) -> None:
     (chosen,), given = notes.one("margins")
     assert given == {}
     assert chosen.loop.delay == (1 if is_default else 2)
-    assert not is_default or chosen.title == "heave step of 0.05 m"
+    assert not is_default or chosen.title == "heave step"
     assert notes.one("margins_files") == ((found,), {})
 
 
@@ -119,7 +119,7 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     expected: dict[str, Any] = {"plant": None, "fmu": None, "controller": None, "member": None}
     if kind == "all":
         expected |= {"plant": "fmu2", "fmu": Path("u.fmu"), "controller": "unit made"}
-        assert units == [("heave step of 0.05 m", "3.0", True)]
+        assert units == [("heave step", "3.0", True)]
     elif kind == "own unit":
         expected["controller"] = Path("~x/c.fmu")
     elif kind == "member":

@@ -166,7 +166,7 @@ def test_export(notes: Notes, is_default: bool) -> None:
     assert done.stderr == "warning: take care\n"
     where = "." if is_default else "there"
     forms = "FMU" if is_default else "FMU, C and SSP"
-    lines = [f"Written as {forms}; it is stable", "heave step of 0.05 m", "Loops of the forms, the least robust first"]
+    lines = [f"Written as {forms}; it is stable", "heave step", "Loops of the forms, the least robust first"]
     said(done, *lines, f"Done in T s. Wrote to {where} (4 kB):")
     assert "  d/a.c, b.h" in done.stdout.splitlines()
     assert notes.bars[-2:] == [

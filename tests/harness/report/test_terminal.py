@@ -1,11 +1,12 @@
 """A report in a terminal: what comes first, what is left to the page, and tables as wide as there is room for."""
 
 import re
+from dataclasses import replace
 from io import StringIO
 
 from rich.console import Console
 
-from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Table, Value, Verdict
+from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Setting, Table, Value, Verdict
 from gough_stewart.harness.report.quantities import FORCE, LENGTH
 from gough_stewart.harness.report.requirements import with_requirements
 from gough_stewart.harness.report.terminal import show, text_of
@@ -47,6 +48,9 @@ def _report() -> Report:
 def test_the_verdict_is_the_first_line_then_its_numbers_then_requirements_then_tables() -> None:
     lines = text_of(_report(), 120).splitlines()
     assert lines[0] == "Follows within 0.8 mm; a leg needs 609 N of its 600 N"
+    assert "set: " not in "\n".join(lines)
+    changed = replace(_report(), settings=(Setting("loop.delay", ("2",), "1"), Setting("a.b", ("3 Hz",))))
+    assert text_of(changed, 120).splitlines()[2] == "set: loop.delay = 2 (file: 1), a.b = 3 Hz"
     assert [re.sub(r"\s+", " ", line.strip()) for line in lines[1:8]] == [
         "heave",
         "peak error 0.8 mm 0.7 to 0.9 mm, limit 1 mm, 0.2 mm left",

@@ -225,3 +225,20 @@ def test_settings_and_circumstances_are_tables() -> None:
     assert isinstance(run["reference"], str)
     assert run["reference"].startswith("type step")
     assert not any(isinstance(part, Chart) for part in record.report(charts=False).parts())
+
+
+def test_what_was_set_is_told_beside_what_the_file_has() -> None:
+    """Expected: the given values, and those of the shipped file; also of a second change; none without any."""
+    experiment = gs.load_experiment("heave_step", {"loop.duration": 0.2, "controller.bandwidth": "3 Hz"})
+    record = gs.run(experiment, ["loop.duration=0.05", "reference.position_change=[0, 0, 0.01]"])
+    settings = {each.key: (each.values, each.default) for each in record.report(charts=False).settings}
+    assert settings == {
+        "loop.duration": (("0.05",), "2 s"),
+        "controller.bandwidth": (("3 Hz",), "2 Hz"),
+        "reference.position_change": (("0, 0, 0.01",), "0, 0, 0.05"),
+    }
+    assert gs.run("heave_step", {"loop.delay": 0, "loop.duration": 0.05}).metadata["settings"]["loop.delay"] == {
+        "value": 0,
+        "file": 1,
+    }
+    assert gs.load_experiment("impulse").changed == {}
