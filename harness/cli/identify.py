@@ -47,7 +47,7 @@ def identify_command(
     logs: Annotated[
         list[Path],
         typer.Argument(
-            help="A CSV or Parquet file, or the folder of a record; several of one machine are fitted together.",
+            help="A CSV or Parquet file, or the folder of a record; several of one machine are fitted at once.",
             metavar="LOG",
             parser=path,
         ),

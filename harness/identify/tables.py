@@ -18,7 +18,7 @@ def sheets_of(estimate: Estimate) -> list[Sheet]:
 
 
 def _parameters(estimate: Estimate) -> Sheet:
-    sheet = Sheet("Parameters, with 95 % intervals", ("", "before", "found", "±", "± %"))
+    sheet = Sheet("Parameters, with 95 % intervals", ("", "before", "estimate", "±", "± %"))
     half = estimate.values - estimate.interval[:, 0]
     for k, name in enumerate(estimate.names):
         value, row = estimate.values[k], (Named(name, unit_of(name)), f"{estimate.nominal[k]:.5g}")
@@ -53,7 +53,7 @@ def _residuals(estimate: Estimate) -> Sheet:
 
 
 def _tests(test: LackOfFit) -> Sheet:
-    sheet = Sheet(f"What the residuals contain; all together p = {test.combined:.2g}", ("tested", "p"))
+    sheet = Sheet(f"What the residuals contain; all tests p = {test.combined:.2g}", ("tested", "p"))
     for name, p in test.p_values.items():
         sheet.add(name, f"{p:.2g}")
     return sheet

@@ -10,6 +10,9 @@ GLOSSARY: dict[str, str] = {
     "bandwidth": "The frequency up to which the closed loop follows its reference, here where its gain falls by 3 dB.",
     "coherence": "The share of an output's power that a linear response to the input explains, from 0 to 1.",
     "condition number": "The largest over the smallest singular value of the leg Jacobian; large near singular poses.",
+    "confidence interval": (
+        "A range from a method that holds the true value in the stated share of cases, 95 % unless said otherwise."
+    ),
     "crossover": "The frequency at which the gain of the open loop is 1.",
     "disk margin": "How far gain and phase of the loop may change at once, at any frequency, before it is unstable.",
     "feedforward": "Actuator forces computed from the reference, before any error has occurred.",

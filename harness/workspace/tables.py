@@ -50,7 +50,7 @@ def _swept(workspace: Workspace) -> Sheet:
         others = tuple(k for k in range(reached.ndim) if k != axis)
         rows = np.flatnonzero(reached.any(axis=others))
         ends = [shown.text(values[k]) for k in (rows[0], rows[-1])] if rows.size else ["–", "–"]
-        origin = "found" if name in workspace.found else "assumed" if name in workspace.assumed else "given"
+        origin = "computed" if name in workspace.found else "assumed" if name in workspace.assumed else "given"
         sheet.add(name, shown.text(values[0]), shown.text(values[-1]), str(len(values)), *ends, origin)
     return sheet
 

@@ -103,7 +103,7 @@ HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
 def test_tables_have_every_number_in_its_place() -> None:
     parameters, identifiability, residuals, tests, findings = sheets_of(ESTIMATE)
     assert parameters.title == "Parameters, with 95 % intervals"
-    assert parameters.heads == ("", "before", "found", "±", "± %")
+    assert parameters.heads == ("", "before", "estimate", "±", "± %")
     assert parameters.rows == [
         (Named("platform_mass", "kg"), "1200", "1516.9", "3.9", "0.26"),
         (Named("leg_viscous_friction[2]", "N.s/m"), "500", "431.7", "5.9", "1.4"),
@@ -129,7 +129,7 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("force of leg 5", "14.05", "24.5", "7.03", "0.55"),
         ("force of leg 6", "15.06", "25.6", "–", "0.46"),
     ]
-    assert tests.title == "What the residuals contain; all together p = 0.0042"
+    assert tests.title == "What the residuals contain; all tests p = 0.0042"
     assert tests.heads == ("tested", "p")
     assert tests.rows == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
     assert findings.title == "Diagnosis: the first is most likely, the others are not separated from it"

@@ -153,9 +153,9 @@ def test_swept_ranges(seen: Seen) -> None:
     expected = []
     for axis, (name, values) in enumerate(seen.swept.items()):
         there = [values[index[axis]] for index in seen.reached()]
-        origin = {"y": "found", "yaw": "found", "roll": "assumed"}.get(name, "given")
+        origin = {"y": "computed", "yaw": "computed", "roll": "assumed"}.get(name, "given")
         if seen.force == "kN":
-            origin = {"x": "found", "y": "given"}[name]
+            origin = {"x": "computed", "y": "given"}[name]
         ends = [seen.shown(each, name) for each in (values[0], values[-1], min(there), max(there))]
         expected.append((name, *ends[:2], str(len(values)), *ends[2:], origin))
     assert rows_of(sheet) == expected

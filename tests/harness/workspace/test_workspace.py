@@ -92,7 +92,7 @@ def test_the_command_writes_its_files_and_no_others_and_tells_what_it_found(maps
     done, out = maps
     assert done.exit_code == 0, done.stderr
     assert {path.name for path in out.iterdir()} == FILES
-    for said in ("Swept", "given", "found", "joint angle from home", "largest payload", "of the grid", "m²"):
+    for said in ("Swept", "given", "computed", "joint angle from home", "largest payload", "of the grid", "m²"):
         assert said in done.stdout
 
 
