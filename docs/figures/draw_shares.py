@@ -2,13 +2,14 @@
 
 from saving import save_svg
 
-from gough_stewart.harness.experiment.checking import check, check_files
+from gough_stewart.harness.experiment.checking import check
+from gough_stewart.harness.report.figures import figures
 
 
 def main() -> None:
     """Write the picture beside this file."""
     found = check("pitch_sine", {"reference.frequency": 2.5, "loop.duration": 4})
-    save_svg("shares.svg", check_files(found)["shares.svg"])
+    save_svg("shares.svg", figures(found.report(), ("svg",))["shares.svg"])
 
 
 if __name__ == "__main__":

@@ -16,10 +16,15 @@ from gough_stewart.harness.cli.options import (
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import Terminal, progress_bar, show_report
+from gough_stewart.harness.cli.showing import DATA, PAGE, Showing, shows
+from gough_stewart.harness.cli.terminal import Terminal, progress_bar
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.checking import MotionCheck
+
+
+# Pictures of an older check, which do not stay beside new numbers.
+FORMER = [f"shares.{kind}" for kind in ("pdf", "png", "svg")]
 
 
 class Fit(StrEnum):
@@ -29,6 +34,7 @@ class Fit(StrEnum):
     amplitude = "amplitude"
 
 
+@shows
 def check_command(
     experiment: ExperimentArgument,
     out: Annotated[Path | None, out_option("results/check_NAME, after the experiment")] = None,
@@ -41,6 +47,8 @@ def check_command(
             metavar=choices(Fit),
         ),
     ] = None,
+    *,
+    showing: Showing,
 ) -> None:
     """Check whether the platform can follow the motion of an experiment, without running it.
 
@@ -50,10 +58,10 @@ def check_command(
     share of each limit by leg, and when, and what the motion needs of each leg: stroke, speed, force, power, energy
     and joint angles, peak and RMS.
 
-    Writes **check.json**, **needs.csv**, a row for each leg to choose actuators by, and **shares**, the shares over
-    time with the nearest limit, as PNG and SVG.
+    Writes **check.json** and **needs.csv**, a row for each leg to choose actuators by; with `--figures` also
+    **shares**, the shares of all limits over time.
 
-    Exit code 3 if the motion, or the fitted one, exceeds a limit.
+    Exit code 3 if the motion, or the fitted one, exceeds a limit, or a requirement is not met.
 
     Examples
     --------
@@ -68,24 +76,27 @@ def check_command(
             from gough_stewart.harness.experiment.checking import FILES, check, check_files
             from gough_stewart.model.process.files import check_output_folder, write_files
 
-            check_output_folder(folder, FILES)
+            check_output_folder(folder, [*FILES, PAGE, DATA])
             found = check(experiment, settings or [])
+            report = found.report(charts=showing.draws)
+            requirements = showing.requirements(found.experiment.requirements, report.numbers)
             files = check_files(found)
-        write_files(folder, files)
-        command.written.append(folder)
-        show_report(found.report(charts=False))
-        command.close(files, folder)
+        write_files(folder, files, FORMER)
+        report = showing.show(command, report, folder, list(files), requirements=requirements)
         if fit is not None and not (found.within and found.keeps_margin):
             with progress_bar() as bar:
                 bar.add_task("fitting", total=None)
                 path = _write_fitted(experiment, settings or [], found, fit.value)
                 command.written.append(path.parent)
                 found = check(str(path))
+            from gough_stewart.harness.report.terminal import show
+
             Terminal().say(f"\n{path.name}:")
-            show_report(found.report(charts=False))
+            show(found.report(charts=False), Terminal())
             command.close([path.name], path.parent, done=None, then=f"gough-stewart run {shlex.quote(str(path))}")
         if not found.within:
             raise typer.Exit(ExitCode.MISSED)
+        showing.exit(report)
 
 
 def _write_fitted(experiment: str, settings: list[str], found: "MotionCheck", fit: str) -> Path:

@@ -12,19 +12,29 @@ from gough_stewart.harness.cli.options import (
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import progress_bar, show_report
+from gough_stewart.harness.cli.showing import DATA, PAGE, Showing, shows
+from gough_stewart.harness.cli.terminal import progress_bar
+
+NUMBERS = "margins.json"
+# Pictures of an older analysis, which do not stay beside new numbers.
+FORMER = [f"{name}.{kind}" for name in ("bode", "step") for kind in ("pdf", "png", "svg")]
 
 
+@shows
 def margins_command(
     experiment: ExperimentArgument,
     out: Annotated[Path | None, out_option("results/margins_NAME, after the experiment")] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Compute gains, closed-loop modes and stability margins of an experiment, on the linear model.
 
     The model is linearised at the first pose of the reference, and sampled and delayed as in the experiment. Writes
-    **margins.json**, and **bode** and **step** as PNG and SVG.
+    **margins.json**; with `--figures` also **bode** and **step**.
+
+    Exit code 3 if a requirement is not met, 4 if that cannot be told.
 
     Examples
     --------
@@ -36,14 +46,13 @@ def margins_command(
         chosen = chosen_experiment(experiment, settings, no_python)
         folder = out or results_folder("margins", experiment)
         with progress_bar() as bar:
-            bar.add_task("linear model, margins, figures", total=None)
-            from gough_stewart.harness.experiment.analysis import FILES, margins, margins_files
+            bar.add_task("linear model, margins", total=None)
+            from gough_stewart.harness.experiment.analysis import margins, margins_file
             from gough_stewart.model.process.files import check_output_folder, write_files
 
-            check_output_folder(folder, FILES)
+            check_output_folder(folder, [NUMBERS, PAGE, DATA])
             found = margins(chosen)
-            files = margins_files(found)
-        write_files(folder, files)
-        command.written.append(folder)
-        show_report(found.report(charts=False))
-        command.close(files, folder)
+            report = found.report(charts=showing.draws)
+            write_files(folder, {NUMBERS: margins_file(found)}, FORMER)
+        requirements = showing.requirements(chosen.requirements, report.numbers)
+        showing.present(command, report, folder, [NUMBERS], requirements=requirements)

@@ -70,8 +70,15 @@ class Showing:
     as_json: bool = False
     required: "tuple[Required, ...]" = ()
 
+    @property
+    def draws(self) -> bool:
+        """Whether charts are shown anywhere."""
+        return self.page or self.figures or self.as_json
+
     def requirements(self, of_file: Sequence[str], known: "Iterable[Known]") -> "list[Required]":
-        """Those of the experiment's file and of the command line, checked before the command begins.
+        """Those of the experiment's file that are on this study, and of the command line, checked before it begins.
+
+        A file may have requirements for several studies: those on other kinds of numbers are named, and left out.
 
         Raises
         ------
@@ -82,8 +89,14 @@ class Showing:
             return []
         from gough_stewart.harness.report.requirements import check_known, required
 
-        found = [*map(required, of_file), *self.required]
-        check_known(found, known)
+        numbers = list(known)
+        kinds = {each.path.partition(".")[0] for each in numbers}
+        of_others = [each for each in map(required, of_file) if each.path.partition(".")[0] not in kinds]
+        for each in of_others:
+            errors.say((f"not judged by this command: {each.text}", "dim"))
+        found = [each for each in map(required, of_file) if each not in of_others]
+        found += self.required
+        check_known(found, numbers)
         return found
 
     def present(
@@ -116,6 +129,20 @@ class Showing:
         typer.Exit
             A requirement is missed or open.
         """
+        self.exit(self.show(command, report, folder, files, requirements=requirements, done=done, then=then))
+
+    def show(
+        self,
+        command: Command,
+        report: "Report",
+        folder: Path,
+        files: Sequence[str] = (),
+        *,
+        requirements: "Sequence[str | Required]" = (),
+        done: str | None = "Done",
+        then: str | None = None,
+    ) -> "Report":
+        """As `present`, without the exit; returns the report with its requirements."""
         wanted = list(requirements) or list(self.required)
         if wanted:
             from gough_stewart.harness.report.requirements import with_requirements
@@ -123,7 +150,7 @@ class Showing:
             report = with_requirements(report, wanted)
         written = self._write(report, folder, keeps_data=keeps_data)
         self.end(command, report, folder, [*files, *written], done=done, then=then)
-        self.exit(report)
+        return report
 
     def end(
         self,

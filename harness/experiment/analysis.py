@@ -15,15 +15,13 @@ from gough_stewart.harness.control.margins import Margins, closed_loop, is_stabl
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.harness.experiment.design_figures import design_figures, step_answers
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.margins_report import margins_report
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.step_answers import step_answers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.document import Report
-
-FILES = ("margins.json", "bode.png", "bode.svg", "step.png", "step.svg")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -196,13 +194,9 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
     return found
 
 
-def margins_files(found: LoopMargins) -> dict[str, bytes]:
-    """Numbers and figures by file name."""
-    numbers = {**found.as_dict(), "versions": versions()}
-    return {
-        "margins.json": (json.dumps(numbers, indent=2) + "\n").encode(),
-        **design_figures(found.loop, found, found.title),
-    }
+def margins_file(found: LoopMargins) -> bytes:
+    """The numbers as JSON, with the versions of the software."""
+    return (json.dumps({**found.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
 
 
 def _plain_gains(gains: Gains) -> dict[str, Any]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gough_stewart.harness.report.document import Report
 
 Fit = Literal["time", "amplitude"]
-FILES = ("check.json", "needs.csv", "shares.png", "shares.svg")
+FILES = ("check.json", "needs.csv")
 _DIGITS = 9
 _ROUNDING = 1e-9
 
@@ -246,10 +246,9 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
 
 
 def check_files(found: MotionCheck) -> dict[str, bytes]:
-    """Numbers, needs and figure by file name."""
+    """Numbers and needs by file name."""
     import polars
 
-    from gough_stewart.harness.motion.limits.shares_figure import shares_pictures
     from gough_stewart.harness.motion.limits.shares_tables import LEGS
     from gough_stewart.harness.output.versions import versions
 
@@ -258,7 +257,6 @@ def check_files(found: MotionCheck) -> dict[str, bytes]:
     return {
         "check.json": (json.dumps(numbers, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
         "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
-        **shares_pictures(found.shares, f"{found.experiment.title}: shares of the limits of {found.platform.name}"),
     }
 
 

@@ -12,7 +12,8 @@ from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from tests.support.commands import invoke
 
-FILES = {"check.json", "needs.csv", "shares.png", "shares.svg"}
+FILES = {"check.json", "needs.csv", "report.json"}
+FIGURES = {"shares.pdf", "shares.png", "shares.svg"}
 COARSE = ["--set", "loop.duration=2.5", "--set", "loop.sample_time=25 ms"]
 FAST = ["--set", "reference.frequency=4", *COARSE]
 
@@ -23,9 +24,9 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_motion_within_its_limits_is_printed_drawn_and_ends_with_0() -> None:
-    done = invoke("check", "pitch_sine", *COARSE, "--out", "out")
+    done = invoke("check", "pitch_sine", *COARSE, "--figures", "--out", "out")
     assert done.exit_code == 0, done.output
-    assert {path.name for path in Path("out").iterdir()} == FILES
+    assert {path.name for path in Path("out").iterdir()} == FILES | FIGURES
     assert done.stdout.startswith("Can be done; leg 3 needs 28 % of its stroke at ")
     assert "leg velocity" in done.output
     text = " ".join(done.output.split())

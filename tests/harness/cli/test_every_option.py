@@ -17,6 +17,7 @@ import pytest
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY
 from gough_stewart.harness.experiment.files import Written
+from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform_toml import load_preset
@@ -49,20 +50,27 @@ def test_frf(notes: Notes, kind: str) -> None:
     assert {path.name for path in Path(place).glob("frf*")} == {"frf.csv", "frf.svg"}
 
 
+def size_of(folder: str) -> str:
+    """The size of all files in a folder, in kB with three digits."""
+    return f"{sum(path.stat().st_size for path in Path(folder).iterdir()) / 1e3:.3g} kB"
+
+
 @pytest.mark.parametrize("is_default", [True, False])
 def test_margins(notes: Notes, is_default: bool) -> None:
     found = SimpleNamespace(report=lambda *, charts: made_report("gains") if not charts else None)
     notes.replace("harness.experiment.analysis.margins", found)
-    notes.replace("harness.experiment.analysis.margins_files", {"margins.json": b"x" * 700})
+    notes.replace("harness.experiment.analysis.margins_file", b"x" * 700)
     more = () if is_default else ("--set", "controller.bandwidth=3.5", "--set", "loop.delay=2", "--out", "x y")
     done = invoke("margins", "heave_step", *more)
     out = "results/margins_heave_step" if is_default else "x y"
-    said(done, "gains found", "gains", f"Done in T s. Wrote {out}/margins.json (0.7 kB).")
+    said(done, "gains found", "gains", f"Done in T s. Wrote to {out} ({size_of(out)}):")
     (chosen,), given = notes.one("margins")
     assert given == {}
     assert chosen.loop.delay == (1 if is_default else 2)
     assert not is_default or chosen.title == "heave step"
-    assert notes.one("margins_files") == ((found,), {})
+    assert notes.one("margins_file") == ((found,), {})
+    assert Path(out, "margins.json").read_bytes() == b"x" * 700
+    assert from_json(Path(out, "report.json").read_bytes()).verdict.text == "gains found"
 
 
 def recorded(status: str = "completed", time: float = 0.5, **more: Any) -> Record:
@@ -318,7 +326,7 @@ def test_check(notes: Notes, kind: str) -> None:
     """Expected: exit code 3 beyond limits; a fit only of what is beyond or too near, beside the experiment."""
     first = Checked(
         within=kind in ("within", "near"), keeps_margin=kind == "within", name="first",
-        experiment=SimpleNamespace(folder=Path("beside")),
+        experiment=SimpleNamespace(folder=Path("beside"), requirements=()),
     )  # fmt: skip
     second = Checked(within=kind != "misses", keeps_margin=True, name="second")
     results = [first, second]
@@ -330,7 +338,7 @@ def test_check(notes: Notes, kind: str) -> None:
     more = ("--set", "loop.delay=1", "--out", "o") if kind == "time" else ()
     done = invoke("check", "circle", *more, *(("--fit", fit) if fit else ()))
     out = "o" if kind == "time" else "results/check_circle"
-    lines = ["first found", "first", f"Done in T s. Wrote {out}/check.json (0.05 kB)."]
+    lines = ["first found", "first", f"Done in T s. Wrote to {out} ({size_of(out)}):"]
     settings = ["loop.delay=1"] if kind == "time" else []
     calls: list[Any] = [(("circle", settings), {})]
     if kind not in ("within", "beyond"):

@@ -129,11 +129,12 @@ def test_experiments_are_listed_and_printed() -> None:
 
 
 def test_margins_prints_and_writes(tmp_path: Path) -> None:
-    done = invoke("margins", "heave_step", "--out", str(tmp_path))
+    done = invoke("margins", "heave_step", "--figures", "--out", str(tmp_path))
     assert done.exit_code == 0, done.output
     for title in ("Gains", "Modes of the closed loop", "one leg at a time", "all legs at once"):
         assert title in done.output
-    assert {p.name for p in tmp_path.iterdir()} == {"margins.json", "bode.png", "bode.svg", "step.png", "step.svg"}
+    pictures = {f"{name}.{kind}" for name in ("bode", "step") for kind in ("pdf", "png", "svg")}
+    assert {p.name for p in tmp_path.iterdir()} == {"margins.json", "report.json"} | pictures
     said = json.loads((tmp_path / "margins.json").read_text())
     assert len(said["margins"]["legs"]) == 6
     assert said["margins"]["disk"]["alpha"] > 0.5
