@@ -10,10 +10,10 @@ import numpy as np
 
 from gough_stewart.harness.experiment.hints import static_error
 from gough_stewart.harness.report.document import Note, Report
+from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.requirements import Required, with_requirements
 from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.page import PAGE, view_page
 from gough_stewart.model.process.files import Content, FileSet, check_output_folder, file_set
 
 # Of the groups of charts that a run shows at first, in their order.
@@ -70,7 +70,7 @@ def write_results(
 
             more |= drawn(report)
         if page:
-            more[PAGE] = view_page([record], [record.metadata["title"]])
+            more[PAGE] = page_of(report)
         written.result()
         _add(files, more)
     return Written(files.names, report)
