@@ -9,13 +9,13 @@ from gough_stewart.harness.cli.command import Command, clear_errors
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
-    OpenOption,
     SetOption,
     chosen_experiment,
     out_option,
     results_folder,
 )
-from gough_stewart.harness.cli.terminal import members_bar, show, show_report, warn
+from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.terminal import members_bar, show
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.process.files import reserved
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
 
 
+@shows
 def ensemble_command(
     experiment: ExperimentArgument,
     members: Annotated[
@@ -33,7 +34,6 @@ def ensemble_command(
         int | None, typer.Option(help="Seed of samples and noise. Default: from the experiment.", metavar="N", min=0)
     ] = None,
     out: Annotated[Path | None, out_option("results/ensemble_NAME, after the experiment")] = None,
-    open_it: OpenOption = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted run in the folder from its finished chunks.")
     ] = False,
@@ -57,6 +57,8 @@ def ensemble_command(
     ] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
+    *,
+    showing: Showing,
 ) -> None:
     """Run the members of an experiment's [ensemble]: machines that differ, all with the same controller.
 
@@ -64,8 +66,10 @@ def ensemble_command(
     of signals over time), **ensemble.json**, figures, **report.html**, and the records of the worst members in
     **worst**. `gough-stewart run FILE --member 17` repeats a member exactly.
 
-    Exit code 3 if no member completes its run with a loop that does not grow by itself. Members whose loops grow or
-    oscillate are counted in a warning.
+    A requirement is on every member, or with "for 95 % of members" on that share of all machines: exit code 3 if it is
+    not met, 4 if there are too few members to tell; the report says how many would. Exit code 3 also if no member
+    completes its run with a loop that does not grow by itself. Members whose loops grow or oscillate are counted in a
+    warning.
 
     Ctrl-C keeps the finished chunks; the same command with `--resume` continues, and gives the same bytes.
 
@@ -74,6 +78,8 @@ def ensemble_command(
     - `gough-stewart ensemble heave_tolerances --members 200`
 
     - `gough-stewart ensemble mine.toml --set controller.bandwidth=3 --out results/faster`
+
+    - `gough-stewart ensemble mine.toml --require "tracking.position.norm_peak <= 1 mm for 95 % of members"`
 
     - `gough-stewart ensemble slow.toml --compare fast.toml`
 
@@ -88,12 +94,14 @@ def ensemble_command(
             other = chosen_experiment(compare, None, no_python)
             folder = out or results_folder("ensemble", experiment, "_compared")
             options = {"members": members, "seed": seed, "resume": resume, "workers": workers, "scheduler": scheduler}
-            _compare(command, (chosen, other), (experiment, compare), folder, options, open_it)
+            _compare(command, (chosen, other), (experiment, compare), folder, options, open_it=showing.opens)
             return
         with reserved(folder), members_bar() as progress:
             task = progress.add_task("preparing", total=None)
             from gough_stewart.harness.ensemble.ensemble import ensemble
+            from gough_stewart.harness.results.metric_folds import METRICS
 
+            requirements = showing.requirements(chosen.requirements, METRICS)
             found = ensemble(
                 chosen,
                 members=members,
@@ -110,15 +118,17 @@ def ensemble_command(
             command.written.append(folder)
             progress.update(task, total=None, description="figures and page")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
-            from gough_stewart.harness.ensemble.files import write_report
+            from gough_stewart.harness.ensemble.files import write_figures, write_report
 
             files, report = write_report(found, folder)
-        show_report(report)
-        for note in report.notes:
-            if note.kind == "warning":
-                warn(note.text)
-        command.close([MEMBERS, BANDS, METADATA, *files], folder, open_it=open_it)
+            if showing.figures or showing.as_json:
+                report = found.report()
+            if showing.figures:
+                files += write_figures(report, folder)
+        report = showing.judged(report, requirements)
+        showing.end(command, report, folder, [MEMBERS, BANDS, METADATA, *dict.fromkeys(files)])
         _check_some_work(found)
+        showing.exit(report)
 
 
 def _compare(
@@ -127,6 +137,7 @@ def _compare(
     texts: tuple[str, str],
     folder: Path,
     options: dict[str, Any],
+    *,
     open_it: bool,
 ) -> None:
     with members_bar() as progress:

@@ -143,14 +143,25 @@ class Showing:
         then: str | None = None,
     ) -> "Report":
         """As `present`, without the exit; returns the report with its requirements."""
-        wanted = list(requirements) or list(self.required)
-        if wanted:
-            from gough_stewart.harness.report.requirements import with_requirements
-
-            report = with_requirements(report, wanted)
+        report = self.judged(report, requirements)
         written = self._write(report, folder, keeps_data=keeps_data)
         self.end(command, report, folder, [*files, *written], done=done, then=then)
         return report
+
+    def judged(self, report: "Report", requirements: "Sequence[str | Required]" = ()) -> "Report":
+        """The report with how its requirements came out.
+
+        Raises
+        ------
+        RequirementError
+            A number that the report does not have.
+        """
+        wanted = list(requirements) or list(self.required)
+        if not wanted:
+            return report
+        from gough_stewart.harness.report.requirements import with_requirements
+
+        return with_requirements(report, wanted)
 
     def end(
         self,

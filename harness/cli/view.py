@@ -5,18 +5,20 @@ from typing import Annotated
 
 import typer
 
-from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.command import Command, clear_errors
 from gough_stewart.harness.cli.options import OpenOption, path
+from gough_stewart.harness.cli.showing import DATA, PAGE
 from gough_stewart.harness.cli.terminal import progress_bar
-from gough_stewart.harness.errors import UsageError
+from gough_stewart.harness.errors import RecordError, UsageError
 
 
 def view_command(
     records: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders written by `gough-stewart run`, or their record.parquet or record.csv.",
-            metavar="RECORD",
+            help="The folder of any command, or a report.json; of runs also several, or their record.parquet or "
+            "record.csv.",
+            metavar="FOLDER",
             parser=path,
         ),
     ],
@@ -25,19 +27,24 @@ def view_command(
     ),
     open_it: OpenOption = False,
 ) -> None:
-    """Show runs in a browser: the platform in 3-D motion, with charts, metrics and parameters.
+    """Show in a browser what a command found: verdict, numbers, charts; of runs also the platform in 3-D motion.
 
-    Writes one self-contained page: it needs no network, server or other file. Several records are overlaid.
+    Writes one self-contained page: it needs no network, server or other file. Several runs are overlaid.
 
     Examples
     --------
     - `gough-stewart view results/run_heave_step --open`
+
+    - `gough-stewart view results/margins_heave_step --open`
 
     - `gough-stewart view results/run_circle results/run_circle_computed_torque --out compared.html`
     """
     with clear_errors() as command:
         if out.suffix not in (".html", ".htm"):
             raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
+        if len(records) == 1 and _is_report(records[0]):
+            _view_report(command, records[0], out, open_it=open_it)
+            return
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
             from gough_stewart.harness.view.file import view
@@ -45,3 +52,31 @@ def view_command(
             view(records, out, progress=lambda what: progress.update(task, description=what))
         command.written.append(out)
         command.close([out.name], out.parent, open_it=open_it)
+
+
+def _is_report(place: Path) -> bool:
+    """Whether it is a report of another study than a run, whose record says more."""
+    if any((place / name).is_file() for name in ("record.parquet", "record.csv")):
+        return False
+    return place.name == DATA or any((place / name).is_file() for name in (DATA, PAGE))
+
+
+def _view_report(command: Command, place: Path, out: Path, *, open_it: bool) -> None:
+    """Write the page of a report, or show the page that its command has written."""
+    data = place if place.name == DATA else place / DATA
+    if not data.is_file():
+        command.close([PAGE], place, open_it=open_it)
+        return
+    with progress_bar() as progress:
+        progress.add_task("writing the page", total=None)
+        from gough_stewart.harness.report.codec import from_json
+        from gough_stewart.harness.report.page import page_of
+        from gough_stewart.model.process.files import write_files
+
+        try:
+            report = from_json(data.read_bytes())
+        except (ValueError, KeyError) as error:
+            raise RecordError(f"{data}: cannot be read as a report: {error}; expected what a command writes") from error
+        write_files(out.parent, {out.name: page_of(report)})
+    command.written.append(out)
+    command.close([out.name], out.parent, open_it=open_it)

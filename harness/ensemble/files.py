@@ -38,6 +38,15 @@ def write_report(found: Ensemble, folder: Path) -> tuple[list[str], Report]:
     return [*files, *([WORST] if worst else [])], report
 
 
+def write_figures(report: Report, folder: Path) -> list[str]:
+    """Draw the charts of a report, each as PDF, PNG and SVG; returns the names of the files."""
+    from gough_stewart.harness.report.figures import figures
+
+    files = figures(report)
+    write_files(folder, files)
+    return list(files)
+
+
 def _write_worst(found: Ensemble, by: str, folder: Path) -> Mapping[int, str]:
     """Write their records; returns for each member the address of its page."""
     number = found.metadata["experiment"]["ensemble"]["worst"]

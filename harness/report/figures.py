@@ -144,7 +144,8 @@ def _style(panel: _Panel, index: int) -> dict[str, Any]:
         dashes, colour = DASHES.get(series.role, ()), colour_of(series.role)
     else:
         place = series.run if series.run is not None else series.leg - 1 if series.leg else same.index(index)
-        dashes, colour = SIX_DASHES[place % 6], colour_of_six(place)
+        # of more than six, the colours come again with other dashes
+        dashes, colour = SIX_DASHES[(place + place // 6) % 6], colour_of_six(place)
     return {"color": colour, "linestyle": (0, dashes) if dashes else "-"}
 
 
@@ -180,11 +181,12 @@ def _told_apart(panel: _Panel) -> list[tuple[int, str]]:
     """The series to draw, with their names; those that would hide each other are one line with all their names."""
     if panel.chart.kind == "points" or not panel.is_wide:
         return [(k, each.name) for k, each in enumerate(panel.series)]
-    near = max(_extent(panel.series) * _HIDES, least_span(panel.series[0].quantity.unit))
+    is_log = panel.chart.y is not None and panel.chart.y.scale == "log"
+    near = _HIDES if is_log else max(_extent(panel.series) * _HIDES, least_span(panel.series[0].quantity.unit))
     groups: list[list[int]] = []
     for k, series in enumerate(panel.series):
         for group in groups:
-            if _coincide(panel.chart, panel.series[group[0]], series, near):
+            if _coincide(panel.chart, panel.series[group[0]], series, near, is_log=is_log):
                 group.append(k)
                 break
         else:
@@ -192,13 +194,17 @@ def _told_apart(panel: _Panel) -> list[tuple[int, str]]:
     return [(group[0], _common_name([panel.series[k] for k in group])) for group in groups[:_MOST_LINES]]
 
 
-def _coincide(chart: Chart, one: Series, other: Series, near: float) -> bool:
+def _coincide(chart: Chart, one: Series, other: Series, near: float, *, is_log: bool) -> bool:
+    """Whether two series stay as near as this to each other, on a logarithmic axis as a share of the value."""
     if one.role != other.role or one.low is not None or other.low is not None:
         return False
     if len(one.values) != len(other.values) or not np.array_equal(chart.x_of(one), chart.x_of(other)):
         return False
-    gap = np.abs(_drawable(one.quantity.factor * one.values) - _drawable(other.quantity.factor * other.values))
-    return bool(np.all((gap <= near) | (np.isnan(one.values) & np.isnan(other.values))))
+    first, second = (_drawable(each.quantity.factor * each.values) for each in (one, other))
+    gap = np.abs(first - second)
+    return bool(
+        np.all((gap <= near * (np.abs(first) if is_log else 1)) | (np.isnan(one.values) & np.isnan(other.values)))
+    )
 
 
 def _common_name(series: Sequence[Series]) -> str:

@@ -12,6 +12,7 @@ from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
+from gough_stewart.harness.output.tables import is_number as is_number_like
 from gough_stewart.harness.output.tables import stacked_columns
 from gough_stewart.harness.report.document import Cell, Note, Number, Report, Requirement, Setting, Table, Value
 from gough_stewart.harness.report.quantities import Quantity
@@ -134,7 +135,8 @@ class TerminalTable:
         for part in stacked_columns(columns, options.max_width):
             rows = Rows()
             for k, width in part:
-                is_number = k > 0 and _is_number([row[k] for row in table.rows])
+                cells = [row[k] for row in table.rows]
+                is_number = k > 0 and heads[k] != "" and (_is_number(cells) or is_number_like(columns[k][1:]))
                 rows.add_column(Text(heads[k]), justify="right" if is_number else "left", overflow="fold", width=width)
             for number, row in enumerate(texts):
                 rows.add_row(*(row[k] for k, _ in part), end_section=number in table.group_ends)

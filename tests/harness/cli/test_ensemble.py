@@ -121,3 +121,22 @@ def test_what_cannot_be_is_said_in_a_line(what: str, tmp_path: Path) -> None:
     assert result.exit_code == code, result.output
     assert message in " ".join(result.output.split())
     assert not (tmp_path / "new").exists()
+
+
+def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_path: Path) -> None:
+    """Expected: shares of the table's own column; ln 0.025/ln 0.95 = 71.9 machines tell if all of them hold it."""
+    few = ("ensemble", "heave_tolerances", *SHORT, "--members", "16", "--workers", "1", "--out", str(tmp_path / "out"))
+    path = "tracking.position.norm_peak"
+    wide, narrow = f"{path} <= 1 m for 95 % of members", f"{path} < 0.1 mm for 95 % of members"
+    done = invoke(*few, "--require", wide, "--require", f"{path} <= 1 m")
+    assert done.exit_code == 4
+    assert "72 members would tell, if all of them hold it" in " ".join(done.stdout.split())
+    assert done.stderr.endswith(f"cannot be told: {wide}\n")
+    members = polars.read_parquet(tmp_path / "out" / "members.parquet")[path]
+    holding = (members < 1e-4).sum()
+    done = invoke(*few, "--require", narrow, "--json")
+    assert done.exit_code == (3 if holding < 12 else 4)
+    (found,) = json.loads(done.stdout)["requirements"]
+    assert f"{holding} of 16 members hold it" in found["note"]
+    assert found["value"] == pytest.approx(sorted(members)[15])
+    assert invoke(*few, "--require", "tracking.position.peek <= 1 m").exit_code == 2

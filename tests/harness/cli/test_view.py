@@ -104,7 +104,7 @@ def test_run_writes_the_page_if_asked(fmus: dict[str, Fmu], tmp_path: Path) -> N
     assert invoke("view", str(tmp_path), "--out", str(tmp_path / "again.html")).exit_code == 0
     pages = [(tmp_path / f"{name}.html").read_bytes() for name in ("report", "again")]
     name = str(tmp_path.name).encode()
-    assert pages[0].replace(b'"name":"lateral impulse"', b'"name":"' + name + b'"') == pages[1]
+    assert pages[0].replace(b'"name":"run"', b'"name":"' + name + b'"') == pages[1]
 
 
 def test_a_loop_that_diverged_has_a_page_that_says_so(fmus: dict[str, Fmu], tmp_path: Path) -> None:
@@ -113,3 +113,39 @@ def test_a_loop_that_diverged_has_a_page_that_says_so(fmus: dict[str, Fmu], tmp_
     page = (tmp_path / "report.html").read_text("utf-8")
     verdict = page.partition('<p class="verdict bad">')[2].partition("</p>")[0]
     assert "Diverged at" in verdict
+
+
+def test_what_another_command_wrote_is_shown_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the page of the report beside it, from folder or file; of a folder with a page alone, that page."""
+    opened: list[str] = []
+
+    def opens(address: str) -> bool:
+        opened.append(address)
+        return True
+
+    monkeypatch.setattr("webbrowser.open", opens)
+    monkeypatch.chdir(tmp_path)
+    assert (
+        invoke("check", "pitch_sine", "--set", "loop.sample_time=25 ms", "--report", "--out", "checked").exit_code == 0
+    )
+    for name, place in (("a", "checked"), ("b", "checked/report.json")):
+        done = invoke("view", place, "--out", f"{name}.html", "--open")
+        assert done.exit_code == 0, done.output
+        page = Path(f"{name}.html").read_text(encoding="utf-8")
+        assert "Can be done; leg 3 needs " in page
+        assert "pitch of 5° at 0.5 Hz" in page
+    assert opened == [Path(f"{name}.html").absolute().as_uri() for name in "ab"]
+    Path("checked/report.json").unlink()
+    done = invoke("view", "checked", "--open")
+    assert done.exit_code == 0, done.output
+    assert opened[2:] == [Path("checked/report.html").absolute().as_uri()]
+    assert not Path("report.html").exists()
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"version": 7}', '{"version": 1}', "ü"])
+def test_a_report_that_cannot_be_read_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "report.json").write_text(text, encoding="cp1252")
+    done = invoke("view", str(tmp_path), "--out", str(tmp_path / "page.html"))
+    assert done.exit_code == 1
+    assert "report.json: cannot be read as a report: " in done.stderr
+    assert not (tmp_path / "page.html").exists()

@@ -159,3 +159,18 @@ def test_what_did_not_go_well_is_in_the_title() -> None:
         verdict: Any = Verdict("Diverged: leg 3 costs $5", status)  # type: ignore[arg-type]
         drawing = figures(Report("a run", verdict, (Section("a", (chart,)),)), ("svg",))["x.svg"]
         assert (b"Diverged: leg 3 costs $5" in drawing) == is_said
+
+
+def test_on_a_logarithmic_axis_lines_hide_each_other_by_their_ratio() -> None:
+    """Expected: lines a thousandth apart are one, small ones that differ by a half are two."""
+    values = np.geomspace(1e-6, 1, 51)
+    parts = {"a": values, "b": 1.001 * values, "c": np.where(values < 1e-4, 1.5 * values, values)}
+    series = tuple(_series(name, each) for name, each in parts.items())
+    (axes,) = _drawn(Chart("gain", time_axis(_TIME), series, y=Axis("gain", LENGTH, scale="log")))
+    assert [line.get_label() for line in axes.lines] == ["a, b", "c"]
+
+
+def test_more_than_six_lines_differ_in_colour_or_dashes() -> None:
+    series = tuple(_series(f"limit {k}", _TIME + k) for k in range(11))
+    (axes,) = _drawn(Chart("shares", time_axis(_TIME), series))
+    assert len({(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines}) == 11

@@ -110,13 +110,13 @@ def test_each_metric_has_its_words_unit_and_factor(path: str) -> None:
 FOLDERS = {
     "compare.html": "it has two ensembles compared by `ensemble --compare`; open compare.html in a browser",
     "plan.json": "it has an unfinished ensemble; continue it with `gough-stewart ensemble … --resume`",
-    "ensemble.json": "it has an ensemble; open report.html in a browser, or view worst/member-…",
+    "ensemble.json": "it has an ensemble; `gough-stewart view` it, or worst/member-…",
     "tuning.json": "it has a tuning; run tuned.toml, then view that run",
     "workspace.csv": "it has a workspace; open workspace.html in a browser",
     "estimate.json": "it has an identification; open identify.html in a browser",
     "excitation.toml": "it has an excitation; run excitation.toml, then view that run",
-    "check.json": "it has a motion check; look at shares.png",
-    "margins.json": "it has margins; look at bode.png",
+    "check.json": "it has a motion check; `gough-stewart view` it",
+    "margins.json": "it has margins; `gough-stewart view` it",
     "frf.csv": "it has a frequency response; look at frf.png",
     "open_loop.csv": "it has the paper's case; open report.html, which `reproduce --report` writes, in a browser",
     "report.html": "it has a page; open report.html in a browser",
@@ -160,7 +160,7 @@ def test_of_many_files_in_a_folder_five_are_named_in_order(tmp_path: Path) -> No
         gs.read_record(tmp_path)
     (tmp_path / "report.html").write_text("")
     (tmp_path / "margins.json").write_text("")
-    with pytest.raises(RecordError, match=r"it has margins; look at bode\.png; "):
+    with pytest.raises(RecordError, match=r"it has margins; `gough-stewart view` it; "):
         gs.read_record(tmp_path)
 
 
