@@ -189,7 +189,7 @@ def declared() -> set[tuple[str, str]]:
         (name, parameter.name)
         for name, command in commands.items()
         for parameter in command.params
-        if parameter.name != "out" and re.search("FILE|RECORD|LOG", parameter.metavar or "")
+        if parameter.name != "out" and re.search("FILE|FOLDER|RECORD|LOG", parameter.metavar or "")
     }
 
 
