@@ -129,7 +129,10 @@ class Showing:
         typer.Exit
             A requirement is missed or open.
         """
-        self.exit(self.show(command, report, folder, files, requirements=requirements, done=done, then=then))
+        shown = self.show(
+            command, report, folder, files, requirements=requirements, done=done, then=then, keeps_data=keeps_data
+        )
+        self.exit(shown)
 
     def show(
         self,
@@ -141,6 +144,7 @@ class Showing:
         requirements: "Sequence[str | Required]" = (),
         done: str | None = "Done",
         then: str | None = None,
+        keeps_data: bool = True,
     ) -> "Report":
         """As `present`, without the exit; returns the report with its requirements."""
         report = self.judged(report, requirements)
@@ -217,9 +221,9 @@ class Showing:
 
             files |= figures(report)
         if self.page:
-            from importlib import import_module
+            from gough_stewart.harness.report.page import page_of
 
-            files[PAGE] = import_module("gough_stewart.harness.report.page").page_of(report)
+            files[PAGE] = page_of(report)
         write_files(folder, files, owned=[PAGE])
         return list(files)
 

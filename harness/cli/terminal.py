@@ -21,7 +21,6 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from gough_stewart.harness.output.tables import Sheet
-    from gough_stewart.harness.report.document import Report
 
 # Control characters except newline and tab, and marks that change the writing direction.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -107,13 +106,6 @@ def show(*sheets: "Sheet") -> None:
 
     for sheet in sheets:
         Terminal().print(to_terminal(sheet))
-
-
-def show_report(report: "Report") -> None:
-    """Print a report: its verdict, its tables but those of details, its notes."""
-    from gough_stewart.harness.report import terminal
-
-    terminal.show(report, Terminal())
 
 
 def warn(message: str) -> None:
