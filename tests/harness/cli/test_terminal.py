@@ -157,7 +157,7 @@ def test_a_run_starts_no_process(tmp_path: Path) -> None:
     lines += ["subprocess.Popen = os.fork = refused", MAIN]
     done = started("\n".join(lines), "run", "heave_step", *SHORT, "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "out" / "legs.svg").is_file()
+    assert (tmp_path / "out" / "metrics.json").is_file()
 
 
 def test_a_wish_to_end_keeps_what_ran_so_far(tmp_path: Path) -> None:
