@@ -133,7 +133,7 @@ def test_what_another_command_wrote_is_shown_too(tmp_path: Path, monkeypatch: py
         assert done.exit_code == 0, done.output
         page = Path(f"{name}.html").read_text(encoding="utf-8")
         assert "Can be done; leg 3 needs " in page
-        assert "pitch of 5° at 0.5 Hz" in page
+        assert "sinusoidal pitch" in page
     assert opened == [Path(f"{name}.html").absolute().as_uri() for name in "ab"]
     Path("checked/report.json").unlink()
     done = invoke("view", "checked", "--open")
