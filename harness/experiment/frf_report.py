@@ -191,11 +191,14 @@ def _charts(found: Measured) -> tuple[Chart, ...]:
     spread[known] = np.arcsin(np.minimum(1.0, radius[known] / size[known]))
     gain = [Series("run", _GAIN, size, "measured", low=size - radius, high=size + radius)]
     phase = [Series("run", _PHASE, angle, "measured", low=angle - spread, high=angle + spread)]
-    both = [
-        Series(name, _GAIN, np.abs(values), "measured", component=name, low=np.abs(values) - seen.radius,
-               high=np.abs(values) + seen.radius)
-        for name, values in (("S", seen.S), ("T", seen.T))
-    ]  # fmt: skip
+    each = {"S": seen.S, "T": seen.T}
+    sizes = {
+        name: [
+            Series("run", _GAIN, np.abs(values), "measured", low=np.abs(values) - seen.radius,
+                   high=np.abs(values) + seen.radius)
+        ]
+        for name, values in each.items()
+    }  # fmt: skip
     if found.predicted is not None:
         line = np.unwrap(np.angle(found.predicted))
         # by full turns to the nearest phase
@@ -203,20 +206,22 @@ def _charts(found: Measured) -> tuple[Chart, ...]:
         S = 1 / (1 + found.predicted)
         gain.append(Series("linear model", _GAIN, np.abs(found.predicted), "nominal"))
         phase.append(Series("linear model", _PHASE, line + 2 * math.pi * turns, "nominal"))
-        both += [
-            Series(f"{name}, linear model", _GAIN, np.abs(values), "nominal", component=name)
-            for name, values in (("S", S), ("T", 1 - S))
-        ]
+        for name, values in (("S", S), ("T", 1 - S)):
+            sizes[name].append(Series("linear model", _GAIN, np.abs(values), "nominal"))
     one = (Mark(1.0, "gain of 1", role="neutral"),)
     unknown = "" if known.all() else "L is left out where its 95 % confidence includes 0."
     half_turn = Mark(-math.pi, "-180°", role="neutral")
     coherence = Series("coherence of S and T", _COHERENCE, seen.coherence, "measured")
     return (
         Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=one, note=unknown,
-              group="frf"),
+              group="bode"),
         Chart("phase of L", x, tuple(phase), y=Axis("phase of L", ANGLE), marks=(half_turn,),
-              note=unknown, group="frf"),
-        Chart("gains of S and T", x, tuple(both), y=Axis("gain", _GAIN, scale="log"), marks=one, group="frf"),
-        Chart("coherence of S and T", x, (coherence,), "points", y=Axis("coherence", _COHERENCE), group="frf",
+              note=unknown, group="bode"),
+        *(
+            Chart(f"gain of {name}", x, tuple(series), y=Axis(f"gain of {name}", _GAIN, scale="log"), marks=one,
+                  group="bode")
+            for name, series in sizes.items()
+        ),
+        Chart("coherence of S and T", x, (coherence,), "points", y=Axis("coherence", _COHERENCE), group="bode",
               note="The share of the force that the injection explains; it says nothing of L where that is small."),
     )  # fmt: skip

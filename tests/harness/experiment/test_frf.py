@@ -170,10 +170,12 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: Record) -> Non
         both = (f[k], pytest.approx(abs(measured.S[k])), pytest.approx(abs(measured.T[k])), *seen)
         assert row == (*both, pytest.approx(abs(expected)), pytest.approx(np.angle(expected)), measured.coherence[k])
     assert all(text in found._repr_html_() for text in table.texts(7))
-    gain, phase, both_gains, coherence = report.charts
+    gain, phase, _, gain_of_T, coherence = report.charts
     np.testing.assert_array_equal(np.isnan(gain.series[0].values), unknown)
     np.testing.assert_array_equal(np.isnan(phase.series[0].values), unknown)
-    np.testing.assert_allclose(both_gains.series[1].values, np.abs(measured.T))
+    np.testing.assert_allclose(gain_of_T.series[0].values, np.abs(measured.T))
+    np.testing.assert_allclose(gain_of_T.series[1].values, np.abs(1 - model))
+    assert [series.name for series in gain_of_T.series] == ["run", "linear model"]
     assert coherence.title == "coherence of S and T"
     agree = np.mean(np.abs(measured.S - model) <= measured.radius)
     assert report.number("agreement").value == pytest.approx(agree)
