@@ -5,7 +5,7 @@ A member's forces do not depend on the other members, to the last bit.
 
 from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType, MappingProxyType
-from typing import Protocol, cast
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -74,6 +74,17 @@ class Law(Protocol):
 
 
 LawFrom = Callable[[FloatArray, FloatArray], Law]
+
+
+class LinearLaws(NamedTuple):
+    """A `LawFrom` of linear controllers, of which it is known before that they use these signals."""
+
+    make: LawFrom
+    used: tuple[str, ...]
+
+    def __call__(self, reference: FloatArray, measured: FloatArray) -> Law:
+        """As `LawFrom`."""
+        return self.make(reference, measured)
 
 
 def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, known: Known | None = None) -> LawFrom:
@@ -160,6 +171,9 @@ def laws_of(
         law.failures = _with_copies(failures, len(made), copies)
         return law
 
+    linear = [each for each in controllers if isinstance(each, LinearController)]
+    if len(linear) == len(controllers):
+        return LinearLaws(law_from, linear[0].signals)
     return law_from
 
 

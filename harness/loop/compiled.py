@@ -212,6 +212,7 @@ class CompiledLoop:
         c, sensors = self._c, self._loop.sensors
         used = () if law is None else law.used
         self._noise = noise_of(sensors, used)
+        self._drawn = np.zeros((1, signals.SIZE, self._n))  # room for the noise of a call
         steps = np.zeros((signals.SIZE, self._n))
         senses = np.zeros(signals.SIZE, np.int64)
         for name in used:
@@ -279,10 +280,12 @@ class CompiledLoop:
         first, last = (
             (-(-row // every), -(-to // every)) if self._c.reading_every else (row // every, (to - 1) // every + 1)
         )
-        noise = np.zeros((max(last - first, 1), signals.SIZE, self._n))
-        for name, drawn in self._noise.items():
-            if last > first:
-                noise[:, signals.positions([name])] = drawn(first, last)
+        if len(self._drawn) < max(last - first, 1):
+            self._drawn = np.zeros((last - first, signals.SIZE, self._n))
+        noise = self._drawn
+        for name, write in self._noise.items():
+            at = signals.positions([name])
+            write(first, noise[: last - first, at[0] : at[-1] + 1])
         self._c.noise, self._c.first_reading = _table(noise), first
         return noise
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaws
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
 from gough_stewart.harness.loop.actuators import Drives
@@ -119,7 +119,10 @@ def _run(plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progr
 
     if isinstance(plant, LanesPlant) and plant.loop_run is not None:
         changed(0)
-        reading = Encoders(loop.sensors, None, *shape)(0, plant.signals(), 0)
+        encoders = Encoders(loop.sensors, None, *shape)
+        if isinstance(law_from, LinearLaws):
+            encoders.only(law_from.used)
+        reading = encoders(0, plant.signals(), 0)
         law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
         if law is None or isinstance(law, LinearLaw):
             for member, error in ({} if law is None else law.failures).items():

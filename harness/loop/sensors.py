@@ -93,30 +93,37 @@ class _Noise:
     def __init__(self, sensors: Sensors, name: str) -> None:
         purpose = signals.NAMES.index(name)
         seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
-        self._streams = [stream(seed, purpose) for seed in seeds]
+        self._purpose, self._seeds = purpose, seeds
+        self._streams: list[np.random.Generator] = []  # made when they are needed: most controllers use one signal
         self._deviation = sensors.noise[name]
-        self._normal = np.zeros((_BLOCK, signals.VARIABLES[purpose].size, len(seeds)))
-        self._drawn: tuple[int, FloatArray] = (-1, self._normal)
+        # drawn member by member, and kept with the members last
+        self._normal = np.zeros((len(seeds), _BLOCK, signals.VARIABLES[purpose].size))
+        members = np.broadcast_shapes((len(seeds),), np.shape(self._deviation))
+        self._scaled = np.zeros((*self._normal.shape[1:], *members))
+        self._block = -1
 
-    def rows(self, first: int, last: int) -> FloatArray:
-        """Noise (n, size, N) of readings first to last − 1; the first is the last one before, or follows it."""
-        return np.stack([self(k) for k in range(first, last)])
+    def rows(self, first: int, out: FloatArray) -> None:
+        """Write noise (n, size, N) of readings from the first on, which is the last one before, or follows it."""
+        for k, place in enumerate(out):
+            place[...] = self(first + k)
 
     def __call__(self, k: int) -> FloatArray:
         """Noise of reading k; k stays the same or increases by one."""
         block, row = divmod(k, _BLOCK)
-        if block != self._drawn[0]:
+        if block != self._block:
+            self._streams = self._streams or [stream(seed, self._purpose) for seed in self._seeds]
             for member, each in enumerate(self._streams):
-                self._normal[:, :, member] = each.standard_normal(self._normal.shape[:2])
-            self._drawn = block, self._deviation * self._normal
-        noise: FloatArray = self._drawn[1][row]
+                each.standard_normal(out=self._normal[member])
+            np.multiply(np.moveaxis(self._normal, 0, -1), self._deviation, out=self._scaled)
+            self._block = block
+        noise: FloatArray = self._scaled[row]
         return noise
 
 
-def noise_of(sensors: Sensors, names: Iterable[str]) -> dict[str, Callable[[int, int], FloatArray]]:
-    """For those of some signals that have noise: the noise (n, size, N) or (n, size, 1) of some readings in a row.
+def noise_of(sensors: Sensors, names: Iterable[str]) -> dict[str, Callable[[int, FloatArray], None]]:
+    """For those of some signals that have noise: what writes the noise (n, size, N) of consecutive readings.
 
-    Called with the first reading, which is the last one of the call before or follows it, and the one after the last.
+    Called with the first reading, which is the last one of the call before or follows it, and where to write.
     """
     return {name: _Noise(sensors, name).rows for name in names if _has_noise(sensors, name)}
 
