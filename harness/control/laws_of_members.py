@@ -4,8 +4,9 @@ A member's forces do not depend on the other members, to the last bit.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import FunctionType, MappingProxyType
-from typing import NamedTuple, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -76,7 +77,8 @@ class Law(Protocol):
 LawFrom = Callable[[FloatArray, FloatArray], Law]
 
 
-class LinearLaws(NamedTuple):
+@dataclass(frozen=True)
+class LinearLaws:
     """A `LawFrom` of linear controllers, of which it is known before that they use these signals."""
 
     make: LawFrom
