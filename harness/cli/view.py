@@ -64,7 +64,7 @@ def _is_report(place: Path) -> bool:
 def _view_report(command: Command, place: Path, out: Path, *, open_it: bool) -> None:
     """Write the page of a report, or show the page that its command has written."""
     data = place if place.name == DATA else place / DATA
-    if not data.is_file():
+    if not data.is_file() or _has_other_data(data):
         command.close([PAGE], place, open_it=open_it)
         return
     with progress_bar() as progress:
@@ -80,3 +80,14 @@ def _view_report(command: Command, place: Path, out: Path, *, open_it: bool) -> 
         write_files(out.parent, {out.name: page_of(report)})
     command.written.append(out)
     command.close([out.name], out.parent, open_it=open_it)
+
+
+def _has_other_data(data: Path) -> bool:
+    """Whether a file of this name is not a report, and a page is beside it, as `reproduce` writes them."""
+    import json
+
+    try:
+        found = json.loads(data.read_bytes())
+    except ValueError:
+        return False
+    return isinstance(found, dict) and "verdict" not in found and data.with_name(PAGE).is_file()

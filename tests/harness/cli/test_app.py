@@ -120,7 +120,8 @@ def test_reproduce_takes_a_platform_of_ones_own_whose_name_is_only_a_name(
     html = (out / "report.html").read_text()
     assert "<b> 台" not in html
     page = unescape(html)
-    assert f"<title>{report['case']['title']}</title>" in page
+    title = report["case"]["title"]
+    assert f"<title>{title[0].upper()}{title[1:]}</title>" in page
     assert [row["what"] for row in report["agreement"] if row["what"] not in page] == []
 
 
