@@ -76,6 +76,7 @@ def function_source(
     types: Types = Types(),  # noqa: B008 - a tuple
     *,
     conditions: bool = False,
+    reciprocals: bool = True,
 ) -> str:
     """One CasADi SX Function as `void kernel_NAME(const double in0[], …, double out0[], …)`.
 
@@ -87,6 +88,8 @@ def function_source(
         Types other than double; literals are cast to the type of the arithmetic.
     conditions
         Whether conditional expressions are allowed, whose cost does not depend on the condition.
+    reciprocals
+        Whether repeated divisions may be multiplications, which are rounded otherwise.
 
     Raises
     ------
@@ -119,7 +122,7 @@ def function_source(
     for truth, compared in _TRUTHS:
         body = truth.sub(compared, body)
     body = _CALL.sub(lambda match: types.call.format(match[1]), body)
-    body = with_reciprocals(body, types.real)
+    body = with_reciprocals(body, types.real) if reciprocals else body
     leftover = re.search(r"casadi|\barg\b|\bres\b|\biw\b|\bif\b" + ("" if conditions else r"|\?"), body)
     if leftover:
         raise RuntimeError(f"{function.name()}: unknown construct '{leftover[0]}' in the generated code")

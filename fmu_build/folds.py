@@ -73,7 +73,7 @@ def _step(kernel: FoldKernel) -> str:
     """A kernel, and the function that calls it with the columns of a row."""
     name = kernel.function.name()
     columns = [f"{row} + places[{i}]" for row in ("row", "before") for i in range(kernel.columns)]
-    return f"""{in_lanes(kernel.function, "static inline void fold_", infinite=True)}
+    return f"""{in_lanes(kernel.function, "static inline void fold_", exact=True)}
 static void step_{name}(const lanes row[], const lanes before[], const int64_t places[], const lanes index[],
                         const lanes parameters[], const lanes state[], lanes next[])
 {{

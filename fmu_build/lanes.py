@@ -161,7 +161,7 @@ _ON_VECTORS = (
 _KERNEL = "static __attribute__((noinline)) void kernel_"
 
 
-def in_lanes(function: Any, declarator: str = _KERNEL, *, infinite: bool = False) -> str:
+def in_lanes(function: Any, declarator: str = _KERNEL, *, infinite: bool = False, exact: bool = False) -> str:
     """The C source of a CasADi Function on vectors of members.
 
     Parameters
@@ -170,6 +170,8 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, infinite: bool = False
         The text before its name.
     infinite
         Whether divisors may be infinite.
+    exact
+        Whether divisions are rounded as NumPy's.
 
     Raises
     ------
@@ -178,8 +180,8 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, infinite: bool = False
     """
     from gough_stewart.fmu_build.codegen import Types, function_source
 
-    text = function_source(function, declarator, Types("lanes"), conditions=True)
-    for scalar, vector in (*(() if infinite else _RECIPROCALS), *_ON_VECTORS):
+    text = function_source(function, declarator, Types("lanes"), conditions=True, reciprocals=not exact)
+    for scalar, vector in (*(() if infinite or exact else _RECIPROCALS), *_ON_VECTORS):
         text = re.sub(scalar, vector, text)
     if left := re.search(r".*(\?|[<>!=]=|[<>]|&&|\|\|).*", text):
         raise RuntimeError(f"{function.name()}: unknown construct '{left[0].strip()}' in the generated code")
