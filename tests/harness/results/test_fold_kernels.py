@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gough_stewart.fmu_build.cached import digest_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.folds import folds_library, folds_sources
 from gough_stewart.fmu_build.targets import BY_NAME
@@ -50,7 +51,7 @@ class MadeUp(TermFold):
     needs = ("leg_velocity", "actuator_force", "error.position", "flag.force_limited")
     sizes: Mapping[str, int] = {"velocity": 2, "force": 2, "error": 3, "flag": 6}
     begins: Mapping[str, int] = {"velocity": 3, "force": 1}
-    term_sizes: Mapping[str, int] = {"work": 2, "first error": 1, "flag": 6}
+    term_sizes: Mapping[str, int] = {"work": 2, "change": 2, "first error": 1, "flag": 6}
     reductions: Mapping[str, Reduction] = {
         "sum": Sum("work"),
         "but last": SumButLast("work"),
@@ -60,6 +61,9 @@ class MadeUp(TermFold):
         "first": First("work", greater, "bound"),
         "after": AfterLast("first error", greater, 0.4),
         "flags": Sum("flag"),
+        "sum of changes": Sum("change"),
+        "largest change": Largest("change"),
+        "smallest change": Smallest("change"),
     }
 
     def __init__(self, bound: Any) -> None:
@@ -69,6 +73,8 @@ class MadeUp(TermFold):
         """Work of the force before; of no row the first."""
         work = row["velocity"] * row.before("force") / row.of("gain")
         yield "work", where(greater(row.index, 0.5), work, -0.5)
+        # two products, which one operation that rounds once would give otherwise
+        yield "change", row["velocity"] * row["force"] - row["velocity"] * row.before("force")
         yield "first error", row["error"][..., :1, :]
         yield "flag", row["flag"]
 
@@ -107,6 +113,8 @@ class Numbers:
         self.bound = rng.uniform(0.1, 1.5, MEMBERS)
         for member, row in BROKEN.items():
             self.signals[row, member, 22] = (np.nan, np.inf, -np.inf)[row % 3]
+        # squares overflow, and their difference is no number
+        self.signals[8, 9, 21:23] = self.forces[7:9, 9, 1:3] = 1e200
         # of a signal that no fold needs
         self.signals[5, 10, 7] = np.nan
 
@@ -125,7 +133,7 @@ class Numbers:
 
 @pytest.fixture(scope="module")
 def kernels() -> FoldKernels:
-    return FoldKernels(folds_library(lambda: [MadeUp(1.0).traced()], "made up").path)
+    return FoldKernels(folds_library(lambda: [MadeUp(1.0).traced()], digest_of(Path(__file__).read_bytes())).path)
 
 
 def expected(given: Numbers, k: int) -> dict[str, list[float]]:
@@ -134,14 +142,28 @@ def expected(given: Numbers, k: int) -> dict[str, list[float]]:
     reference = given.reference if given.reference.ndim == 2 else given.reference[:, k]
     work = [
         [
-            -0.5 if not i else float(given.signals[i, k, 21 + leg] * given.forces[i - 1, k, 1 + leg]) / 1.7
+            -0.5 if not i else float(given.signals[i, k, 21 + leg]) * float(given.forces[i - 1, k, 1 + leg]) / 1.7
             for i in range(rows)
         ]
         for leg in range(2)
     ]
+    change = [
+        [
+            float(given.signals[i, k, 21 + leg]) * float(given.forces[i, k, 1 + leg])
+            - float(given.signals[i, k, 21 + leg]) * float(given.forces[max(i - 1, 0), k, 1 + leg])
+            for i in range(rows)
+        ]
+        for leg in range(2)
+    ]
+    extremes = {
+        name: [math.nan if any(map(math.isnan, each)) else of(each, default=start) for each in change]
+        for name, of, start in (("largest change", max, -math.inf), ("smallest change", min, math.inf))
+    }
     error = [float(reference[i, 0] - given.signals[i, k, 0]) for i in range(rows)]
     bound = given.bound[k]
     return {
+        **extremes,
+        "sum of changes": [sum(each) for each in change],
         "sum": [sum(each) for each in work],
         "but last": [sum(each[:-1]) for each in work],
         "but last.last": [each[-1] if rows else 0.0 for each in work],
@@ -171,7 +193,24 @@ def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops
         assert compiled["rows"][k] == min(ENDS[k], BROKEN.get(k, ROWS))
         assert set(compiled) == {*of_member, "rows"}
         for name, values in of_member.items():
-            assert compiled[name][:, k].tolist() == pytest.approx(values, rel=1e-12, abs=1e-12), (name, k)
+            assert compiled[name][:, k].tolist() == pytest.approx(values, rel=1e-12, abs=1e-12, nan_ok=True), (name, k)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_member_ends_before_any_number_that_a_fold_needs_is_not_finite(compiled: bool, kernels: FoldKernels) -> None:
+    """Expected: for each element of forces, velocities, positions and references, the row at which it is made NaN."""
+    rng = np.random.default_rng(22)
+    signals, forces, reference = (rng.normal(size=(ROWS, 24, size)) for size in (24, 12, 30))
+    needed = [(signals, at) for at in (0, 1, 2, *range(18, 24))] + [(forces, at) for at in range(6)]
+    needed += [(reference, at) for at in range(3)]
+    unneeded = [(signals, at) for at in (3, 11, 17)] + [(forces, 6), (reference, 3), (reference, 12)]
+    for member, (array, at) in enumerate([*needed, *unneeded]):
+        array[7 + member, member, at] = np.nan
+    loop = Loop(Timing((ROWS - 1) * 1e-3, 1e-3, 1e-3), reference, np.zeros((36, 6)), np.zeros(6))
+    observer = FoldsOfRows(loop, [MadeUp(1.0)], 24, kernels if compiled else None)
+    flags = np.zeros((24, 6), dtype=bool)
+    pass_rows(observer, loop.timing, ((*row, flags, flags) for row in zip(signals, forces, strict=True)), [ROWS] * 24)
+    assert observer.results()["rows"].tolist() == [*range(7, 7 + len(needed)), *[ROWS] * len(unneeded)]
 
 
 def test_kernels_are_known_by_name_and_sizes(kernels: FoldKernels) -> None:
