@@ -127,7 +127,12 @@ class Numbers:
             patch.setattr("gough_stewart.harness.loop.rows._SIZE", most * number)
             observer = FoldsOfRows(loop, [Seen(), MadeUp(self.bound[:number])], number, kernels)
             each = zip(self.signals, self.forces, *self.flags, strict=True)
-            pass_rows(observer, loop.timing, ([part[:number] for part in row] for row in each), ENDS[:number])
+            pass_rows(
+                observer,
+                loop.timing,
+                ((a[:number], b[:number], c[:number], d[:number]) for a, b, c, d in each),
+                ENDS[:number],
+            )
         return observer.results()
 
 
@@ -192,8 +197,8 @@ def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops
         of_member = expected(given, k)
         assert compiled["rows"][k] == min(ENDS[k], BROKEN.get(k, ROWS))
         assert set(compiled) == {*of_member, "rows"}
-        for name, values in of_member.items():
-            assert compiled[name][:, k].tolist() == pytest.approx(values, rel=1e-12, abs=1e-12, nan_ok=True), (name, k)
+        for name, numbers in of_member.items():
+            assert compiled[name][:, k].tolist() == pytest.approx(numbers, rel=1e-12, abs=1e-12, nan_ok=True), (name, k)
 
 
 @pytest.mark.parametrize("compiled", [False, True])
