@@ -123,7 +123,14 @@
   };
 
   const draw = (panel) => (panel.drawn ??= (async () => {
-    panel.figure = await GS.figure(panel.chart, panel.plot);
+    try {
+      panel.figure = await GS.figure(panel.chart, panel.plot);
+    } catch (problem) {
+      // the other charts are drawn nevertheless
+      panel.plot.textContent = `This chart cannot be drawn: ${problem.message || problem}`;
+      console.error(problem);
+      return panel;
+    }
     panel.plot.append(panel.region, panel.cursor, panel.told);
     panel.plot.setAttribute("aria-label", summary(panel));
     panel.group.panels.push(panel);
@@ -155,7 +162,7 @@
       const panel = of.get(target);
       panel.visible = isIntersecting;
       if (!isIntersecting) return;
-      draw(panel).then(() => { if (panel.stale) fit(panel); else follow(panel); });
+      draw(panel).then(() => { if (!panel.figure) return; if (panel.stale) fit(panel); else follow(panel); });
     }), { rootMargin: "150px" });
     for (const panel of panels) near.observe(panel.host);
     GS.on("time hover", () => { for (const panel of timeGroup.panels) if (seen(panel) || !state.playing) follow(panel); });
