@@ -53,7 +53,11 @@ def workspace_page(workspace: Workspace) -> bytes:
         notices="".join(f'<p class="notice">{html.escape(notice)}</p>' for notice in notices(workspace)),
         legend=_legend(workspace),
         hint=hint,
-        tables="".join(f"<div>{to_html(sheet)}</div>" for sheet in sheets_of(workspace) if sheet.rows),
+        tables="".join(
+            f'<div tabindex="0" role="group" aria-label="table">{to_html(sheet)}</div>'
+            for sheet in sheets_of(workspace)
+            if sheet.rows
+        ),
         footer=html.escape(
             f"{platform.source}. Largest payload: a point mass at the platform frame's origin, held at rest. Force "
             "margin: the largest force there, in any direction, held at rest. Made by gough-stewart; includes "

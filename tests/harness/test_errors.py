@@ -9,6 +9,7 @@ from gough_stewart.model.errors import GoughStewartError
 KINDS: dict[str, tuple[set[str], bool]] = {
     "UsageError": (set(), False),
     "MissedError": (set(), False),
+    "RequirementError": ({"UsageError"}, True),
     "PlantError": (set(), False),
     "ControllerError": (set(), True),
     "SharedMemoryError": ({"ControllerError"}, True),

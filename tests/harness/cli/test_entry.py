@@ -344,5 +344,6 @@ def test_every_exit_code_has_its_number_and_meaning() -> None:
         1: "could not be done",
         2: "wrong usage",
         3: "done, and a bound or a requirement is missed",
+        4: "done, and no requirement is missed, but one cannot be told from this study",
         130: "interrupted by Ctrl-C, SIGTERM or SIGHUP",
     }

@@ -58,6 +58,7 @@ def test_the_files_have_every_number_of_the_search(folder: Path, found: gs.Tunin
     out = folder / "out"
     assert {each.name for each in out.iterdir()} == {
         "tuned.toml",
+        "report.json",
         "tuning.json",
         "candidates.csv",
         "search.png",

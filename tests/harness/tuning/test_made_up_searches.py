@@ -63,8 +63,9 @@ def tuned(search: Search, **parts: Any) -> gs.Tuning:
 
 
 def statement(found: gs.Tuning) -> str:
-    """What is said below the tables."""
-    return repr(found).splitlines()[-1]
+    """What is said below the tables, in one line."""
+    text = " ".join(repr(found).split())
+    return text[text.rindex("position error, peak: ") :]
 
 
 def test_conditions_come_before_the_metric_and_failures_before_both() -> None:
