@@ -139,7 +139,7 @@ def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> Non
 
 
 def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report:
-    """The report with requirements and how they came out.
+    """The report with requirements and how they came out, by which its verdict is bad or marginal.
 
     Raises
     ------
@@ -149,7 +149,13 @@ def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report
     wanted = [required(each) if isinstance(each, str) else each for each in texts]
     check_known(wanted, report.numbers)
     judged = tuple(judge(each, report.number(each.path)) for each in wanted)
-    return replace(report, requirements=(*report.requirements, *judged))
+    states = {each.status for each in judged}
+    verdict = report.verdict
+    if "missed" in states:  # whatever else is good
+        verdict = replace(verdict, status="bad")
+    elif "open" in states and verdict.status != "bad":
+        verdict = replace(verdict, status="marginal")
+    return replace(report, verdict=verdict, requirements=(*report.requirements, *judged))
 
 
 def judge(wanted: Required, number: Number) -> Requirement:

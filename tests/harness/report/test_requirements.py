@@ -91,6 +91,21 @@ def test_requirements_are_added_in_their_order() -> None:
     assert [(each.path, each.status) for each in found.requirements] == [("b", "missed"), ("a", "met"), ("b", "met")]
 
 
+def test_a_verdict_is_no_better_than_its_requirements() -> None:
+    """Expected: bad with one missed, marginal with one that cannot be told, never better than it was."""
+    numbers = (Number("a", "the a", 3.0), Number("none", "no number", None))
+    for before, texts, after in (
+        ("good", ["a <= 4"], "good"),
+        ("good", ["a <= 4", "a <= 2"], "bad"),
+        ("good", ["none <= 2"], "marginal"),
+        ("bad", ["none <= 2"], "bad"),
+        ("good", ["none <= 2", "a <= 2"], "bad"),
+        ("bad", ["a <= 4"], "bad"),
+    ):
+        report = Report("r", Verdict("v", before), numbers=numbers)  # type: ignore[arg-type]
+        assert with_requirements(report, texts).verdict.status == after, (before, texts)
+
+
 def test_every_member_has_to_hold_a_requirement_without_a_share() -> None:
     members = [0.2e-3, 0.9e-3, 0.4e-3]
     met, missed = _came_out("<= 1 mm", 0.4e-3, members=members), _came_out("<= 0.5 mm", 0.4e-3, members=members)
