@@ -47,7 +47,7 @@ def test_the_demo_runs(demo: Demo) -> None:
     assert "Agreement of the formulations" in demo.text
     assert (demo.paper / "report.md").exists()
     assert "Step response" in demo.text
-    assert (demo.heave / "pose.png").exists()
+    assert (demo.heave / "report.html").exists()
 
 
 def test_the_control_page_names_every_key_of_an_experiment() -> None:
