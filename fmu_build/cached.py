@@ -107,6 +107,12 @@ def state_of_sources() -> str:
     return state.hexdigest()[:24]
 
 
+def state_of_files(*packages: tuple[str, ...]) -> str:
+    """Digest of some source files: each package's name, followed by those of its files."""
+    found = (resources.files(package).joinpath(name).read_bytes() for package, *names in packages for name in names)
+    return digest_of(b"".join(found))
+
+
 def _files(folder: Traversable, prefix: str) -> list[tuple[str, bytes]]:
     found = []
     for each in folder.iterdir():

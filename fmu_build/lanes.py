@@ -161,17 +161,15 @@ _ON_VECTORS = (
 _KERNEL = "static __attribute__((noinline)) void kernel_"
 
 
-def in_lanes(function: Any, declarator: str = _KERNEL, *, infinite: bool = False, exact: bool = False) -> str:
+def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False) -> str:
     """The C source of a CasADi Function on vectors of members.
 
     Parameters
     ----------
     declarator
         The text before its name.
-    infinite
-        Whether divisors may be infinite.
     exact
-        Whether divisions are rounded as NumPy's.
+        Whether divisions are rounded as NumPy's; without it divisors must be finite.
 
     Raises
     ------
@@ -181,7 +179,7 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, infinite: bool = False
     from gough_stewart.fmu_build.codegen import Types, function_source
 
     text = function_source(function, declarator, Types("lanes"), conditions=True, reciprocals=not exact)
-    for scalar, vector in (*(() if infinite or exact else _RECIPROCALS), *_ON_VECTORS):
+    for scalar, vector in (*(() if exact else _RECIPROCALS), *_ON_VECTORS):
         text = re.sub(scalar, vector, text)
     if left := re.search(r".*(\?|[<>!=]=|[<>]|&&|\|\|).*", text):
         raise RuntimeError(f"{function.name()}: unknown construct '{left[0].strip()}' in the generated code")

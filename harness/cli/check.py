@@ -82,7 +82,7 @@ def check_command(
             requirements = showing.requirements(found.experiment.requirements, report.numbers)
             files = check_files(found)
         write_files(folder, files, FORMER)
-        report = showing.show(command, report, folder, list(files), requirements=requirements)
+        report = showing.present(command, report, folder, list(files), requirements=requirements, exits=False)
         if fit is not None and not (found.within and found.keeps_margin):
             with progress_bar() as bar:
                 bar.add_task("fitting", total=None)

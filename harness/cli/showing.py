@@ -110,7 +110,8 @@ class Showing:
         done: str | None = "Done",
         then: str | None = None,
         keeps_data: bool = True,
-    ) -> None:
+        exits: bool = True,
+    ) -> "Report":
         """Judge the requirements, write page, figures and report.json, and end the command as `end` and `exit` do.
 
         Parameters
@@ -121,6 +122,13 @@ class Showing:
             From `requirements`, or those of the file as they are written, to which the others are added.
         keeps_data
             Write report.json; a folder of files for other tools, often the current one, is left without it.
+        exits
+            End with the exit code of the requirements; otherwise the command has one of its own.
+
+        Returns
+        -------
+        Report
+            With its requirements.
 
         Raises
         ------
@@ -129,27 +137,11 @@ class Showing:
         typer.Exit
             A requirement is missed or open.
         """
-        shown = self.show(
-            command, report, folder, files, requirements=requirements, done=done, then=then, keeps_data=keeps_data
-        )
-        self.exit(shown)
-
-    def show(
-        self,
-        command: Command,
-        report: "Report",
-        folder: Path,
-        files: Sequence[str] = (),
-        *,
-        requirements: "Sequence[str | Required]" = (),
-        done: str | None = "Done",
-        then: str | None = None,
-        keeps_data: bool = True,
-    ) -> "Report":
-        """As `present`, without the exit; returns the report with its requirements."""
         report = self.judged(report, requirements)
         written = self._write(report, folder, keeps_data=keeps_data)
         self.end(command, report, folder, [*files, *written], done=done, then=then)
+        if exits:
+            self.exit(report)
         return report
 
     def judged(self, report: "Report", requirements: "Sequence[str | Required]" = ()) -> "Report":

@@ -130,7 +130,7 @@ class CompiledLoop:
         """
         batch, rows, c = self._plant.batch, self._watch.rows, self._c
         self._set_rows(rows, row)
-        readings = self._readings(row, to)
+        self._draw_noise(row, to)
         run = self._plant.loop_run
         assert run is not None  # whoever made this has asked for it
         work = ctypes.c_int64(_WORK)
@@ -138,7 +138,6 @@ class CompiledLoop:
             while not run(reference(batch), ctypes.byref(c), ctypes.c_int64(to), work):
                 pass
         finally:
-            del readings
             done = int(self._at_row.min())
             rows.count += done - row
             self._watch.outcomes.rows = done
@@ -184,8 +183,8 @@ class CompiledLoop:
         self._command = self._memory("command", N_LEGS)
         self._memory("excess", N_LEGS)
         self._memory("limited", N_LEGS)
-        pose, lengths = self._memory("pose", N_LEGS), self._memory("lengths", N_LEGS)
-        del pose
+        self._memory("pose", N_LEGS)
+        lengths = self._memory("lengths", N_LEGS)
         if law is None:
             self._memory("memory", 1)
             self._memory("next", N_LEGS)
@@ -247,10 +246,8 @@ class CompiledLoop:
         c, limits = self._c, self._loop.limits
         if limits.on_stroke == "stop":
             c.shortest, c.longest = (self._table(_numbers(each)) for each in limits.stroke)
-        if self._loop.reference is not None and np.isfinite(limits.largest_position_error).any():
+        if self._loop.reference is not None:  # without a limit, what is not a number ends a run
             c.farthest = self._table(_numbers(limits.largest_position_error))
-        elif self._loop.reference is not None:
-            c.farthest = self._table(_numbers(np.inf))  # NaN ends a run
 
     def _set_samples(self, rows: Rows) -> None:
         if not isinstance(rows, AllRows):
@@ -272,22 +269,20 @@ class CompiledLoop:
             c.row_force_limited = self._out(rows.force_limited[at:])
         c.row_rate_limited = self._out(rows.rate_limited[at:])
 
-    def _readings(self, row: int, to: int) -> FloatArray | None:
-        """The noise of the readings in these rows."""
+    def _draw_noise(self, row: int, to: int) -> None:
+        """Draw the noise of the readings in these rows."""
         if not self._noise:
-            return None
+            return
         every = self._c.reading_every or self._c.every
         first, last = (
             (-(-row // every), -(-to // every)) if self._c.reading_every else (row // every, (to - 1) // every + 1)
         )
-        if len(self._drawn) < max(last - first, 1):
+        if len(self._drawn) < last - first:
             self._drawn = np.zeros((last - first, signals.SIZE, self._n))
-        noise = self._drawn
         for name, write in self._noise.items():
             at = signals.positions([name])
-            write(first, noise[: last - first, at[0] : at[-1] + 1])
-        self._c.noise, self._c.first_reading = _table(noise), first
-        return noise
+            write(first, self._drawn[: last - first, at[0] : at[-1] + 1])
+        self._c.noise, self._c.first_reading = _table(self._drawn), first
 
     def _memory(self, name: str, size: int) -> FloatArray:
         """Zeros (size, M) that the loop remembers by this name."""
@@ -336,6 +331,7 @@ def run_compiled(
     reading: FloatArray,
     loop: Loop,
     watch: Watch,
+    acting: FloatArray,
     apply: Callable[[int], FloatArray],
     changes: Collection[int],
     progress: TimeProgress | None = None,
@@ -349,17 +345,18 @@ def run_compiled(
     apply
         Applies the changes of a row, if there are any, and gives the inputs (N, 12) of then.
     changes
-        Rows that have changes.
+        Rows that have changes; those of the first one have been applied, to these inputs.
     """
     outcomes, rows, steps = watch.outcomes, watch.rows, loop.timing.steps
     rows.host = f"compiled, {plant.features}"
     own = CompiledLoop(plant, law, loop, watch, reading)
+    plant.set_inputs(acting)
     plant.freeze(~outcomes.going)
     own.not_started(plant.begin())
-    stops = sorted({*changes, steps + 1})
+    stops = sorted({*changes, steps + 1} - {0})
     row = 0
     while row <= steps and outcomes.going.any():
-        if row in changes:
+        if row and row in changes:
             plant.set_inputs(apply(row))
         room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
         to = min(row + room, next(stop for stop in stops if stop > row))

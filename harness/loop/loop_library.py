@@ -4,12 +4,11 @@ It is built once from the equations that NumPy's loop executes, and kept; a loop
 """
 
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
-from gough_stewart.fmu_build.cached import digest_of
+from gough_stewart.fmu_build.cached import state_of_files
 from gough_stewart.fmu_build.lanes import LanesLibrary, machine_code
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive
@@ -29,7 +28,7 @@ _COMPONENTS: tuple[tuple[str, type[Stepped], int], ...] = (
 # Sources besides those of the plant's machine code.
 _OWN = (
     ("gough_stewart.harness.control", "component.py", "drive.py", "force_limits.py", "sensor.py"),
-    (__package__, "loop_library.py"),
+    (str(__package__), "loop_library.py"),
 )
 
 
@@ -48,8 +47,7 @@ def loop_library() -> LanesLibrary:
 
         return loop_sources(components_header())
 
-    own = b"".join(files(package).joinpath(name).read_bytes() for package, *names in _OWN for name in names)
-    return machine_code("loop", sources, state=digest_of(own))
+    return machine_code("loop", sources, state=state_of_files(*_OWN))
 
 
 def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:
@@ -99,4 +97,4 @@ def _traced(component: type[Stepped], name: str, channels: int) -> tuple[str, in
     found = {**({"next": joined(following)} if states else {})}
     found |= {key: joined([each]) for key, each in zip(component.outputs, outputs, strict=True)}
     function = casadi.Function(name, [*given.values()], [*found.values()], [*given], [*found])
-    return in_lanes(function, "static void component_", infinite=True), len(kind._fields), int(x.numel())
+    return in_lanes(function, "static void component_", exact=True), len(kind._fields), int(x.numel())

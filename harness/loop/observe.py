@@ -117,8 +117,8 @@ def _run(plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progr
             _apply(change, plant, acting)
         return acting
 
+    changed(0)
     if isinstance(plant, LanesPlant) and plant.loop_run is not None:
-        changed(0)
         encoders = Encoders(loop.sensors, None, *shape)
         if isinstance(law_from, LinearLaws):
             encoders.only(law_from.used)
@@ -127,10 +127,10 @@ def _run(plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progr
         if law is None or isinstance(law, LinearLaw):
             for member, error in ({} if law is None else law.failures).items():
                 watch.outcomes.end(watch.outcomes.only(member), "stopped", str(error))
-            run_compiled(plant, law, reading, loop, watch, changed, changes, progress)
+            run_compiled(plant, law, reading, loop, watch, acting, changed, changes, progress)
             return
         law_from = _already(law)
-    _run_rows(plant, law_from, loop, watch, changed, progress)
+    _run_rows(plant, law_from, loop, watch, acting, changed, progress)
 
 
 def _already(law: Law) -> LawFrom:
@@ -142,11 +142,12 @@ def _run_rows(
     law_from: LawFrom | None,
     loop: Loop,
     watch: Watch,
+    acting: FloatArray,
     changed: Callable[[int], FloatArray],
     progress: TimeProgress | None,
 ) -> None:
     outcomes, timing, is_alone = watch.outcomes, loop.timing, isinstance(plant, Alone)
-    n, plant_step, acting = timing.steps, timing.plant_step, changed(0)
+    n, plant_step = timing.steps, timing.plant_step
     forces = acting[..., :6]  # a view
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
     sampler = Sampler(loop, law_from, drives, outcomes, watch.rows)

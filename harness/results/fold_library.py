@@ -1,11 +1,10 @@
 """The machine code of the metrics' folds: built once from the terms that NumPy evaluates, and kept."""
 
 from functools import cache
-from importlib.resources import files
 
 import numpy as np
 
-from gough_stewart.fmu_build.cached import digest_of
+from gough_stewart.fmu_build.cached import state_of_files
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.folds import FoldKernel, folds_library
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
@@ -15,16 +14,15 @@ from gough_stewart.harness.results.metric_folds import metric_folds
 # Sources besides those of the plant's machine code.
 _OWN = (
     ("gough_stewart.harness.loop", "term_folds.py"),
-    (__package__, "fold_library.py", "metric_folds.py", "step_fold.py"),
+    (str(__package__), "fold_library.py", "metric_folds.py", "step_fold.py"),
 )
 
 
 @cache
 def metric_kernels() -> FoldKernels | None:
     """The machine code of all metrics for this processor; None without a compiler, with the same numbers by NumPy."""
-    own = b"".join(files(package).joinpath(name).read_bytes() for package, *names in _OWN for name in names)
     try:
-        return FoldKernels(folds_library(_traced, digest_of(own)).path)
+        return FoldKernels(folds_library(_traced, state_of_files(*_OWN)).path)
     except (BuildError, OSError):
         return None
 

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from gough_stewart.harness.output.pages import asset, document, packed, plotly
+from gough_stewart.harness.output.pages import asset, packed, plotly
 from gough_stewart.harness.output.tables import to_html
+from gough_stewart.harness.report.offline import document
 from gough_stewart.harness.workspace.display import (
     Result,
     clearance,
@@ -65,7 +66,8 @@ def workspace_page(workspace: Workspace) -> bytes:
         ),
     )
     scripts = [plotly(), asset("output", "page.js") + asset("workspace", "workspace.js")]
-    style = asset("output", "panels.css") + asset("workspace", "workspace.css")
+    styles = (("output", "page.css"), ("output", "panels.css"), ("workspace", "workspace.css"))
+    style = "".join(asset(*each) for each in styles)
     return document(title, body, style, _data(workspace), scripts)
 
 

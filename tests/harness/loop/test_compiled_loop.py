@@ -134,14 +134,15 @@ def test_machine_code_gives_the_rows_of_numpys_loop(case: str, members: int, mon
         assert ours.rate_limited.any()
 
 
-def test_quantised_readings_with_drives_at_once_have_numpys_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_quantised_readings_without_a_lag_have_numpys_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: NumPy's loop, whose rounding to steps and whose limits are the same operations in the same order."""
-    tables = {**ALL, "actuators": {"force_limit": "75 N"}}
+    tables = {**ALL, "actuators": {"force_limit": "75 N", "rate_limit": "2 kN/s"}}
     varied = {**MANY, "actuators": {"force_limit": {"uniform": ["68 N", "80 N"]}}}
     batch = batch_of("pd", tables, varied, 9)
     ours = run_of(batch)
     with in_numpy(monkeypatch):
         assert_same(ours, run_of(batch), 9, 0.0)
+    assert ours.rate_limited.any()
 
 
 def test_a_members_bits_do_not_depend_on_the_others_or_on_the_size_of_calls(monkeypatch: pytest.MonkeyPatch) -> None:
